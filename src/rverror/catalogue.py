@@ -1,0 +1,352 @@
+"""The registry: every error source once.
+
+To add a source, write one function that returns its `ErrorVector` in the module of its sub-assembly, and one `Source`
+entry below.  The contract test, the command line, files and diagnosis pick it up from here.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from types import MappingProxyType
+
+from rverror import coupling, crank, cycloid, involute, sensor, shaft
+from rverror.action_line import ErrorVector
+from rverror.kinematics import fundamental_orders
+from rverror.reducer import Drive, Reducer
+
+IndexValue = int | str
+Indices = Mapping[str, IndexValue]
+Mechanism = Reducer | Drive
+
+
+@dataclass(frozen=True)
+class Index:
+    """An index of a source: which values a mechanism allows, and which of them diagnosis tries."""
+
+    name: str
+    allowed: Callable[[Mechanism], Sequence[IndexValue]]
+    tried: Callable[[Mechanism], Sequence[IndexValue]]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a source: its name, its dimension (a key of `units.CORE_UNITS`) and what a workshop can make of it.
+
+    `plausible` is the largest size that no one would be surprised at, in the core unit.
+    """
+
+    name: str
+    dimension: str
+    plausible: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """One error source.
+
+    Attributes
+    ----------
+    key : str
+        Fixed name, module and function.
+    vector : callable
+        ``vector(pose, **indices) -> ErrorVector``, one term per parameter.
+    indices, parameters : tuple
+        What names one error, and its components.
+    frame : str
+        Where the error is fixed: housing, carrier, disc, crank, planet, sun, output, or ``direction`` where only the
+        direction of motion changes it.
+    orders : callable
+        ``orders(mechanism, indices) -> tuple of float``: the orders that lead its waveform in the closed form, the
+        strongest first; empty where the output shift is constant or nothing at all.
+    reference : str
+        Source text and equation or section.
+    summary : str
+        One line for people.
+    """
+
+    key: str
+    vector: Callable[..., ErrorVector]
+    indices: tuple[Index, ...]
+    parameters: tuple[Parameter, ...]
+    frame: str
+    orders: Callable[[Mechanism, Indices], tuple[float, ...]]
+    reference: str
+    summary: str
+
+    def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
+        """Check that the indices are those of the source and within the mechanism.
+
+        Raises
+        ------
+        ValueError
+            Naming the index, its value and what is allowed.
+        """
+        self.check_mechanism(mechanism)
+        names = [index.name for index in self.indices]
+        for name in indices:
+            if name not in names:
+                known = f"its indices are {', '.join(names)}" if names else "it has no index"
+                raise ValueError(f"{self.key}: no index {name!r}; {known}")
+        for index in self.indices:
+            allowed = index.allowed(mechanism)
+            if index.name not in indices:
+                raise ValueError(f"{self.key}: index {index.name!r} is missing; give one of {_span(allowed)}")
+            value = indices[index.name]
+            if isinstance(value, bool) or value not in allowed:
+                raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
+
+    def applies_to(self, mechanism: Mechanism) -> bool:
+        """Tell whether the source can act in this kind of mechanism."""
+        family = self.key.partition(".")[0]
+        return family in ("sensor", "shaft") if isinstance(mechanism, Drive) else family != "shaft"
+
+    def check_mechanism(self, mechanism: Mechanism) -> None:
+        """Check that the source can act in this kind of mechanism.
+
+        Raises
+        ------
+        ValueError
+            Naming the sources that can.
+        """
+        if not self.applies_to(mechanism):
+            kind, can = (
+                ("[drive]", "sensor.* and shaft.*")
+                if isinstance(mechanism, Drive)
+                else ("[reducer]", "all but shaft.*")
+            )
+            raise ValueError(f"{self.key} does not act in a {kind} model; {can} do")
+
+    def candidates(self, mechanism: Mechanism) -> Iterable[dict[str, IndexValue]]:
+        """Index sets that diagnosis tries, in order."""
+        names = [index.name for index in self.indices]
+        for values in product(*(index.tried(mechanism) for index in self.indices)):
+            yield dict(zip(names, values, strict=True))
+
+
+def _span(values: Sequence[IndexValue]) -> str:
+    numbers = [v for v in values if isinstance(v, int)]
+    words = [repr(v) for v in values if isinstance(v, str)]
+    if len(numbers) > 4 and numbers == list(range(numbers[0], numbers[-1] + 1)):
+        words = [f"{numbers[0]} to {numbers[-1]}", *words]
+    else:
+        words = [*map(str, numbers), *words]
+    return ", ".join(words) or "none: the mechanism has none"
+
+
+def _rv(mechanism: Mechanism) -> Reducer:
+    assert isinstance(mechanism, Reducer)
+    return mechanism
+
+
+def _all(values: Callable[[Mechanism], Sequence[IndexValue]], name: str) -> Index:
+    return Index(name, values, values)
+
+
+def _harmonic(first: int, tried: int) -> Index:
+    return Index("harmonic", lambda m: range(first, 1000), lambda m: range(first, tried + 1))
+
+
+CRANK = _all(lambda m: range(_rv(m).cranks), "crank")
+DISC = _all(lambda m: range(_rv(m).discs), "disc")
+PIN = _all(lambda m: range(_rv(m).pins), "pin")
+PIN_OR_ALL = Index("pin", lambda m: [*range(_rv(m).pins), "all"], lambda m: [*range(_rv(m).pins), "all"])
+MEMBER = _all(lambda m: ("sun", "planet"), "member")
+SHAFT = _all(lambda m: sorted(m.shafts) if isinstance(m, Drive) else (), "shaft")
+
+_UM = 1e-3
+_ARCSEC = 4.84813681109536e-06
+
+
+def _lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, "length", plausible_um * _UM) for name in names)
+
+
+def _angles(plausible_arcsec: float, *names: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, "angle", plausible_arcsec * _ARCSEC) for name in names)
+
+
+def _constant(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return ()
+
+
+def _leads(frame: str) -> Callable[[Mechanism, Indices], tuple[float, ...]]:
+    """The frame's fundamental order, times the source's harmonic where it has one."""
+
+    def orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+        harmonic = int(indices.get("harmonic", 1))
+        return (harmonic * fundamental_orders(_rv(mechanism))[frame],) if harmonic else ()
+
+    return orders
+
+
+def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    cancels = int(indices["harmonic"]) % _rv(mechanism).cranks != 0
+    return () if cancels else _leads("sun")(mechanism, indices)
+
+
+def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Discs pass a pin one after another: only multiples of the number of discs stay."""
+    unit = _rv(mechanism)
+    if indices.get("pin") == "all":
+        return (fundamental_orders(unit)["cycloid mesh"],)
+    return (unit.discs * fundamental_orders(unit)["housing"],)
+
+
+def _pin_circle_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    unit, harmonic = _rv(mechanism), int(indices["harmonic"])
+    if harmonic == 0:
+        return (fundamental_orders(unit)["cycloid mesh"],)
+    return (harmonic * fundamental_orders(unit)["housing"],) if harmonic % unit.discs == 0 else ()
+
+
+def _fixed(*orders: float) -> Callable[[Mechanism, Indices], tuple[float, ...]]:
+    return lambda mechanism, indices: orders
+
+
+def _coupling_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (abs(int(indices["harmonic"]) * mechanism.ratio),)
+
+
+def _shaft_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    assert isinstance(mechanism, Drive)
+    return (abs(int(indices["harmonic"]) * mechanism.shafts[str(indices["shaft"])]),)
+
+
+_SOURCES = (
+    Source(
+        "involute.center_distance", involute.center_distance, (CRANK,), _lengths(30, "radial", "tangential"),
+        "carrier", _constant, "000, delta_11", "planet axis against its crank",
+    ),
+    Source(
+        "involute.sun_eccentricity", involute.sun_eccentricity, (), _lengths(50, "x", "y"),
+        "sun", _constant, "004, table 2", "eccentricity of the sun's toothing",
+    ),
+    Source(
+        "involute.sun_offset", involute.sun_offset, (), _lengths(100, "x", "y"),
+        "housing", _constant, "004, table 2", "offset of the sun's axis",
+    ),
+    Source(
+        "involute.planet_eccentricity", involute.planet_eccentricity, (CRANK,), _lengths(50, "x", "y"),
+        "planet", _leads("planet"), "004, table 2", "eccentricity of a planet's toothing",
+    ),
+    Source(
+        "involute.sun_pitch", involute.sun_pitch, (_harmonic(1, 4),), _lengths(50, "cos", "sin"),
+        "sun", _sun_pitch_orders, "001, section 2", "cumulative pitch error of the sun",
+    ),
+    Source(
+        "involute.planet_pitch", involute.planet_pitch, (CRANK, _harmonic(1, 3)), _lengths(50, "cos", "sin"),
+        "planet", _leads("planet"), "001, section 2", "cumulative pitch error of a planet",
+    ),
+    Source(
+        "involute.tooth_thinning", involute.tooth_thinning, (MEMBER,), _lengths(150, "thinning"),
+        "direction", _constant, "003, wear tables", "tooth thickness lost to wear or backlash, half a flank",
+    ),
+    Source(
+        "involute.spline_clearance", involute.spline_clearance, (CRANK,), _lengths(100, "clearance"),
+        "direction", _constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
+    ),
+    Source(
+        "crank.eccentricity", crank.eccentricity, (CRANK, DISC), _lengths(30, "radial", "tangential"),
+        "crank", _leads("crank"), "000, delta_21; 001; 004", "displacement of one cam",
+    ),
+    Source(
+        "crank.index", crank.index, (CRANK,), _angles(600, "angle"),
+        "crank", _constant, "001, section 2", "lead of a crank over its planet gear",
+    ),
+    Source(
+        "cycloid.disc_profile", cycloid.disc_profile, (DISC, _harmonic(1, 4)), _lengths(30, "cos", "sin"),
+        "disc", _leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
+    ),
+    Source(
+        "cycloid.disc_pitch", cycloid.disc_pitch, (DISC, _harmonic(1, 4)), _lengths(30, "cos", "sin"),
+        "disc", _leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
+    ),
+    Source(
+        "cycloid.pin_position", cycloid.pin_position, (PIN,), _lengths(50, "radial", "tangential"),
+        "housing", _one_pin_orders, "001; 002, e_R and e_AR; 004", "displacement of one pin",
+    ),
+    Source(
+        "cycloid.pin_circle", cycloid.pin_circle, (_harmonic(0, 6),),
+        _lengths(50, "radial_cos", "radial_sin", "tangential_cos", "tangential_sin"),
+        "housing", _pin_circle_orders, "001, table 1", "wave of all pins around the pin circle",
+    ),
+    Source(
+        "cycloid.pin_radius", cycloid.pin_radius, (PIN_OR_ALL,), _lengths(30, "deviation"),
+        "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
+    ),
+    Source(
+        "cycloid.disc_bore_position", cycloid.disc_bore_position, (DISC, CRANK), _lengths(30, "radial", "tangential"),
+        "disc", _leads("disc"), "000, outlook; 001", "displacement of one crank bore in a disc",
+    ),
+    Source(
+        "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,), _lengths(30, "radial", "tangential"),
+        "carrier", _constant, "000, delta_41; 004", "displacement of one crank bore in the carrier",
+    ),
+    Source(
+        "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),
+        "carrier", _constant, "001, table 3", "bore circle against the carrier's axis",
+    ),
+    Source(
+        "sensor.encoder_eccentricity", sensor.encoder_eccentricity, (), _angles(300, "cos", "sin"),
+        "output", _fixed(1.0), "measuring chain", "output encoder or coupling, once a turn",
+    ),
+    Source(
+        "sensor.encoder_ellipticity", sensor.encoder_ellipticity, (), _angles(100, "cos", "sin"),
+        "output", _fixed(2.0), "measuring chain", "output encoder, twice a turn",
+    ),
+    Source(
+        "sensor.input_coupling", sensor.input_coupling, (_harmonic(1, 2),), _angles(7200, "cos", "sin"),
+        "sun", _coupling_orders, "measuring chain", "input coupling or encoder, an angle of the input shaft",
+    ),
+    Source(
+        "sensor.ratio_error", sensor.ratio_error, (), (Parameter("slope", "slope", 0.1),),
+        "output", _constant, "measuring chain", "error that grows with the output angle",
+    ),
+    Source(
+        "sensor.drift", sensor.drift, (), _angles(600, "total"),
+        "output", _constant, "measuring chain", "slow drift of a run, first to last sample",
+    ),
+    Source(
+        "sensor.time_offset", sensor.time_offset, (), (Parameter("offset", "time", 0.1),),
+        "output", _constant, "measuring chain", "delay between the two encoders",
+    ),
+    Source(
+        "shaft.eccentricity", shaft.eccentricity, (SHAFT, _harmonic(1, 4)), _angles(36000, "cos", "sin"),
+        "shaft", _shaft_orders, "any drive", "a named shaft of a [drive] model",
+    ),
+)  # fmt: skip
+
+#: Every error source by key.
+CATALOGUE: Mapping[str, Source] = MappingProxyType({source.key: source for source in _SOURCES})
+
+
+def source(key: str) -> Source:
+    """Look up a source.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``"crank.eccentricity"``.
+
+    Returns
+    -------
+    Source
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message names the nearest.
+
+    Examples
+    --------
+    >>> source("cycloid.disc_pitch").frame
+    'disc'
+    """
+    if key not in CATALOGUE:
+        close = difflib.get_close_matches(key, CATALOGUE, n=1, cutoff=0.5)
+        hint = f"did you mean {close[0]!r}?" if close else "`rverror sources` lists them"
+        raise ValueError(f"no error source {key!r}; {hint}")
+    return CATALOGUE[key]

@@ -1,0 +1,284 @@
+"""Cycloid-pin mesh: profile, contact normals, load sharing, and the error sources of discs, pins and disc bores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.action_line import Array, Contacts, ErrorVector, cross, dot, only, radial_and_tangential
+from rverror.feedback import feedback_factor
+from rverror.reducer import Reducer
+
+
+@dataclass(frozen=True)
+class PinContacts:
+    """Pin contacts of every disc: `normal` (discs, pins, 2, n), `arm` and `angle` (discs, pins, n)."""
+
+    normal: Array
+    arm: Array
+    angle: Array
+
+
+def pin_positions(reducer: Reducer) -> Array:
+    """Angles of the pins on the pin circle, 2 pi i / z_p, rad.
+
+    Parameters
+    ----------
+    reducer : Reducer
+
+    Returns
+    -------
+    ndarray, shape (pins,)
+    """
+    return 2 * np.pi * np.arange(reducer.pins) / reducer.pins
+
+
+def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> PinContacts:
+    """Contact normals, arms and contact angles of all pins on all discs.
+
+    The pitch circles, of radius a z_c on the disc and a z_p in the housing, touch at the pitch point P, a z_p along the
+    eccentric direction from the housing centre.  Every contact normal passes through its pin and P; its arm about the
+    disc centre is a z_c times the sine of its angle to the eccentric direction.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    eccentric : ndarray, shape (discs, n)
+        Angle of each disc's eccentric direction in the housing, rad.
+    disc_angle : ndarray, shape (n,)
+        Rotation of the discs, rad.
+
+    Returns
+    -------
+    PinContacts
+        Normals point from the pin into the disc.
+
+    Notes
+    -----
+    Source 000, section 3 (n13), without its pressure angle: P makes it superfluous.  Source 003 prints the profile
+    with e in place of K; source 002 prints K inverted.
+    """
+    direction, _ = radial_and_tangential(eccentric)
+    pin, _ = radial_and_tangential(pin_positions(reducer)[:, None])
+    pin = reducer.pin_circle_radius * pin
+    to_pitch_point = reducer.eccentricity * reducer.pins * direction[:, None] - pin
+    normal = to_pitch_point / np.sqrt(dot(to_pitch_point, to_pitch_point))[..., None, :]
+    arm = reducer.eccentricity * reducer.disc_lobes * cross(direction[:, None], normal)
+    point = pin + reducer.pin_radius * normal - reducer.eccentricity * direction[:, None]
+    angle = np.arctan2(point[..., 1, :], point[..., 0, :]) - disc_angle
+    return PinContacts(normal, arm, angle)
+
+
+def profile(reducer: Reducer, roll_angle: Array) -> Array:
+    """Nominal profile of a disc, the offset by the pin radius of the curve that a pin centre draws on the disc.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi of the pin against the eccentric direction, rad; one lobe per 2 pi z_c / z_p of disc angle.
+
+    Returns
+    -------
+    ndarray, shape (2, n)
+        Points in a frame at the disc centre in which a lobe's root lies on +x, mm.
+
+    Notes
+    -----
+    Source 003 (its x and y swap sine and cosine, lose K/z_p and carry the wrong sign before the second term) and
+    source 001 (its e cos((Z_p + 1) phi) belongs to a disc that it does not describe).
+    """
+    z, a = reducer.pins, reducer.eccentricity
+    position = roll_angle * z / reducer.disc_lobes  # angle of the pin on the disc
+    pin, _ = radial_and_tangential(position)
+    ahead, _ = radial_and_tangential(position - roll_angle)
+    centre = reducer.pin_circle_radius * pin - a * ahead
+    pitch_point = a * reducer.disc_lobes * ahead
+    normal = pitch_point - centre
+    normal = normal / np.sqrt(dot(normal, normal))
+    return centre + reducer.pin_radius * normal
+
+
+def pressure_angle(contacts: Contacts) -> Array:
+    """Angle between each contact normal and the motion of the contact point about the disc centre (n13 . n23 of 000).
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (discs, pins, n)
+        Acute angle, rad.
+    """
+    _, motion = radial_and_tangential(contacts.pin_angle + contacts.theta)
+    return np.asarray(np.arccos(np.clip(np.abs(dot(contacts.pin_normal, motion)), 0, 1)), dtype=np.float64)
+
+
+def pin_forces(contacts: Contacts) -> Array:
+    """Force of each pin on each disc per unit of output torque, rigid bearings and equal contact stiffness.
+
+    Only pins on the loaded side carry, those whose normal turns the disc in the direction of motion.  Turning the
+    output by dTheta with the sun held closes pin i by l_i dTheta / F, so equal springs share the torque as
+
+        lambda_i = F l_i / sum(l^2),    sum over the loaded pins of all discs.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (discs, pins, 2, n)
+        1/mm.
+
+    Notes
+    -----
+    DESIGN's (F / n_discs) l_i / sum(l_i^2) over one disc is the same wherever the discs mesh in phase, as they do when
+    n_discs divides z_p; this form is the rigid limit in every case.
+    """
+    loaded = np.where(contacts.pin_arm * contacts.direction > 0, contacts.pin_arm, 0.0)
+    scale = feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
+    return (scale * loaded)[..., None, :] * contacts.pin_normal
+
+
+def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Error of a disc's profile along its normal, c cos(h psi) + s sin(h psi) over the contact angle psi.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves around it.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; positive is more material.
+
+    Notes
+    -----
+    Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
+    """
+    psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
+    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
+    return ErrorVector(contact="pin", vector=waves[..., None, :] * normal, at=(only(disc),))
+
+
+def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves around it.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; counter-clockwise positive.
+
+    Notes
+    -----
+    Sources 001 (cumulative pitch error) and 002 (e_Apd).
+    """
+    psi = contacts.pin_angle[only(disc)]
+    _, tangential = radial_and_tangential(psi + contacts.theta)
+    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
+    return ErrorVector(contact="pin", vector=-waves[..., None, :] * tangential, at=(only(disc),))
+
+
+def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:
+    """Displacement of one pin in the housing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    pin : int
+        Which pin.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the housing centre), tangential (counter-clockwise).
+
+    Notes
+    -----
+    Sources 001, 002 (E_R and E_AR, projected there by the pin's angle instead of the normal's) and 004, whose
+    z_c dr / r is wrong by a factor of about 50.
+    """
+    angle = pin_positions(contacts.reducer)[pin : pin + 1, None]
+    vector = np.stack(radial_and_tangential(angle))[:, None]
+    return ErrorVector(contact="pin", vector=vector, at=(slice(None), only(pin)))
+
+
+def pin_circle(contacts: Contacts, *, harmonic: int) -> ErrorVector:
+    """Displacement of all pins by a wave over the pin's angle gamma in the housing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    harmonic : int
+        h, waves around the pin circle; 0 changes the radius, or turns the ring.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial_cos, radial_sin, tangential_cos, tangential_sin.
+
+    Notes
+    -----
+    Source 001 (pin circle diameter, cumulative pitch error of the pins).
+    """
+    gamma = pin_positions(contacts.reducer)[:, None]
+    radial, tangential = radial_and_tangential(gamma)
+    cos, sin = np.cos(harmonic * gamma)[:, None], np.sin(harmonic * gamma)[:, None]
+    vector = np.stack([cos * radial, sin * radial, cos * tangential, sin * tangential])
+    return ErrorVector(contact="pin", vector=vector[:, None])
+
+
+def pin_radius(contacts: Contacts, *, pin: int | str) -> ErrorVector:
+    """Deviation of the radius of one pin, or of all of them.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    pin : int or "all"
+        Which pin.
+
+    Returns
+    -------
+    ErrorVector
+        Term deviation; positive is more material.
+
+    Notes
+    -----
+    Sources 000 (named as missing), 001 and 004 (pin diameter, groove radius).
+    """
+    chosen = slice(None) if pin == "all" else only(int(pin))
+    at = (slice(None), chosen)
+    return ErrorVector(contact="pin", vector=contacts.pin_normal[at][None], at=at)
+
+
+def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVector:
+    """Displacement of one crank bore in a disc.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, crank : int
+        Which disc, and which of its bores.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the disc centre), tangential (counter-clockwise).
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 001 (crank hole errors).
+    """
+    vector = np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))

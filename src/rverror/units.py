@@ -1,0 +1,220 @@
+"""The units edge: the only module that knows pint.
+
+Inside rverror every number is a float in mm, rad, N, N*mm, s or K.  Here quantities and strings with a unit become
+such floats, and floats become numbers that people read.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pint
+
+#: Unit of each dimension inside the library.
+CORE_UNITS = {
+    "length": "mm",
+    "angle": "rad",
+    "torque": "N*mm",
+    "stiffness": "N/mm",
+    "time": "s",
+    "temperature": "kelvin",
+    "slope": "dimensionless",
+}
+
+#: Unit in which a value of each dimension is printed for people.
+DISPLAY_UNITS = {
+    "length": "um",
+    "angle": "arcsec",
+    "torque": "N*m",
+    "stiffness": "N/mm",
+    "time": "ms",
+    "temperature": "degC",
+    "slope": "arcsec/turn",
+}
+
+#: One second of arc in rad.
+ARCSEC = math.pi / 180.0 / 3600.0
+
+_NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry[float]:
+    return pint.UnitRegistry()
+
+
+def is_quantity(value: object) -> bool:
+    """Tell whether a value is a pint quantity, of any registry.
+
+    Examples
+    --------
+    >>> is_quantity(5.0)
+    False
+    """
+    return isinstance(value, pint.Quantity)
+
+
+def _factor_and_unit(unit: str, dimension: str) -> Any:
+    try:
+        parsed = _registry().Unit(unit)
+    except Exception as error:
+        raise ValueError(
+            f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}"
+        ) from error
+    if not parsed.is_compatible_with(CORE_UNITS[dimension]):
+        raise ValueError(
+            f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r} or {CORE_UNITS[dimension]!r}"
+        )
+    return parsed
+
+
+def unit_factor(unit: str, dimension: str) -> float:
+    """Factor that turns numbers in `unit` into the core unit of `dimension`.
+
+    Parameters
+    ----------
+    unit : str
+        A unit in pint's notation, such as ``"um"``.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        Core units per `unit`.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> unit_factor("um", "length")
+    0.001
+    """
+    parsed = _factor_and_unit(unit, dimension)
+    return float(_registry().Quantity(1.0, parsed).to(CORE_UNITS[dimension]).magnitude)
+
+
+def parse(text: str, dimension: str) -> float:
+    """Read a string such as ``"5 um"`` as a float in the core unit of its dimension.
+
+    Parameters
+    ----------
+    text : str
+        A number, a space and a unit in pint's notation.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        The value in the core unit.
+
+    Raises
+    ------
+    ValueError
+        If there is no number, no unit, an unknown unit or one of another dimension, or the value is not finite.
+
+    Examples
+    --------
+    >>> parse("412 N*m", "torque")
+    412000.0
+    """
+    match = _NUMBER_AND_UNIT.match(text)
+    if match is None:
+        raise ValueError(f"{text!r} is no number with a unit; write it like '5 {DISPLAY_UNITS[dimension]}'")
+    number, unit = match.groups()
+    if not unit:
+        if dimension != "slope":
+            raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
+        unit = "dimensionless"
+    parsed = _factor_and_unit(unit, dimension)
+    value = float(_registry().Quantity(float(number), parsed).to(CORE_UNITS[dimension]).magnitude)
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is not a finite value")
+    return value
+
+
+def to_core(value: Any, dimension: str) -> float:
+    """Turn a quantity, a string with a unit or a plain number into a float in the core unit.
+
+    Parameters
+    ----------
+    value : pint.Quantity or str or float
+        Plain numbers are taken to be in the core unit already (mm, rad, N*mm, N/mm, s).
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        The value in the core unit.
+
+    Raises
+    ------
+    ValueError
+        If the value is no number, not finite, or of another dimension.
+
+    Examples
+    --------
+    >>> to_core("90 deg", "angle") == math.pi / 2
+    True
+    """
+    if isinstance(value, str):
+        return parse(value, dimension)
+    return float(to_core_array(value, dimension))
+
+
+def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
+    """Turn an array-like or a quantity that holds an array into a float64 array in the core unit.
+
+    Parameters
+    ----------
+    value : array_like or pint.Quantity
+        Plain numbers are taken to be in the core unit already.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    ndarray
+        A new float64 array of the same shape.
+
+    Raises
+    ------
+    ValueError
+        If the values are no numbers, not finite, or of another dimension.
+    """
+    if isinstance(value, pint.Quantity):
+        if not value.is_compatible_with(CORE_UNITS[dimension]):
+            raise ValueError(
+                f"{value.units} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}"
+            )
+        value = value.to(CORE_UNITS[dimension]).magnitude
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{value!r} is no number; give a number in {CORE_UNITS[dimension]} or a quantity"
+        ) from error
+    if not np.isfinite(array).all():
+        raise ValueError(f"values in {CORE_UNITS[dimension]} must be finite")
+    return array
+
+
+def to_display(value: float, dimension: str) -> float:
+    """Turn a float in the core unit into the unit in which people read it (um, arcsec, N*m).
+
+    Examples
+    --------
+    >>> to_display(0.005, "length")
+    5.0
+    """
+    return value / unit_factor(DISPLAY_UNITS[dimension], dimension)
