@@ -6,8 +6,8 @@ follows from virtual work: with the sun held, an error delta at contact c turns 
     dTheta = sum over c of lambda_c (n_c . C_c delta_c),
 
 where lambda_c n_c is the force that the driving part puts on the driven part at c per unit of output torque, and C_c
-turns the error from the frame in which it is fixed into the housing frame.  So a source says only where its vector sits,
-in which frame, and its components: it returns an `ErrorVector`.  What carries force is a `ContactForces`, whether it
+turns the error from the frame in which it is fixed into the housing frame.  So a source says only where its vector
+sits, in which frame, and its components: it returns an `ErrorVector`.  What carries force is a `ContactForces`, whether it
 comes from the closed form or from an equilibrium.
 """
 

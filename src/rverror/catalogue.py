@@ -33,7 +33,7 @@ class Index:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a source: its name, its dimension (a key of `units.CORE_UNITS`) and what a workshop can make of it.
+    """A parameter of a source: name, dimension (a key of `units.CORE_UNITS`) and the size that a workshop can make.
 
     `plausible` is the largest size that no one would be surprised at, in the core unit.
     """
@@ -282,8 +282,8 @@ _SOURCES = (
         "disc", _leads("disc"), "000, outlook; 001", "displacement of one crank bore in a disc",
     ),
     Source(
-        "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,), _lengths(30, "radial", "tangential"),
-        "carrier", _constant, "000, delta_41; 004", "displacement of one crank bore in the carrier",
+        "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,),
+        _lengths(30, "radial", "tangential"), "carrier", _constant, "000, delta_41; 004", "displacement of one crank bore in the carrier",
     ),
     Source(
         "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),

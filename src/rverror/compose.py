@@ -217,9 +217,7 @@ def effect_values(effects: tuple[Effect, ...]) -> Array:
     return np.array([value for effect in effects for value in effect.values], dtype=np.float64)
 
 
-def transmission_error(
-    model: Model, theta: Any, *, direction: Any | None = None, time: Any | None = None
-) -> Array:
+def transmission_error(model: Model, theta: Any, *, direction: Any | None = None, time: Any | None = None) -> Array:
     """Transmission error of a model, actual output less input / R, closed form: one matrix product.
 
     Parameters

@@ -36,7 +36,8 @@ def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
     _, tangential = radial_and_tangential(contacts.crank_position)
     moment = (contacts.pin_arm * dot(pin_forces, contacts.pin_normal)).sum(axis=1)
     force = pin_forces.sum(axis=1)[:, None] / reducer.cranks
-    return force + moment[:, None, None, :] / (reducer.cranks * reducer.crank_radius) * tangential
+    couple = moment[:, None, None, :] / (reducer.cranks * reducer.crank_radius) * tangential
+    return np.asarray(force + couple, dtype=np.float64)
 
 
 def spline_torque(reducer: Reducer, direction: Array) -> Array:

@@ -140,7 +140,7 @@ def pin_forces(contacts: Contacts) -> Array:
     """
     loaded = np.where(contacts.pin_arm * contacts.direction > 0, contacts.pin_arm, 0.0)
     scale = feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
-    return (scale * loaded)[..., None, :] * contacts.pin_normal
+    return np.asarray((scale * loaded)[..., None, :] * contacts.pin_normal, dtype=np.float64)
 
 
 def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:

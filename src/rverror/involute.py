@@ -59,7 +59,7 @@ def mesh_forces(contacts: Contacts) -> Array:
     -----
     Source 000, section 1, divides by r2 cos(alpha) as here.  A floating sun shares the torque of two or three planets
     equally.
-    """  # noqa: D207
+    """
     reducer = contacts.reducer
     share = 1 / (reducer.ratio * reducer.cranks * reducer.sun_pitch_radius * math.cos(reducer.pressure_angle))
     loaded = np.stack([contacts.direction > 0, contacts.direction <= 0]) * _FLANK_SIGN[:, None]

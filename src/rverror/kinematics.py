@@ -132,7 +132,7 @@ def samples_needed(reducer: Reducer) -> int:
     4096
     """
     highest = max(fundamental_orders(reducer).values())
-    return 2 ** math.ceil(math.log2(2 * highest + 1))
+    return int(2 ** math.ceil(math.log2(2 * highest + 1)))
 
 
 def folded_order(order: float, samples_per_turn: float) -> float:

@@ -162,7 +162,7 @@ class Reducer:
         inner = self.pin_circle_radius - self.pin_radius - 2 * self.eccentricity
         if derived >= inner:
             raise ValueError(
-                f"module = {self.module:g} mm: the crank circle of {derived:g} mm must lie inside the disc's root circle "
+                f"module = {self.module:g} mm: the crank circle of {derived:g} mm must lie inside the root circle "
                 f"of {inner:g} mm; use a smaller module or a larger pin circle"
             )
 
@@ -170,8 +170,8 @@ class Reducer:
         if not self.short_width_coefficient < 1:
             bound = self.pin_circle_radius / self.pins
             raise ValueError(
-                f"eccentricity = {self.eccentricity:g} mm: K = a z_p / R_p = {self.short_width_coefficient:.4g} must be "
-                f"below 1, so the eccentricity below {bound:.4g} mm"
+                f"eccentricity = {self.eccentricity:g} mm: K = a z_p / R_p = {self.short_width_coefficient:.4g} must "
+                f"be below 1, so the eccentricity below {bound:.4g} mm"
             )
         bound = self.pin_circle_radius * math.sin(math.pi / self.pins)
         if self.pin_radius >= bound:
@@ -357,9 +357,7 @@ def reducer(preset: str, **overrides: Any) -> Reducer:
     for key in overrides:
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
-            raise ValueError(
-                f"no reducer parameter {key!r}" + (f"; did you mean {close[0]!r}?" if close else "")
-            )
+            raise ValueError(f"no reducer parameter {key!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
     if "crank_circle_radius" not in overrides and {"module", "sun_teeth", "planet_teeth"} & overrides.keys():
         parameters["crank_circle_radius"] = None  # the preset's value belongs to the preset's gears
     return Reducer(**(parameters | overrides))
@@ -389,12 +387,5 @@ class Drive:
     def __post_init__(self) -> None:
         """Check that every number is finite and not zero."""
         for label, value in {"ratio": self.ratio, **self.shafts}.items():
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, (int, float))
-                or not math.isfinite(value)
-                or value == 0
-            ):
-                raise ValueError(
-                    f"{label} = {value!r}: must be a finite number other than 0, in turns per output turn"
-                )
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value == 0:
+                raise ValueError(f"{label} = {value!r}: must be a finite number other than 0, in turns per output turn")

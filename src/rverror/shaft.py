@@ -25,7 +25,7 @@ class DrivePose(Pose):
 
 
 def eccentricity(pose: DrivePose, *, shaft: str, harmonic: int) -> ErrorVector:
-    """Error of one shaft in the reading of the output, c cos(h o theta) + s sin(h o theta), o its turns per output turn.
+    """One shaft's error in the reading of the output, c cos(h o theta) + s sin(h o theta), o its turns per output turn.
 
     Parameters
     ----------

@@ -63,12 +63,10 @@ def _factor_and_unit(unit: str, dimension: str) -> Any:
     try:
         parsed = _registry().Unit(unit)
     except Exception as error:
-        raise ValueError(
-            f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}"
-        ) from error
+        raise ValueError(f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}") from error
     if not parsed.is_compatible_with(CORE_UNITS[dimension]):
         raise ValueError(
-            f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r} or {CORE_UNITS[dimension]!r}"
+            f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}"
         )
     return parsed
 
@@ -194,16 +192,12 @@ def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
     """
     if isinstance(value, pint.Quantity):
         if not value.is_compatible_with(CORE_UNITS[dimension]):
-            raise ValueError(
-                f"{value.units} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}"
-            )
+            raise ValueError(f"{value.units} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}")
         value = value.to(CORE_UNITS[dimension]).magnitude
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"{value!r} is no number; give a number in {CORE_UNITS[dimension]} or a quantity"
-        ) from error
+        raise ValueError(f"{value!r} is no number; give a number in {CORE_UNITS[dimension]} or a quantity") from error
     if not np.isfinite(array).all():
         raise ValueError(f"values in {CORE_UNITS[dimension]} must be finite")
     return array
