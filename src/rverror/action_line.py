@@ -7,8 +7,8 @@ follows from virtual work: with the sun held, an error delta at contact c turns 
 
 where lambda_c n_c is the force that the driving part puts on the driven part at c per unit of output torque, and C_c
 turns the error from the frame in which it is fixed into the housing frame.  So a source says only where its vector
-sits, in which frame, and its components: it returns an `ErrorVector`.  What carries force is a `ContactForces`, whether it
-comes from the closed form or from an equilibrium.
+sits, in which frame, and its components: it returns an `ErrorVector`.  What carries force is a
+`ContactForces`, whether it comes from the closed form or from an equilibrium.
 """
 
 from __future__ import annotations

@@ -65,6 +65,8 @@ class Source:
         Source text and equation or section.
     summary : str
         One line for people.
+    periodic : bool
+        Whether the waveform repeats with the drive; what grows along a run does not.
     """
 
     key: str
@@ -75,6 +77,7 @@ class Source:
     orders: Callable[[Mechanism, Indices], tuple[float, ...]]
     reference: str
     summary: str
+    periodic: bool = True
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.
@@ -283,7 +286,8 @@ _SOURCES = (
     ),
     Source(
         "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,),
-        _lengths(30, "radial", "tangential"), "carrier", _constant, "000, delta_41; 004", "displacement of one crank bore in the carrier",
+        _lengths(30, "radial", "tangential"), "carrier", _constant, "000, delta_41; 004",
+        "displacement of one crank bore in the carrier",
     ),
     Source(
         "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),
@@ -303,15 +307,15 @@ _SOURCES = (
     ),
     Source(
         "sensor.ratio_error", sensor.ratio_error, (), (Parameter("slope", "slope", 0.1),),
-        "output", _constant, "measuring chain", "error that grows with the output angle",
+        "output", _constant, "measuring chain", "error that grows with the output angle", periodic=False,
     ),
     Source(
         "sensor.drift", sensor.drift, (), _angles(600, "total"),
-        "output", _constant, "measuring chain", "slow drift of a run, first to last sample",
+        "output", _constant, "measuring chain", "slow drift of a run, first to last sample", periodic=False,
     ),
     Source(
         "sensor.time_offset", sensor.time_offset, (), (Parameter("offset", "time", 0.1),),
-        "output", _constant, "measuring chain", "delay between the two encoders",
+        "output", _constant, "measuring chain", "delay between the two encoders", periodic=False,
     ),
     Source(
         "shaft.eccentricity", shaft.eccentricity, (SHAFT, _harmonic(1, 4)), _angles(36000, "cos", "sin"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.action_line import Array, Contacts, ErrorVector, dot, only, radial_and_tangential
+from rverror.action_line import Array, Contacts, ErrorVector, cross, dot, only, radial_and_tangential
 from rverror.reducer import Reducer
 
 
@@ -28,16 +28,26 @@ def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
 
     Notes
     -----
-    With two or more evenly spaced discs the cranks' own torques balance.  A single disc loads its cranks unevenly,
-    and the meshes take the difference, so the split between its cranks is then only an even share; sums over all
-    cranks stay exact.
+    With two or more evenly spaced discs the cranks' own torques balance.  With one disc the meshes of a floating sun
+    still put equal torques on the cranks, so its cams carry the moment by forces along the eccentric direction u:
+
+        G_j = Q / n_cranks + M c_j / (r6 sum(c_j^2)) u,    c_j = r_j x u.
     """
     reducer = contacts.reducer
     _, tangential = radial_and_tangential(contacts.crank_position)
     moment = (contacts.pin_arm * dot(pin_forces, contacts.pin_normal)).sum(axis=1)
     force = pin_forces.sum(axis=1)[:, None] / reducer.cranks
     couple = moment[:, None, None, :] / (reducer.cranks * reducer.crank_radius) * tangential
+    if reducer.discs == 1:
+        couple = _single_disc_couple(contacts, moment)
     return np.asarray(force + couple, dtype=np.float64)
+
+
+def _single_disc_couple(contacts: Contacts, moment: Array) -> Array:
+    radial, _ = radial_and_tangential(contacts.crank_position)
+    along, _ = radial_and_tangential(contacts.eccentric[0])
+    lever = contacts.reducer.crank_radius * cross(radial, along)
+    return np.asarray((moment * lever / (lever**2).sum(axis=0))[None, :, None, :] * along, dtype=np.float64)
 
 
 def spline_torque(reducer: Reducer, direction: Array) -> Array:

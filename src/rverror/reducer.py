@@ -146,6 +146,11 @@ class Reducer:
                 f"pins = {self.pins} with disc_lobes = {self.disc_lobes}: an RV disc has one lobe less than there are "
                 f"pins; use pins = {self.disc_lobes + 1} or disc_lobes = {self.pins - 1}"
             )
+        if self.discs == 1 and self.cranks == 2:
+            raise ValueError(
+                "discs = 1 with cranks = 2: the crank linkage passes dead centres, where it can carry no torque; "
+                "use discs = 2 or cranks = 3"
+            )
         self._check_centre_distance()
         self._check_profile()
 
