@@ -98,7 +98,7 @@ class Source:
             if index.name not in indices:
                 raise ValueError(f"{self.key}: index {index.name!r} is missing; give one of {_span(allowed)}")
             value = indices[index.name]
-            if isinstance(value, bool) or value not in allowed:
+            if not isinstance(value, (int, str)) or isinstance(value, bool) or value not in allowed:
                 raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
 
     def applies_to(self, mechanism: Mechanism) -> bool:
@@ -183,6 +183,24 @@ def _leads(frame: str) -> Callable[[Mechanism, Indices], tuple[float, ...]]:
         return (harmonic * fundamental_orders(_rv(mechanism))[frame],) if harmonic else ()
 
     return orders
+
+
+def _bore_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """A single disc loads its bores along the eccentric direction, which doubles the order."""
+    unit = _rv(mechanism)
+    once = fundamental_orders(unit)["disc"]
+    return (2 * once, once) if unit.discs == 1 else (once,)
+
+
+def _carrier_bore_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Constant where two or more discs balance."""
+    return _bore_orders(mechanism, indices) if _rv(mechanism).discs == 1 else ()
+
+
+def _carrier_runout_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Nothing where two or more discs balance."""
+    unit = _rv(mechanism)
+    return (fundamental_orders(unit)["carrier"],) if unit.discs == 1 else ()
 
 
 def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
@@ -282,16 +300,16 @@ _SOURCES = (
     ),
     Source(
         "cycloid.disc_bore_position", cycloid.disc_bore_position, (DISC, CRANK), _lengths(30, "radial", "tangential"),
-        "disc", _leads("disc"), "000, outlook; 001", "displacement of one crank bore in a disc",
+        "disc", _bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
     ),
     Source(
         "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,),
-        _lengths(30, "radial", "tangential"), "carrier", _constant, "000, delta_41; 004",
+        _lengths(30, "radial", "tangential"), "carrier", _carrier_bore_orders, "000, delta_41; 004",
         "displacement of one crank bore in the carrier",
     ),
     Source(
         "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),
-        "carrier", _constant, "001, table 3", "bore circle against the carrier's axis",
+        "carrier", _carrier_runout_orders, "001, table 3", "bore circle against the carrier's axis",
     ),
     Source(
         "sensor.encoder_eccentricity", sensor.encoder_eccentricity, (), _angles(300, "cos", "sin"),

@@ -66,8 +66,11 @@ def pose(mechanism: Mechanism, theta: Any, *, direction: Any | None = None, time
     sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)
     if not np.isin(sense, (-1.0, 1.0)).all():
         raise ValueError("direction must be +1 (forward) or -1 (reverse)")
-    sense = np.array(np.broadcast_to(sense, angle.shape))
     clock = None if time is None else units.to_core_array(time, "time")
+    for name, row in (("direction", sense), ("time", clock)):
+        if row is not None and row.shape not in ((), angle.shape):
+            raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
+    sense = np.array(np.broadcast_to(sense, angle.shape))
     if isinstance(mechanism, Drive):
         return DrivePose(ratio=mechanism.ratio, theta=angle, direction=sense, time=clock, drive=mechanism)
     return _contacts(mechanism, angle, sense, clock)

@@ -77,7 +77,7 @@ def profile(reducer: Reducer, roll_angle: Array) -> Array:
     ----------
     reducer : Reducer
     roll_angle : ndarray, shape (n,)
-        Angle phi of the pin against the eccentric direction, rad; one lobe per 2 pi z_c / z_p of disc angle.
+        Angle phi by which the eccentric direction leads the pin, rad; one lobe per turn, the whole disc in z_c turns.
 
     Returns
     -------
@@ -89,10 +89,10 @@ def profile(reducer: Reducer, roll_angle: Array) -> Array:
     Source 003 (its x and y swap sine and cosine, lose K/z_p and carry the wrong sign before the second term) and
     source 001 (its e cos((Z_p + 1) phi) belongs to a disc that it does not describe).
     """
-    z, a = reducer.pins, reducer.eccentricity
-    position = roll_angle * z / reducer.disc_lobes  # angle of the pin on the disc
+    a = reducer.eccentricity
+    position = roll_angle / reducer.disc_lobes  # angle of the pin on the disc, which turns a z_c-th of the crank
     pin, _ = radial_and_tangential(position)
-    ahead, _ = radial_and_tangential(position - roll_angle)
+    ahead, _ = radial_and_tangential(position + roll_angle)
     centre = reducer.pin_circle_radius * pin - a * ahead
     pitch_point = a * reducer.disc_lobes * ahead
     normal = pitch_point - centre

@@ -126,7 +126,7 @@ class Reducer:
         """Convert to mm and rad, derive the crank circle, check the geometry."""
         for key, dimension in _DIMENSIONS.items():
             value = getattr(self, key)
-            if value is not None:
+            if value is not None or key not in _OPTIONAL:
                 object.__setattr__(self, key, _core(key, value, dimension))
         for key, least in _COUNTS.items():
             _check_count(key, getattr(self, key), least)
@@ -227,10 +227,10 @@ class Reducer:
 
         The trochoid has :math:`\rho = R_p (1 + K^2 - 2K\cos\phi)^{3/2} / (1 + z_p K^2 - K (z_p + 1) \cos\phi)`;
         a disc profile, its offset by the pin radius, is undercut where the pin radius exceeds the smallest positive
-        :math:`\rho`.  For K above (z_p - 2)/(2 z_p - 1) that is the value at the lobe's tip.
+        :math:`\rho`.  For K below (z_p - 2)/(2 z_p - 1) that is the value at the lobe's tip, else a minimum beside it.
         """
         K, z = self.short_width_coefficient, self.pins
-        if (2 * z - 1) * K > z - 2:
+        if (2 * z - 1) * K < z - 2:
             return self.pin_circle_radius * (1 + K) ** 2 / (1 + z * K)
         return self.pin_circle_radius * math.sqrt(27 * (1 - K**2) * (z - 1) / (z + 1) ** 3)
 

@@ -65,9 +65,7 @@ def _factor_and_unit(unit: str, dimension: str) -> Any:
     except Exception as error:
         raise ValueError(f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}") from error
     if not parsed.is_compatible_with(CORE_UNITS[dimension]):
-        raise ValueError(
-            f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}"
-        )
+        raise ValueError(f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}")
     return parsed
 
 
@@ -167,6 +165,8 @@ def to_core(value: Any, dimension: str) -> float:
     """
     if isinstance(value, str):
         return parse(value, dimension)
+    if isinstance(value, bool) or np.ndim(getattr(value, "magnitude", value)) != 0:
+        raise ValueError(f"{value!r} is no single number; give a number in {CORE_UNITS[dimension]} or a quantity")
     return float(to_core_array(value, dimension))
 
 
@@ -211,4 +211,5 @@ def to_display(value: float, dimension: str) -> float:
     >>> to_display(0.005, "length")
     5.0
     """
-    return value / unit_factor(DISPLAY_UNITS[dimension], dimension)
+    quantity = _registry().Quantity(value, CORE_UNITS[dimension])
+    return float(quantity.to(DISPLAY_UNITS[dimension]).magnitude)
