@@ -1,0 +1,503 @@
+"""Model files, TOML: reading with the line of every mistake, writing so that they read back equal."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import sys
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NoReturn
+
+from rverror import units
+from rverror.catalogue import CATALOGUE, Mechanism, Parameter, source
+from rverror.errors import InputError
+from rverror.model import Effect, Model, effect
+from rverror.reducer import PRESETS, Drive, Reducer, Stiffness, reducer
+from rverror.textfile import PathLike, did_you_mean, read_text, shown, split_lines, write_text
+
+# Dimension of each quantity of [reducer], and how people write it; then an example of each count.
+_QUANTITIES = {
+    "module": ("length", "1.5 mm"),
+    "pressure_angle": ("angle", "20 deg"),
+    "pin_circle_radius": ("length", "64 mm"),
+    "pin_radius": ("length", "3 mm"),
+    "eccentricity": ("length", "1.25 mm"),
+    "gear_backlash": ("length", "20 um"),
+    "rated_torque": ("torque", "412 N*m"),
+    "spline_radius": ("length", "7 mm"),
+    "crank_circle_radius": ("length", "27 mm"),
+}
+_COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
+_REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
+_STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
+_EXAMPLES = {"length": "5 um", "angle": "10 arcsec", "time": "0.5 ms", "slope": "10 arcsec/turn"}
+# Keys that the catalogue will hold one day.
+_NONLINEAR = (
+    "crank.bearing_clearance",
+    "coupling.bearing_clearance",
+    "cycloid.profile_modification",
+    "load.torsion",
+    "thermal.growth",
+)
+
+
+def load_model(path: PathLike) -> Model:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used; one line that names file, line, key and remedy.
+    """
+    return _model(str(path), read_text(path))
+
+
+def save_model(
+    path: PathLike, model: Model, *, source: str | None = None, header: Iterable[str] = (), overwrite: bool = False
+) -> None:
+    """Write a model file that reads back equal, in one step or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+    model : Model
+    source : str, optional
+        Where the model comes from; a comment.
+    header : iterable of str
+        More comment lines, put first.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists, cannot be written, or the model cannot be held by a file.
+    """
+    comments = [*header, *([] if source is None else [f"source: {source}"])]
+    head = [f"# {_clean(line)}".rstrip() for text in comments for line in split_lines(text)]
+    head += [f"name = {_string(model.name)}"] if model.name else []
+    sections = ["\n".join(head)] if head else []
+    mechanism = model.mechanism
+    sections.append(_drive_text(mechanism) if isinstance(mechanism, Drive) else _reducer_text(mechanism))
+    sections += [_effect_text(item) for item in model.effects]
+    text = "\n\n".join(sections) + "\n"
+    _check_equal(str(path), _model(str(path), text), model)
+    write_text(path, text, overwrite=overwrite)
+
+
+def append_effects(
+    source_path: PathLike, target_path: PathLike, effects: Sequence[Effect], *, overwrite: bool = False
+) -> None:
+    """Copy a model file, comments and all, and append effects to it.
+
+    Parameters
+    ----------
+    source_path, target_path : str or path-like
+        The same file only with `overwrite`.
+    effects : sequence of Effect
+    overwrite : bool
+        Whether an existing target may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the source is no model file, an effect does not fit it, or the target exists or cannot be written.
+    """
+    text = read_text(source_path)
+    before = _model(str(source_path), text)
+    try:
+        wanted = before.with_effects(*effects)
+    except ValueError as error:
+        raise InputError(f"{source_path}: the effect cannot be added: {error}") from error
+    added = "\n".join(f"\n{_effect_text(item)}" for item in effects) + "\n" if effects else ""
+    newline = "\r\n" if "\r\n" in text else "\n"
+    if added and not text.endswith("\n"):
+        text += newline
+    text += added.replace("\n", newline)
+    try:
+        after = _model(str(target_path), text)
+    except InputError as error:
+        raise InputError(
+            f"{source_path}: no [[effect]] table can be appended; write its effects as [[effect]] tables too ({error})"
+        ) from error
+    _check_equal(str(target_path), after, wanted)
+    write_text(target_path, text, overwrite=overwrite)
+
+
+def _check_equal(path: str, got: Model, wanted: Model) -> None:
+    """Nothing is written that would read back as another model."""
+    if got != wanted:
+        raise InputError(f"{path}: the model would not read back equal; make it with reducer() or Drive, and effect()")
+
+
+# --- where things stand -----------------------------------------------------------------------------------------------
+
+_Place = tuple[str | int, ...]
+_BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
+_TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
+_KEY_LINE = re.compile(r'\s*((?:"(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_.\s-]+)+?)\s*=(.*)$')
+
+
+class _Text:
+    """File name and the line of every key, for messages; tomllib keeps no lines."""
+
+    def __init__(self, path: str, text: str) -> None:
+        self.path = path
+        self.lines: dict[_Place, int] = {}
+        table: _Place = ()
+        counts: dict[_Place, int] = {}
+        inside = ""
+        for number, line in enumerate(split_lines(text), 1):
+            if inside:  # of a text over several lines
+                inside = "" if line.count(inside) % 2 else inside
+                continue
+            if match := _TABLE_LINE.match(line):
+                table = self._resolve(_split_key(match[2]), counts)
+                if match[1] == "[[":
+                    counts[table] = counts.get(table, -1) + 1
+                    table = (*table, counts[table])
+                for length in range(1, len(table) + 1):
+                    self.lines.setdefault(table[:length], number)
+            elif match := _KEY_LINE.match(line):
+                place = (*table, *_split_key(match[1]))
+                for length in range(len(table) + 1, len(place) + 1):
+                    self.lines.setdefault(place[:length], number)
+                inside = next((q for q in ('"""', "'''") if match[2].count(q) % 2), "")
+
+    @staticmethod
+    def _resolve(keys: _Place, counts: Mapping[_Place, int]) -> _Place:
+        """Full place of a table below the latest entry of an array of tables."""
+        place: _Place = ()
+        for i, key in enumerate(keys):
+            place = (*place, key)
+            if place in counts and i < len(keys) - 1:
+                place = (*place, counts[place])
+        return place
+
+    def refuse(self, place: _Place, message: str) -> NoReturn:
+        """Refuse with the line of a place, or of the nearest table around it."""
+        while place and place not in self.lines:
+            place = place[:-1]
+        line = f", line {self.lines[place]}" if place else ""
+        raise InputError(f"{self.path}{line}: {message}")
+
+
+def _split_key(text: str) -> _Place:
+    keys: list[str] = []
+    position = 0
+    while match := _BARE_OR_QUOTED.match(text, position):
+        word = match[1]
+        keys.append(word[1:-1] if word[0] in "\"'" else word)
+        position = match.end()
+        if not match[2]:
+            break
+    return tuple(keys)
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def _model(path: str, text: str) -> Model:
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty; write '[reducer]' and 'preset = \"RV-40E\"'")
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_syntax(path, text, str(error))) from error
+    except (RecursionError, ValueError) as error:  # tables within tables without end, numbers too long
+        raise InputError(f"{path}: no valid TOML: {error}; correct the file") from error
+    where = _Text(path, text)
+    _known(where, (), content, ("name", "reducer", "drive", "effect"), "top-level key")
+    name = _text(where, (), content, "name", "")
+    kinds = [kind for kind in ("reducer", "drive") if kind in content]
+    if len(kinds) != 1:
+        problem = "both [reducer] and [drive]" if kinds else "neither [reducer] nor [drive]"
+        where.refuse(("drive",) if kinds else (), f"the model has {problem}; it takes exactly one of them")
+    table = _table(where, (kinds[0],), content[kinds[0]])
+    mechanism: Mechanism = _reducer(where, table) if kinds == ["reducer"] else _drive(where, table)
+    listed = content.get("effect", [])
+    if not isinstance(listed, list):
+        where.refuse(("effect",), "effect is a single table; write '[[effect]]', with two brackets, above each effect")
+    effects = tuple(_effect(where, ("effect", i), item, mechanism) for i, item in enumerate(listed))
+    try:
+        return Model(mechanism, effects, name)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _syntax(path: str, text: str, message: str) -> str:
+    match = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
+    if match is None:
+        line = len(split_lines(text.rstrip()))
+        place, message = f", line {line}", message.replace("(at end of document)", "at the end of the file")
+    else:
+        line = int(match[1])
+        place, message = f", line {line}, column {match[2]}", message[: match.start()]
+    content = split_lines(text)[line - 1]
+    loose = re.match(r"\s*([\w.\"-]+)\s*=\s*([-+.\w]*\d\s*[A-Za-z*/]+[\w*/]*)\s*(#.*)?$", content)
+    remedy = f'write {loose[1]} = "{loose[2]}", with quotes' if loose else "correct this line"
+    return f"{path}{place}: no valid TOML: {message}; {remedy}"
+
+
+def _table(where: _Text, place: _Place, value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        where.refuse(place, f"{place[-1]} = {shown(value)} is no table; write '[{'.'.join(map(str, place))}]'")
+    return value
+
+
+def _known(where: _Text, place: _Place, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    for key in table:
+        if key not in known:
+            hint = did_you_mean(key, known)
+            where.refuse((*place, key), f"unknown {what} {shown(key)};{hint} the keys are {', '.join(known)}")
+
+
+def _text(where: _Text, place: _Place, table: Mapping[str, Any], key: str, default: str) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        where.refuse((*place, key), f'{key} = {shown(value)}: must be a text; write {key} = "..." with quotes')
+    return value
+
+
+def _quantity(where: _Text, place: _Place, value: object, dimension: str, example: str) -> float:
+    key = place[-1]
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        where.refuse(place, f"{key} = {shown(value)}: must be a text with a unit; write '{example}'")
+    if not isinstance(value, str):
+        if dimension != "slope":  # a slope has none
+            where.refuse(place, f"{key} = {shown(value)} has no unit; write it as a text like '{example}'")
+        value = repr(value)
+    try:
+        number = units.parse(value, dimension)
+    except ValueError as error:
+        # The remedy of the units edge knows the dimension only, this one the key.
+        where.refuse(place, f"{key}: {str(error).partition(';')[0]}; write it like '{example}'")
+    if key == "uncertainty" and number < 0:
+        where.refuse(place, f"uncertainty = {shown(value)}: must be 0 or more; write it like '{example}'")
+    return number
+
+
+def _reducer(where: _Text, table: dict[str, Any]) -> Reducer:
+    place = ("reducer",)
+    _known(where, place, table, ("preset", "name", *_COUNTS, *_QUANTITIES, "stiffness"), "key of [reducer]")
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        if key in _QUANTITIES:
+            values[key] = _quantity(where, (*place, key), value, *_QUANTITIES[key])
+        elif key in _COUNTS:
+            if isinstance(value, bool) or not isinstance(value, int):
+                where.refuse(
+                    (*place, key),
+                    f"{key} = {shown(value)}: must be a whole number; write it bare, like {key} = {_COUNTS[key]}",
+                )
+            values[key] = value
+    if "name" in table:
+        values["name"] = _text(where, place, table, "name", "")
+    if "stiffness" in table:
+        values["stiffness"] = _stiffness(where, table["stiffness"])
+    if "preset" in table:
+        preset = _text(where, place, table, "preset", "")
+        if preset not in PRESETS:
+            hint = did_you_mean(preset, {name.lower(): name for name in PRESETS})
+            for name in PRESETS:
+                hint = hint.replace(name.lower(), name)
+            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(PRESETS)}")
+    else:
+        preset = None
+        missing = [key for key in _REQUIRED if key not in values]
+        if missing:
+            where.refuse(
+                place,
+                f"[reducer] lacks {', '.join(missing)}; give {'them' if len(missing) > 1 else 'it'} or a preset, "
+                f"one of {', '.join(PRESETS)}",
+            )
+    try:
+        return Reducer(**values) if preset is None else reducer(preset, **values)
+    except ValueError as error:
+        where.refuse(_first_word(where, place, str(error)), str(error))
+
+
+def _stiffness(where: _Text, value: object) -> Stiffness:
+    place = ("reducer", "stiffness")
+    table = _table(where, place, value)
+    _known(where, place, table, _STIFFNESS, "key of [reducer.stiffness]")
+    given = {key: _quantity(where, (*place, key), item, "stiffness", "200000 N/mm") for key, item in table.items()}
+    try:
+        return Stiffness(**given)
+    except ValueError as error:
+        where.refuse(_first_word(where, place, str(error)), str(error))
+
+
+def _first_word(where: _Text, place: _Place, message: str) -> _Place:
+    """Place of the key that a message of the geometry check begins with."""
+    return (*place, *re.split(r"[ :]", message, maxsplit=1)[:1])
+
+
+def _drive(where: _Text, table: dict[str, Any]) -> Drive:
+    place = ("drive",)
+    _known(where, place, table, ("ratio", "name", "shafts"), "key of [drive]")
+    if "ratio" not in table:
+        where.refuse(place, "[drive] lacks ratio; write the input turns per output turn, like ratio = -14.0")
+    shafts = _table(where, (*place, "shafts"), table.get("shafts", {}))
+    ratio = _turns(where, (*place, "ratio"), table["ratio"])
+    turns = {key: _turns(where, (*place, "shafts", key), value) for key, value in shafts.items()}
+    named = {"name": _text(where, place, table, "name", "")} if "name" in table else {}
+    return Drive(ratio=ratio, shafts=turns, **named)
+
+
+def _turns(where: _Text, place: _Place, value: object) -> float:
+    key = place[-1]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        where.refuse(place, f"{key} = {shown(value)}: must be a bare number of turns; write {key} = 14.0")
+    if not 0 < abs(value) <= sys.float_info.max:  # false for nan; a whole number may be larger than any float
+        where.refuse(
+            place,
+            f"{key} = {shown(value)}: must be a finite number other than 0, in turns per output turn; "
+            f"write {key} = 14.0",
+        )
+    return float(value)
+
+
+def _effect(where: _Text, place: _Place, value: object, mechanism: Mechanism) -> Effect:
+    if not isinstance(value, dict):
+        where.refuse(place, f"effect holds {shown(value)}, which is no table; write each effect below '[[effect]]'")
+    table: dict[str, Any] = value
+    if "key" not in table:
+        where.refuse(place, '[[effect]] lacks key; write key = "crank.eccentricity", or another key of the catalogue')
+    key = _text(where, place, table, "key", "")
+    if key not in CATALOGUE:
+        if key in _NONLINEAR:
+            where.refuse(
+                (*place, "key"),
+                f"{key} is nonlinear and needs the reference equilibrium, which this version lacks; remove the effect",
+            )
+        hint = did_you_mean(key, [*CATALOGUE, *_NONLINEAR])
+        where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
+    entry = source(key)
+    parameters = {item.name: item for item in entry.parameters}
+    indices = [item.name for item in entry.indices]
+    _known(where, place, table, ("key", *indices, *parameters, "uncertainty", "origin"), f"key of {key}")
+    named: dict[str, Any] = {}
+    for name, item in table.items():
+        at = (*place, name)
+        if name in parameters or name == "uncertainty":
+            dimension = parameters.get(name, entry.parameters[0]).dimension
+            named[name] = _quantity(where, at, item, dimension, _example(name, dimension))
+        elif name in indices:
+            if isinstance(item, bool) or not isinstance(item, (int, str)):
+                where.refuse(at, f"{key}: {name} = {shown(item)}: must be a whole number or a name, without unit")
+            named[name] = item
+    named["origin"] = _text(where, place, table, "origin", "")
+    if not parameters.keys() & table.keys():
+        first = entry.parameters[0]
+        where.refuse(
+            place,
+            f"{key} has no size; give {' or '.join(parameters)}, like "
+            f'{first.name} = "{_example(first.name, first.dimension)}"',
+        )
+    try:
+        entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
+        return effect(key, **named)
+    except ValueError as error:
+        blamed = next((n for n in (*indices, "uncertainty") if re.search(rf"\b{n}\b( = |:)", str(error))), "key")
+        where.refuse((*place, blamed), str(error))
+
+
+def _example(name: str, dimension: str) -> str:
+    example = _EXAMPLES[dimension]
+    return f"0.3 {example.split()[1]}" if name == "uncertainty" else example
+
+
+# --- writing ----------------------------------------------------------------------------------------------------------
+
+
+def _string(text: str) -> str:
+    escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+    return (
+        '"' + "".join(escapes.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else c) for c in text) + '"'
+    )
+
+
+def _clean(comment: str) -> str:
+    """TOML comments hold no control characters."""
+    return "".join(c if (ord(c) >= 32 and ord(c) != 127) or c == "\t" else " " for c in comment)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
+
+
+def _written(value: float, dimension: str, unit: str | None = None) -> str:
+    """Text with a unit that reads back as the same float, as short as that allows."""
+    core = units.CORE_UNITS[dimension]
+    if not math.isfinite(value):
+        raise InputError(f"the value {value!r} cannot be written to a file; give a finite number")
+    for name in (unit or units.DISPLAY_UNITS[dimension], core):
+        factor = units.unit_factor(name, dimension)
+        for digits in range(4, 18):
+            text = f"{value / factor:.{digits}g} {name}"
+            near = abs(float(text.split()[0]) * factor - value) <= 1e-15 * abs(value)
+            if near and units.parse(text, dimension) == value:
+                return _string(text)
+    raise InputError(f"the value {value!r} {core} cannot be written so that it reads back equal; round it")
+
+
+def _reducer_text(unit: Reducer) -> str:
+    values = {f.name: getattr(unit, f.name) for f in dataclasses.fields(Reducer)}
+    if unit.name in PRESETS:
+        base = reducer(unit.name)
+        changed = {name: value for name, value in values.items() if value != getattr(base, name)}
+        changed.pop("crank_circle_radius", None)  # follows from the module and the teeth
+        if None not in changed.values() and reducer(unit.name, **changed) == unit:
+            return _reducer_table({"preset": unit.name, **changed})
+    return _reducer_table({name: value for name, value in values.items() if value is not None})
+
+
+def _reducer_table(values: Mapping[str, Any]) -> str:
+    lines = ["[reducer]"]
+    for key, value in values.items():
+        if key in _QUANTITIES:
+            dimension, example = _QUANTITIES[key]
+            lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
+        elif key in _COUNTS:
+            lines.append(f"{key} = {value}")
+        elif key != "stiffness" and (key, value) != ("name", "custom"):
+            lines.append(f"{key} = {_string(value)}")
+    if "stiffness" in values:
+        lines += ["", "[reducer.stiffness]"]
+        lines += [f"{key} = {_written(getattr(values['stiffness'], key), 'stiffness')}" for key in _STIFFNESS]
+    return "\n".join(lines)
+
+
+def _drive_text(drive: Drive) -> str:
+    lines = ["[drive]", f"ratio = {float(drive.ratio)!r}"]
+    if drive.name != "drive":
+        lines.append(f"name = {_string(drive.name)}")
+    if drive.shafts:
+        lines += ["", "[drive.shafts]", *(f"{_key(k)} = {float(v)!r}" for k, v in drive.shafts.items())]
+    return "\n".join(lines)
+
+
+def _effect_text(item: Effect) -> str:
+    entry = source(item.key)
+    lines = ["[[effect]]", f"key = {_string(item.key)}"]
+    for index in entry.indices:
+        value = item.indices[index.name]
+        lines.append(f"{index.name} = {value if isinstance(value, int) else _string(value)}")
+    pairs: Iterable[tuple[Parameter, float]] = zip(entry.parameters, item.values, strict=True)
+    lines += [f"{parameter.name} = {_written(value, parameter.dimension)}" for parameter, value in pairs]
+    if item.uncertainty is not None:
+        lines.append(f"uncertainty = {_written(item.uncertainty, entry.parameters[0].dimension)}")
+    if item.origin:
+        lines.append(f"origin = {_string(item.origin)}")
+    return "\n".join(lines)
