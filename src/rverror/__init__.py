@@ -2,21 +2,43 @@
 
 from rverror.catalogue import CATALOGUE
 from rverror.compose import influence, transmission_error, transmission_error_by_effect
+from rverror.diagnose import Diagnosis, diagnose
+from rverror.equilibrium import Equilibrium, equilibrium
+from rverror.errors import InputError
+from rverror.measurement import Run, load_run, run_from_arrays, write_run
 from rverror.model import Effect, Model, effect
+from rverror.model_file import append_effects, load_model, save_model
 from rverror.reducer import Drive, Reducer, Stiffness, reducer
+from rverror.report import to_json, to_text
+from rverror.simulate import simulate
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CATALOGUE",
+    "Diagnosis",
     "Drive",
     "Effect",
+    "Equilibrium",
+    "InputError",
     "Model",
     "Reducer",
+    "Run",
     "Stiffness",
+    "append_effects",
+    "diagnose",
     "effect",
+    "equilibrium",
     "influence",
+    "load_model",
+    "load_run",
     "reducer",
+    "run_from_arrays",
+    "save_model",
+    "simulate",
+    "to_json",
+    "to_text",
     "transmission_error",
     "transmission_error_by_effect",
+    "write_run",
 ]

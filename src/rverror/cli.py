@@ -1,0 +1,316 @@
+"""Command line: exit 0 done, 2 bad input with one line that names what, where and the remedy."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, NoReturn
+
+import rverror
+from rverror import units
+from rverror.catalogue import CATALOGUE, Source
+from rverror.diagnose import Diagnosis, diagnose
+from rverror.equilibrium import NotConvergedError
+from rverror.errors import InputError
+from rverror.measurement import Run, load_run, run_text, write_run
+from rverror.model import Model
+from rverror.model_file import append_effects, load_model
+from rverror.report import to_html, to_json, to_text
+from rverror.simulate import simulate
+from rverror.textfile import write_bytes, write_text
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {' '.join(message.split())}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; those of the process where left out.
+
+    Returns
+    -------
+    int
+        0 done, 2 bad input, 130 interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except (InputError, NotConvergedError) as problem:
+        print(f"rverror: error: {' '.join(str(problem).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("rverror: interrupted; nothing half-written was left", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="rverror", description="Output error of RV reducers: from part errors, and back to the cause."
+    )
+    parser.add_argument("--version", action="version", version=f"rverror {rverror.__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("simulate", help="compute a run from a model file")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
+    command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
+    command.add_argument("--torque", metavar='"20 N*m"', help="output torque")
+    command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
+    command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
+    command.add_argument("-o", "--output", metavar="OUT.csv", help="run file to write (default: standard output)")
+    command.set_defaults(run=_simulate)
+
+    command = commands.add_parser("diagnose", help="find what a model lacks in measured runs")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("runs", nargs="+", metavar="RUN.csv")
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
+    command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
+    command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
+    command.set_defaults(run=_diagnose)
+
+    command = commands.add_parser("sources", help="list the catalogue of error sources")
+    command.add_argument("--json", metavar="OUT.json", help="write it for programs")
+    command.set_defaults(run=_sources)
+
+    command = commands.add_parser("demo", help="the main job, end to end, on the shipped example")
+    command.add_argument(
+        "--output", default="rverror-demo", metavar="FOLDER", help="where to write (default rverror-demo)"
+    )
+    command.set_defaults(run=_demo)
+    return parser
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    model = load_model(options.model)
+    _check_output(options.output, [options.model])
+    torque = _torque(options.torque)
+    run = simulate(
+        model,
+        points=options.points,
+        revolutions=options.revolutions,
+        torque=torque,
+        method=options.method,
+        direction=1.0 if options.direction == "forward" else -1.0,
+    )
+    if options.output:
+        _say_replaced(options.output)
+        write_run(options.output, run, overwrite=True)
+        _tell(f"wrote {options.output}")
+    else:
+        sys.stdout.write(run_text(run))
+
+
+def _torque(text: str | None) -> float | None:
+    if text is None:
+        return None
+    try:
+        return units.parse(text, "torque")
+    except ValueError as problem:
+        raise InputError(f"--torque: {problem}") from problem
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    inputs = [options.model, *options.runs]
+    outputs = [options.json, options.report, options.save, options.plot]
+    for output in outputs:
+        _check_output(output, inputs)
+    named = [os.path.realpath(o) for o in outputs if o]
+    if len(set(named)) < len(named):
+        raise InputError("two outputs share one name; give each its own")
+    if len({os.path.realpath(r) for r in options.runs}) < len(options.runs):
+        raise InputError("a run file is given twice; give each once")
+    model = load_model(options.model)
+    runs = [load_run(path, model) for path in options.runs]
+    figure = _figure_maker() if options.plot else None
+    result = _diagnose_with_progress(model, runs)
+    print(to_text(result), end="")
+    _write_results(result, options, figure)
+
+
+def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any) -> None:
+    if options.json:
+        _say_replaced(options.json)
+        write_text(options.json, json.dumps(to_json(result), indent=1) + "\n", overwrite=True)
+    if options.plot:
+        from rverror import plot
+
+        _say_replaced(options.plot)
+        write_bytes(options.plot, plot.to_bytes(figure(result), "png"), overwrite=True)
+    if options.report:
+        _say_replaced(options.report)
+        write_text(options.report, to_html(result, _svg(result)), overwrite=True)
+    if options.save:
+        _say_replaced(options.save)
+        effects = [addition.effect for addition in result.added]
+        append_effects(options.model, options.save, effects, overwrite=True)
+        if not effects:
+            _tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
+
+
+def _figure_maker() -> Any:
+    """Check that plots can be made before the work starts."""
+    from rverror import plot
+
+    plot.new_figure()
+    return plot.diagnosis_figure
+
+
+def _svg(result: Diagnosis) -> list[str]:
+    from rverror import plot
+
+    try:
+        return [plot.svg_element(plot.diagnosis_figure(result))]
+    except InputError as problem:
+        _tell(f"report without pictures: {problem}")
+        return []
+
+
+def _sources(options: argparse.Namespace) -> None:
+    _check_output(options.json, [])
+    if options.json:
+        _say_replaced(options.json)
+        write_text(
+            options.json, json.dumps([_source_json(s) for s in CATALOGUE.values()], indent=1) + "\n", overwrite=True
+        )
+        return
+    for entry in CATALOGUE.values():
+        indices = ", ".join(index.name for index in entry.indices) or "-"
+        names = ", ".join(f"{p.name} [{units.DISPLAY_UNITS[p.dimension]}]" for p in entry.parameters)
+        orders = ", ".join(f"{order:g}" for order in _example_orders(entry)) or "none: constant or cancels"
+        print(f"{entry.key}\n    {entry.summary}; {entry.reference}")
+        print(f"    fixed in: {entry.frame}; indices: {indices}; parameters: {names}; leading order, RV-40E: {orders}")
+
+
+def _example_orders(entry: Source) -> tuple[float, ...]:
+    """Leading orders in the RV-40E, for the first index set that has any."""
+    unit = rverror.reducer("RV-40E")
+    if not entry.applies_to(unit):
+        return ()
+    return next((found for indices in entry.candidates(unit) if (found := entry.orders(unit, indices))), ())
+
+
+def _source_json(entry: Source) -> dict[str, Any]:
+    return {
+        "key": entry.key,
+        "summary": entry.summary,
+        "indices": [index.name for index in entry.indices],
+        "parameters": [{"name": p.name, "unit": units.DISPLAY_UNITS[p.dimension]} for p in entry.parameters],
+        "frame": entry.frame,
+        "orders_rv40e": list(_example_orders(entry)),
+        "reference": entry.reference,
+    }
+
+
+def _demo(options: argparse.Namespace) -> None:
+    folder = Path(options.output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(
+            f"{folder}: cannot make the folder ({problem.strerror}); choose another with --output"
+        ) from problem
+    shipped = resources.files("rverror") / "data" / "demo"
+    for name in ("model.toml", "forward.csv", "reverse.csv"):
+        write_text(folder / name, (shipped / name).read_text(encoding="utf-8"), overwrite=True)
+    model_path, run_paths = folder / "model.toml", [folder / "forward.csv", folder / "reverse.csv"]
+    print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
+    print(f"Files: {model_path}, {run_paths[0]}, {run_paths[1]}\n")
+    model = load_model(model_path)
+    result = _diagnose_with_progress(model, [load_run(path, model) for path in run_paths])
+    for trace in result.traces:
+        sizes = [float(w.max() - w.min()) / units.ARCSEC for w in (trace.measured, trace.before, trace.after)]
+        name = Path(trace.name).name
+        print(f"{name}: peak-to-peak over the mean turn, arcsec: bench {sizes[0]:.1f}, declared model {sizes[1]:.1f}, "
+              f"with what was added {sizes[2]:.1f}")  # fmt: skip
+    print("\n" + to_text(result))
+    written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
+    write_text(written[0], json.dumps(to_json(result), indent=1) + "\n", overwrite=True)
+    append_effects(model_path, written[1], [a.effect for a in result.added], overwrite=True)
+    try:
+        from rverror import plot
+
+        written.append(folder / "before-and-after.png")
+        write_bytes(written[-1], plot.to_bytes(plot.diagnosis_figure(result), "png"), overwrite=True)
+    except InputError as problem:
+        written.pop()
+        print(f"No picture: {problem}")
+    print("Wrote " + ", ".join(str(path) for path in written))
+    print("\nThe same in a notebook:\n")
+    print("    import rverror")
+    print(f'    model = rverror.load_model("{model_path.as_posix()}")')
+    print(f'    found = rverror.diagnose(model, [rverror.load_run("{folder.as_posix()}/" + f) for f in '
+          '("forward.csv", "reverse.csv")])')  # fmt: skip
+    print("    print(rverror.to_text(found))")
+
+
+class _Progress:
+    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
+
+    def __init__(self) -> None:
+        self.start = self.last = time.monotonic()
+        self.terminal = sys.stderr.isatty()
+
+    def __call__(self, text: str) -> None:
+        now = time.monotonic()
+        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
+            return
+        self.last = now
+        line = f"[{now - self.start:4.0f} s] {text}"
+        if self.terminal:
+            print(f"\r{line[:100]:<100}", end="", file=sys.stderr, flush=True)
+        else:
+            print(line, file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        if self.terminal and self.last > self.start:
+            print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
+
+
+def _diagnose_with_progress(model: Model, runs: Sequence[Run]) -> Diagnosis:
+    progress = _Progress()
+    try:
+        return diagnose(model, runs, progress=progress)
+    finally:
+        progress.close()
+
+
+def _check_output(path: str | None, inputs: Sequence[str]) -> None:
+    """Refuse, before any work, an output that is an input or has no folder."""
+    if path is None:
+        return
+    if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
+        raise InputError(f"{path}: this output is also an input; choose another name")
+    folder = os.path.dirname(os.path.abspath(path))
+    if not os.path.isdir(folder):
+        raise InputError(f"{path}: there is no folder {folder}; make it first")
+    if os.path.isdir(path):
+        raise InputError(f"{path}: this is a folder; give a file")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
+
+
+def _say_replaced(path: str) -> None:
+    if os.path.exists(path):
+        _tell(f"replacing {path}")
+
+
+def _tell(text: str) -> None:
+    print(f"rverror: {text}", file=sys.stderr)

@@ -1,0 +1,200 @@
+"""Plots of a diagnosis and of a model: axes in, axes out.  matplotlib comes with the extra ``plot``."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rverror.compose import transmission_error_by_effect
+from rverror.diagnose import Diagnosis, Trace, describe
+from rverror.errors import InputError
+from rverror.model import Model
+from rverror.spectrum import amplitude, frames_of_order, harmonics
+from rverror.units import ARCSEC
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, which stay apart in print and for colour-blind eyes.
+_MEASURED, _BEFORE, _AFTER = "#000000", "#E69F00", "#0072B2"
+
+
+def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tuple[Figure, list[Axes]]:
+    """Figure with its axes one above the other, without a window.
+
+    Parameters
+    ----------
+    rows : int
+    width, height : float
+        Of the figure and of each row, inches.
+
+    Returns
+    -------
+    Figure, list of Axes
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError("plots need matplotlib; install it with: pip install 'rverror[plot]'") from error
+    figure = Figure(figsize=(width, height * rows), layout="constrained")
+    axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    return figure, list(axes)
+
+
+def waveform(trace: Trace, *, ax: Axes | None = None) -> Axes:
+    """Measured against predicted error of one run over a turn, before and after.
+
+    Parameters
+    ----------
+    trace : Trace
+        One of `Diagnosis.traces`.
+    ax : Axes, optional
+        Where to draw; a new figure where left out.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = ax or new_figure()[1][0]
+    angle = np.degrees(trace.theta)
+    same = np.allclose(trace.before, trace.after)
+    ax.plot(angle, trace.measured / ARCSEC, color=_MEASURED, lw=0.6, alpha=0.6, label="measured, mean of revolutions")
+    ax.plot(angle, trace.before / ARCSEC, color=_BEFORE, lw=1.0, ls="--", label="declared model")
+    if not same:
+        ax.plot(angle, trace.after / ARCSEC, color=_AFTER, lw=1.0, label="with what was added")
+    ax.set(
+        xlabel="output angle, deg",
+        ylabel="transmission error, arcsec",
+        title=f"{_base(trace.name)} ({'forward' if trace.direction > 0 else 'reverse'})",
+    )
+    ax.margins(x=0)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, frameon=False, fontsize="small")
+    return ax
+
+
+def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None = None, ax: Axes | None = None) -> Axes:
+    """Order spectrum of the residual of one run before and after, with the strongest peaks named by their frames.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    run : int
+        Which run.
+    highest : float, optional
+        Highest order to show; 260, or what the run holds.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+    """
+    ax = ax or new_figure()[1][0]
+    trace = diagnosis.traces[run]
+    n = trace.theta.size
+    turns = round(float(trace.theta[-1] - trace.theta[0] + trace.theta[1] - trace.theta[0]) / (2 * np.pi))
+    before = amplitude(harmonics(trace.measured - trace.before), n) / ARCSEC
+    after = amplitude(harmonics(trace.measured - trace.after), n) / ARCSEC
+    order = (np.arange(before.size) + 1) / turns
+    shown = order <= (highest or 260)
+    bottom = max(float(np.median(after)) / 30, 1e-5)
+    ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")
+    ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
+    ax.set_yscale("log")
+    ax.set_ylim(bottom, float(before[shown].max()) * 6)
+    peaks = [i for i in np.argsort(-before)[:6] if shown[i] and before[i] > 8 * np.median(after)]
+    for i in peaks:
+        frames = frames_of_order(diagnosis.declared.mechanism, float(order[i]))
+        name = f"{order[i]:g}" + (f"\n{_short(frames[0])}" if frames else "\nno frame")
+        ax.annotate(
+            name,
+            (order[i], before[i]),
+            (0, 4),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize="x-small",
+        )
+    ax.set(
+        xlabel="order, per output turn",
+        ylabel="amplitude, arcsec",
+        title=f"residual spectrum, {_base(trace.name)}",
+    )
+    ax.legend(loc="upper right", frameon=False, fontsize="small")
+    return ax
+
+
+def model_waveform(model: Model, *, direction: float = 1.0, ax: Axes | None = None) -> Axes:
+    """Transmission error of a model over one turn by effect and in total, closed form.
+
+    Parameters
+    ----------
+    model : Model
+    direction : float
+        +1 forward, -1 reverse.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+    """
+    ax = ax or new_figure()[1][0]
+    theta = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
+    parts = transmission_error_by_effect(model, theta, direction=direction) / ARCSEC
+    angle = np.degrees(theta)
+    for effect, part in zip(model.effects, parts, strict=True):
+        ax.plot(angle, part, lw=0.6, alpha=0.7, label=describe(effect.key, effect.indices))
+    ax.plot(angle, parts.sum(axis=0), color=_MEASURED, lw=1.0, label="total")
+    ax.set(xlabel="output angle, deg", ylabel="transmission error, arcsec", title=model.name or "transmission error")
+    ax.margins(x=0)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False, fontsize="x-small")
+    return ax
+
+
+def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
+    """Waveform of each run and the residual spectrum of the first, in one figure.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    Figure
+    """
+    figure, axes = new_figure(len(diagnosis.traces) + 1)
+    for trace, ax in zip(diagnosis.traces, axes[:-1], strict=True):
+        waveform(trace, ax=ax)
+    order_spectrum(diagnosis, ax=axes[-1])
+    return figure
+
+
+def to_bytes(figure: Figure, kind: str) -> bytes:
+    """Figure as the bytes of a PNG or SVG file."""
+    buffer = io.BytesIO()
+    options: dict[str, Any] = {"dpi": 130} if kind == "png" else {"metadata": {"Date": None}}
+    figure.savefig(buffer, format=kind, **options)
+    return buffer.getvalue()
+
+
+def svg_element(figure: Figure) -> str:
+    """Figure as an SVG element to put into a page."""
+    text = to_bytes(figure, "svg").decode("utf-8")
+    return text[text.index("<svg") :]
+
+
+def _base(name: str) -> str:
+    return name.replace("\\", "/").rpartition("/")[2]
+
+
+def _short(frame: str) -> str:
+    return frame.replace("carrier, disc or crank", "carrier/disc/crank").replace(
+        "output side (encoder, coupling)", "encoder"
+    )
