@@ -7,6 +7,7 @@ entry below.  The contract test, the command line, files and diagnosis pick it u
 from __future__ import annotations
 
 import difflib
+import numbers
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -98,7 +99,7 @@ class Source:
             if index.name not in indices:
                 raise ValueError(f"{self.key}: index {index.name!r} is missing; give one of {_span(allowed)}")
             value = indices[index.name]
-            if not isinstance(value, (int, str)) or isinstance(value, bool) or value not in allowed:
+            if not isinstance(value, (numbers.Integral, str)) or isinstance(value, bool) or value not in allowed:
                 raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
 
     def applies_to(self, mechanism: Mechanism) -> bool:
@@ -210,17 +211,18 @@ def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
 
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """Discs pass a pin one after another: only multiples of the number of discs stay."""
-    unit = _rv(mechanism)
     if indices.get("pin") == "all":
-        return (fundamental_orders(unit)["cycloid mesh"],)
+        return _pin_circle_orders(mechanism, {"harmonic": 0})
+    unit = _rv(mechanism)
     return (unit.discs * fundamental_orders(unit)["housing"],)
 
 
 def _pin_circle_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """A wave h over the pins meets the crank h + m z_p times a turn; the discs keep multiples of their number."""
     unit, harmonic = _rv(mechanism), int(indices["harmonic"])
-    if harmonic == 0:
-        return (fundamental_orders(unit)["cycloid mesh"],)
-    return (harmonic * fundamental_orders(unit)["housing"],) if harmonic % unit.discs == 0 else ()
+    waves = [abs(harmonic + m * unit.pins) for m in range(-unit.discs, unit.discs + 1)]
+    kept = [w for w in waves if w % unit.discs == 0 and w > 0]
+    return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()
 
 
 def _fixed(*orders: float) -> Callable[[Mechanism, Indices], tuple[float, ...]]:

@@ -194,7 +194,9 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     First form of DESIGN section 8: linear sources, runs whose zero is the gear's, two whole periods or more.
     """
     tell = progress or (lambda text: None)
-    fit_runs, notes = _prepare(model, runs)
+    declared = model
+    fit_runs, notes = _prepare(declared, runs)
+    model = replace(declared, effects=tuple(e for e in declared.effects if source(e.key).periodic))
     notes += _condition_notes(model, fit_runs)
     tell("predicting the declared model")
     fixed = replace(model, effects=tuple(replace(e, uncertainty=None) for e in model.effects))
@@ -215,8 +217,8 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
         after=search.residual(fit),
         added=added,
         unexplained=lines,
-        model=fit.model,
-        declared=model,
+        model=_with_growing(declared, fit.model),
+        declared=declared,
         candidates=candidates,
         tried=search.tried,
         traces=tuple(
@@ -232,6 +234,15 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
         ),
         notes=(*notes, *rejected),
     )
+
+
+def _with_growing(declared: Model, fitted: Model) -> Model:
+    """Put the declared errors that grow along a run, which were taken off beforehand, back in their places."""
+    effects = list(fitted.effects)
+    for at, effect in enumerate(declared.effects):
+        if not source(effect.key).periodic:
+            effects.insert(at, effect)
+    return replace(fitted, effects=tuple(effects))
 
 
 def _centred(values: Array) -> Array:
@@ -263,6 +274,10 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
         except ValueError as problem:
             raise InputError(f"{name}: {problem}") from problem
         notes += [f"{name}: {note}" for note in run.notes]
+        if run.index:
+            notes.append(
+                f"{name}: index {run.index}: the shared zero is not used by this version, each run has its offset"
+            )
         if cut.left_out:
             notes.append(f"{name}: {cut.left_out} samples beyond the last whole period left out")
         if cut.resampled:
@@ -328,6 +343,9 @@ class _Search:
             ranking = self.rank(state, added, fit)
             found = self.best(ranking, added, state, fit) if len(added) < _MAX_ADDED else None
             if found is None:
+                if ranking and self.significant_lines(fit):
+                    nearest = describe(ranking[0].key, ranking[0].indices)
+                    notes.append(f"no candidate holds at the load of the runs: not named; the nearest is {nearest}")
                 break
             effect, trial, alike = found
             left = self.own_lines(effect, trial)
@@ -424,7 +442,13 @@ class _Search:
             return None
         least = min(f.chi2 for f in joint)
         joint = [
-            joint_fit(self.model, [*added, f.model.effects[-1]], self.runs, start=effect_values(f.model.effects))
+            joint_fit(
+                self.model,
+                [*added, f.model.effects[-1]],
+                self.runs,
+                start=effect_values(f.model.effects),
+                most_steps=12,
+            )
             for f in joint
             if f.chi2 - least < _CLOSE
         ]
@@ -482,7 +506,7 @@ class _Search:
         found = np.flatnonzero((power > limit) & (np.max(sizes, axis=0) > MODEL_ACCURACY))
         lines = [
             Line(
-                (h + 1) / turns,
+                float((h + 1) / turns),
                 float(size[h]),
                 float(max(size[h] - spread[h], 0.0)),
                 float(size[h] + spread[h]),
@@ -495,13 +519,14 @@ class _Search:
     def own_lines(self, effect: Effect, fit: Fit) -> list[Line]:
         """Significant lines that the effect should have explained: multiples of its frame's order, or its own."""
         entry, unit = source(effect.key), self.model.mechanism
-        claimed = entry.orders(unit, effect.indices)
-        if isinstance(unit, Reducer) and entry.frame in fundamental_orders(unit) and entry.frame != "output":
-            claimed = (*claimed, fundamental_orders(unit)[entry.frame])
+        claimed, base = entry.orders(unit, effect.indices), 0.0
+        if isinstance(unit, Reducer) and not effect.key.startswith("sensor."):
+            base = fundamental_orders(unit).get(entry.frame, 0.0)
         return [
             line
             for line in self.significant_lines(fit)
-            if any(abs(line.order - o * round(line.order / o)) < 0.02 for o in claimed if line.order > o / 2)
+            if any(abs(line.order - order) < 0.02 for order in claimed)
+            or (base and line.order > base / 2 and abs(line.order - base * round(line.order / base)) < 0.02)
         ]
 
     def residual(self, fit: Fit, *, hold: bool = False) -> Residual:

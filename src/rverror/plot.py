@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rverror.action_line import Array
 from rverror.compose import transmission_error_by_effect
 from rverror.diagnose import Diagnosis, Trace, describe
 from rverror.errors import InputError
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, which stay apart in print and for colour-blind eyes.
-_MEASURED, _BEFORE, _AFTER = "#000000", "#E69F00", "#0072B2"
+_MEASURED, _BEFORE, _AFTER, _TOTAL = "#A0A0A0", "#E69F00", "#0072B2", "#000000"
 
 
 def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tuple[Figure, list[Axes]]:
@@ -66,14 +68,14 @@ def waveform(trace: Trace, *, ax: Axes | None = None) -> Axes:
     ax = ax or new_figure()[1][0]
     angle = np.degrees(trace.theta)
     same = np.allclose(trace.before, trace.after)
-    ax.plot(angle, trace.measured / ARCSEC, color=_MEASURED, lw=0.6, alpha=0.6, label="measured, mean of revolutions")
+    ax.plot(angle, trace.measured / ARCSEC, color=_MEASURED, lw=2.0, label="measured, mean of revolutions")
     ax.plot(angle, trace.before / ARCSEC, color=_BEFORE, lw=1.0, ls="--", label="declared model")
     if not same:
         ax.plot(angle, trace.after / ARCSEC, color=_AFTER, lw=1.0, label="with what was added")
     ax.set(
         xlabel="output angle, deg",
         ylabel="transmission error, arcsec",
-        title=f"{_base(trace.name)} ({'forward' if trace.direction > 0 else 'reverse'})",
+        title=f"{_plain(_base(trace.name))} ({'forward' if trace.direction > 0 else 'reverse'})",
     )
     ax.margins(x=0)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, frameon=False, fontsize="small")
@@ -108,11 +110,11 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")
     ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
     ax.set_yscale("log")
-    ax.set_ylim(bottom, float(before[shown].max()) * 6)
-    peaks = [i for i in np.argsort(-before)[:6] if shown[i] and before[i] > 8 * np.median(after)]
-    for i in peaks:
+    ax.set_ylim(bottom, max(float(before[shown].max(initial=0.0)) * 6, 100 * bottom))
+    floor, apart = 8 * float(np.median(after)), max(2, round(order[shown][-1] / 16 * turns))
+    for i in _peaks(np.where(shown, before, 0.0), floor=floor, apart=apart):
         frames = frames_of_order(diagnosis.declared.mechanism, float(order[i]))
-        name = f"{order[i]:g}" + (f"\n{_short(frames[0])}" if frames else "\nno frame")
+        name = f"{order[i]:g}" + (f"\n{_plain(_short(frames[0]))}" if frames else "\nno frame")
         ax.annotate(
             name,
             (order[i], before[i]),
@@ -125,10 +127,19 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.set(
         xlabel="order, per output turn",
         ylabel="amplitude, arcsec",
-        title=f"residual spectrum, {_base(trace.name)}",
+        title=f"residual spectrum, {_plain(_base(trace.name))}",
     )
     ax.legend(loc="upper right", frameon=False, fontsize="small")
     return ax
+
+
+def _peaks(size: Array, *, floor: float, apart: int) -> list[int]:
+    """The six largest lines above a floor that are far enough apart to be named."""
+    chosen: list[int] = []
+    for i in np.argsort(-size):
+        if size[i] > floor and len(chosen) < 6 and all(abs(int(i) - j) >= apart for j in chosen):
+            chosen.append(int(i))
+    return chosen
 
 
 def model_waveform(model: Model, *, direction: float = 1.0, ax: Axes | None = None) -> Axes:
@@ -150,9 +161,13 @@ def model_waveform(model: Model, *, direction: float = 1.0, ax: Axes | None = No
     parts = transmission_error_by_effect(model, theta, direction=direction) / ARCSEC
     angle = np.degrees(theta)
     for effect, part in zip(model.effects, parts, strict=True):
-        ax.plot(angle, part, lw=0.6, alpha=0.7, label=describe(effect.key, effect.indices))
-    ax.plot(angle, parts.sum(axis=0), color=_MEASURED, lw=1.0, label="total")
-    ax.set(xlabel="output angle, deg", ylabel="transmission error, arcsec", title=model.name or "transmission error")
+        ax.plot(angle, part, lw=0.6, alpha=0.7, label=_plain(describe(effect.key, effect.indices)))
+    ax.plot(angle, parts.sum(axis=0), color=_TOTAL, lw=1.0, label="total")
+    ax.set(
+        xlabel="output angle, deg",
+        ylabel="transmission error, arcsec",
+        title=_plain(model.name or "transmission error"),
+    )
     ax.margins(x=0)
     ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False, fontsize="x-small")
     return ax
@@ -178,9 +193,15 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
 
 def to_bytes(figure: Figure, kind: str) -> bytes:
     """Figure as the bytes of a PNG or SVG file."""
+    from matplotlib import rc_context
+
     buffer = io.BytesIO()
-    options: dict[str, Any] = {"dpi": 130} if kind == "png" else {"metadata": {"Date": None}}
-    figure.savefig(buffer, format=kind, **options)
+    # without metadata a picture holds no address and is the same tomorrow
+    nameless = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    options: dict[str, Any] = {"dpi": 130} if kind == "png" else {"metadata": nameless}
+    with rc_context({"svg.hashsalt": "rverror"}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # a box stands for it
+        figure.savefig(buffer, format=kind, **options)
     return buffer.getvalue()
 
 
@@ -190,11 +211,17 @@ def svg_element(figure: Figure) -> str:
     return text[text.index("<svg") :]
 
 
+def _plain(text: str) -> str:
+    """Text that is drawn as it stands: no formula between dollar signs, nothing that no font can hold."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in text)
+    return printable.replace("$", r"\$")
+
+
 def _base(name: str) -> str:
     return name.replace("\\", "/").rpartition("/")[2]
 
 
 def _short(frame: str) -> str:
     return frame.replace("carrier, disc or crank", "carrier/disc/crank").replace(
-        "output side (encoder, coupling)", "encoder"
+        "output side (encoder, coupling)", "output side"
     )

@@ -197,7 +197,7 @@ def to_html(diagnosis: Diagnosis, figures: list[str]) -> str:
 <style>
 body {{ margin: 0 auto; max-width: 62rem; padding: 1rem; font-family: system-ui, sans-serif; }}
 body {{ color: #1a1a1a; background: #fff; }}
-pre {{ overflow-x: auto; font-size: 0.85rem; line-height: 1.4; }}
+pre {{ overflow-x: auto; white-space: pre-wrap; font-size: 0.85rem; line-height: 1.4; }}
 figure {{ margin: 1rem 0; background: #fff; }}
 figure svg {{ width: 100%; height: auto; }}
 @media (prefers-color-scheme: dark) {{ body {{ color: #eee; background: #16181c; }} }}

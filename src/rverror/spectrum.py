@@ -12,6 +12,7 @@ from rverror.kinematics import fundamental_orders
 from rverror.reducer import Drive, Reducer
 
 _TURN = 2 * math.pi
+_MOST_MULTIPLE = 30
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: floa
     Returns
     -------
     list of str
-        Parts of the gear train whose fundamental order divides it at most twelve times, shafts of a drive, and the
+        Parts of the gear train whose fundamental order divides it at most thirty times, shafts of a drive, and the
         output side for orders 1 and 2; empty where none fits.
     """
     if isinstance(mechanism, Reducer):
@@ -185,6 +186,6 @@ def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: floa
         found.append("output side (encoder, coupling)")
     for name, base in groups.items():
         multiple = round(order / base)
-        if 1 <= multiple <= 12 and abs(order - multiple * base) <= tolerance:
+        if 1 <= multiple <= _MOST_MULTIPLE and abs(order - multiple * base) <= tolerance:
             found.append(f"{name} {base:g} x {multiple}" if multiple > 1 else f"{name} {base:g}")
     return found
