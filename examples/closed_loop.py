@@ -1,8 +1,8 @@
 # %% [markdown]
 # # From a bench run to the missing effect
 #
-# The example that `rverror demo` ships: an RV-40E as declared by its shop floor, and two simulated test-bench runs.  They
-# hold one effect that is not declared.
+# The example that `rverror demo` ships: an RV-40E as declared by its shop floor, and two simulated test-bench runs.
+# They hold one effect that is not declared.
 
 # %%
 from importlib import resources

@@ -23,8 +23,8 @@ model = rverror.Model(
 theta = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
 
 # %% [markdown]
-# The closed form: rigid bearings, all pins of the driving side in contact.  Peak-to-peak is of the waveform; the carrier
-# bore shifts the output by a constant, which a bench cannot see.
+# The closed form: rigid bearings, all pins of the driving side in contact.  Peak-to-peak is of the waveform; the
+# carrier bore shifts the output by a constant, which a bench with an offset of its own cannot see.
 
 # %%
 parts = rverror.transmission_error_by_effect(model, theta)
@@ -40,6 +40,4 @@ print(f"{'all, closed form':32} peak-to-peak {np.ptp(total) / ARCSEC:6.2f} arcse
 for torque in ("20 N*m", "412 N*m"):
     state = rverror.equilibrium(model, theta, torque=torque)
     swing, pins = np.ptp(state.transmission_error) / ARCSEC, state.loaded_pins
-    print(
-        f"{'all, at ' + torque:32} peak-to-peak {swing:6.2f} arcsec, {pins.min()} to {pins.max()} pins of a disc loaded"
-    )
+    print(f"{'all, at ' + torque:32} peak-to-peak {swing:6.2f} arcsec, {pins.min()} to {pins.max()} pins a disc")
