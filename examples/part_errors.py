@@ -34,7 +34,7 @@ total = rverror.transmission_error(model, theta)
 print(f"{'all, closed form':32} peak-to-peak {np.ptp(total) / ARCSEC:6.2f} arcsec")
 
 # %% [markdown]
-# Under load, with pins that can lift off.  At a bench's 20 N m the errors unload pins; at the rated torque they hardly do.
+# Under load, with pins that can lift off.  At a bench's 20 N m the errors unload pins; at rated torque they hardly do.
 
 # %%
 for torque in ("20 N*m", "412 N*m"):
