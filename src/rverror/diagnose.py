@@ -503,7 +503,7 @@ class _Search:
         size = np.mean(sizes, axis=0)
         spread = 1.96 * np.sqrt(np.sum(spreads, axis=0)) / len(spreads)
         turns = true_period(self.model.mechanism)
-        found = np.flatnonzero((power > limit) & (np.max(sizes, axis=0) > MODEL_ACCURACY))
+        found = np.flatnonzero((power > limit) & (size > MODEL_ACCURACY))
         lines = [
             Line(
                 float((h + 1) / turns),
