@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import sys
 import time
+import unicodedata
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NoReturn
 
 import rverror
 from rverror import units
-from rverror.catalogue import CATALOGUE, Source
+from rverror.catalogue import CATALOGUE, Source, source
 from rverror.diagnose import Diagnosis, diagnose
 from rverror.equilibrium import NotConvergedError
 from rverror.errors import InputError
 from rverror.measurement import Run, load_run, run_text, write_run
-from rverror.model import Model
+from rverror.model import Effect, Model
 from rverror.model_file import append_effects, load_model
 from rverror.report import to_html, to_json, to_text
 from rverror.simulate import simulate
@@ -47,8 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 2 bad input, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         options.run(options)
+        sys.stdout.flush()
     except (InputError, NotConvergedError) as problem:
         print(f"rverror: error: {' '.join(str(problem).split())}", file=sys.stderr)
         return 2
@@ -56,8 +62,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("rverror: interrupted; nothing half-written was left", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence_output()
+    except OSError as problem:
+        _silence_output()
+        print(f"rverror: error: standard output: {problem.strerror}; free the disk or write a file", file=sys.stderr)
+        return 2
     return 0
+
+
+def _silence_output() -> None:
+    """Let the interpreter's last flush of an output that takes no more go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -110,7 +125,7 @@ def _simulate(options: argparse.Namespace) -> None:
         method=options.method,
         direction=1.0 if options.direction == "forward" else -1.0,
     )
-    if options.output:
+    if options.output is not None:
         _say_replaced(options.output)
         write_run(options.output, run, overwrite=True)
         _tell(f"wrote {options.output}")
@@ -124,7 +139,7 @@ def _torque(text: str | None) -> float | None:
     try:
         return units.parse(text, "torque")
     except ValueError as problem:
-        raise InputError(f"--torque: {problem}") from problem
+        raise InputError(f"--torque: {str(problem).partition(';')[0]}; write it like '20 N*m'") from problem
 
 
 def _diagnose(options: argparse.Namespace) -> None:
@@ -132,17 +147,25 @@ def _diagnose(options: argparse.Namespace) -> None:
     outputs = [options.json, options.report, options.save, options.plot]
     for output in outputs:
         _check_output(output, inputs)
-    named = [os.path.realpath(o) for o in outputs if o]
-    if len(set(named)) < len(named):
-        raise InputError("two outputs share one name; give each its own")
-    if len({os.path.realpath(r) for r in options.runs}) < len(options.runs):
-        raise InputError("a run file is given twice; give each once")
+    if (twice := _given_twice([output for output in outputs if output is not None])) is not None:
+        raise InputError(f"{twice}: two outputs share this name; give each its own")
+    if (twice := _given_twice(options.runs)) is not None:
+        raise InputError(f"{twice}: this run file is given twice; give each once")
+    for path in inputs:  # the report and the new model quote it
+        if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in path):
+            raise InputError(f"{path!a}: the file name holds characters that cannot be printed; rename the file")
     model = load_model(options.model)
     runs = [load_run(path, model) for path in options.runs]
     figure = _figure_maker() if options.plot else None
     result = _diagnose_with_progress(model, runs)
     print(to_text(result), end="")
     _write_results(result, options, figure)
+
+
+def _given_twice(paths: Sequence[str]) -> str | None:
+    """First path that names the file of an earlier one."""
+    real = [os.path.realpath(path) for path in paths]
+    return next((path for i, path in enumerate(paths) if real[i] in real[:i]), None)
 
 
 def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any) -> None:
@@ -159,10 +182,24 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any) 
         write_text(options.report, to_html(result, _svg(result)), overwrite=True)
     if options.save:
         _say_replaced(options.save)
-        effects = [addition.effect for addition in result.added]
+        effects = [_rounded(addition.effect) for addition in result.added]
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
             _tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
+        elif any(effect.uncertainty for effect in result.declared.effects):
+            _tell(
+                f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
+                "their uncertainty"
+            )
+
+
+def _rounded(effect: Effect) -> Effect:
+    """Effect with its sizes as a person would write them, far finer than any interval."""
+    values = []
+    for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True):
+        size = f"{units.to_display(value, parameter.dimension):.6g} {units.DISPLAY_UNITS[parameter.dimension]}"
+        values.append(units.parse(size, parameter.dimension))
+    return replace(effect, values=tuple(values))
 
 
 def _figure_maker() -> Any:
@@ -229,6 +266,8 @@ def _demo(options: argparse.Namespace) -> None:
         ) from problem
     shipped = resources.files("rverror") / "data" / "demo"
     for name in ("model.toml", "forward.csv", "reverse.csv"):
+        _check_output(str(folder / name), [])
+        _say_replaced(folder / name)
         write_text(folder / name, (shipped / name).read_text(encoding="utf-8"), overwrite=True)
     model_path, run_paths = folder / "model.toml", [folder / "forward.csv", folder / "reverse.csv"]
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
@@ -242,16 +281,20 @@ def _demo(options: argparse.Namespace) -> None:
               f"with what was added {sizes[2]:.1f}")  # fmt: skip
     print("\n" + to_text(result))
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
+    _say_replaced(written[0])
     write_text(written[0], json.dumps(to_json(result), indent=1) + "\n", overwrite=True)
-    append_effects(model_path, written[1], [a.effect for a in result.added], overwrite=True)
+    _say_replaced(written[1])
+    append_effects(model_path, written[1], [_rounded(a.effect) for a in result.added], overwrite=True)
     try:
         from rverror import plot
 
-        written.append(folder / "before-and-after.png")
-        write_bytes(written[-1], plot.to_bytes(plot.diagnosis_figure(result), "png"), overwrite=True)
+        picture, content = folder / "before-and-after.png", plot.to_bytes(plot.diagnosis_figure(result), "png")
     except InputError as problem:
-        written.pop()
         print(f"No picture: {problem}")
+    else:
+        _say_replaced(picture)
+        write_bytes(picture, content, overwrite=True)
+        written.append(picture)
     print("Wrote " + ", ".join(str(path) for path in written))
     print("\nThe same in a notebook:\n")
     print("    import rverror")
@@ -296,6 +339,8 @@ def _check_output(path: str | None, inputs: Sequence[str]) -> None:
     """Refuse, before any work, an output that is an input or has no folder."""
     if path is None:
         return
+    if not path.strip():
+        raise InputError(f"{path!r}: this output has no name; give a file")
     if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
         raise InputError(f"{path}: this output is also an input; choose another name")
     folder = os.path.dirname(os.path.abspath(path))
@@ -303,11 +348,13 @@ def _check_output(path: str | None, inputs: Sequence[str]) -> None:
         raise InputError(f"{path}: there is no folder {folder}; make it first")
     if os.path.isdir(path):
         raise InputError(f"{path}: this is a folder; give a file")
+    if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
+        raise InputError(f"{path}: this is a device or pipe, no file; give a file")
     if not os.access(folder, os.W_OK):
         raise InputError(f"{path}: no permission to write in {folder}; choose another place")
 
 
-def _say_replaced(path: str) -> None:
+def _say_replaced(path: str | Path) -> None:
     if os.path.exists(path):
         _tell(f"replacing {path}")
 

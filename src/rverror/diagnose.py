@@ -264,6 +264,8 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
         theta, error = run.nominal_angle(ratio), run.error(ratio)
         if np.unique(run.direction).size > 1:
             raise InputError(f"{name}: the run turns both ways; write one file per direction")
+        if run.time is None and any(e.key == "sensor.time_offset" for e in model.effects):
+            raise InputError(f"{name}: sensor.time_offset needs a time[s] column; add it or remove the effect")
         grown = pose(model.mechanism, theta, direction=run.direction, time=run.time)
         for effect in model.effects:
             if not source(effect.key).periodic:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _MEASURED, _BEFORE, _AFTER, _TOTAL = "#A0A0A0", "#E69F00", "#0072B2", "#000000"
 
 
+_NAMED = 12  # effects for which a legend has room
+
+
 def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tuple[Figure, list[Axes]]:
     """Figure with its axes one above the other, without a window.
 
@@ -111,7 +114,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
     ax.set_yscale("log")
     ax.set_ylim(bottom, max(float(before[shown].max(initial=0.0)) * 6, 100 * bottom))
-    floor, apart = 8 * float(np.median(after)), max(2, round(order[shown][-1] / 16 * turns))
+    floor, apart = max(8 * float(np.median(after)), bottom), max(2, round(order[shown][-1] / 16 * turns))
     for i in _peaks(np.where(shown, before, 0.0), floor=floor, apart=apart):
         frames = frames_of_order(diagnosis.declared.mechanism, float(order[i]))
         name = f"{order[i]:g}" + (f"\n{_plain(_short(frames[0]))}" if frames else "\nno frame")
@@ -160,8 +163,10 @@ def model_waveform(model: Model, *, direction: float = 1.0, ax: Axes | None = No
     theta = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
     parts = transmission_error_by_effect(model, theta, direction=direction) / ARCSEC
     angle = np.degrees(theta)
-    for effect, part in zip(model.effects, parts, strict=True):
-        ax.plot(angle, part, lw=0.6, alpha=0.7, label=_plain(describe(effect.key, effect.indices)))
+    named = np.argsort(-np.abs(parts).max(axis=1), kind="stable")[:_NAMED].tolist()
+    for i, (effect, part) in enumerate(zip(model.effects, parts, strict=True)):
+        label = _plain(describe(effect.key, effect.indices)) if i in named else None
+        ax.plot(angle, part, lw=0.6, alpha=0.7, label=label)
     ax.plot(angle, parts.sum(axis=0), color=_TOTAL, lw=1.0, label="total")
     ax.set(
         xlabel="output angle, deg",
@@ -169,7 +174,16 @@ def model_waveform(model: Model, *, direction: float = 1.0, ax: Axes | None = No
         title=_plain(model.name or "transmission error"),
     )
     ax.margins(x=0)
-    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False, fontsize="x-small")
+    more = len(model.effects) - len(named)
+    title = f"the largest, {more} more unnamed" if more else None
+    ax.legend(
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1),
+        frameon=False,
+        fontsize="x-small",
+        title=title,
+        title_fontsize="x-small",
+    )
     return ax
 
 

@@ -17,7 +17,7 @@ from rverror.reducer import Reducer
 
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
 _CARRIER_SIDE = {"carrier", "disc", "crank", "planet", "direction"}
-_POINTS_PER_REPEAT = 128
+_POINTS_PER_REPEAT = 256
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def _predict_by_repeat(model: Model, conditions: Conditions) -> Prediction:
     lines = np.fft.rfft(np.vstack([one.transmission_error, one.matrix]), axis=1)[:, :-1] / _POINTS_PER_REPEAT
     lines[:, 1:] *= 2
     if conditions.theta.size > 2:  # what the angles asked for could not hold would fold onto lower orders
-        highest = math.pi / float(np.diff(conditions.theta[:2])[0]) / order
+        highest = math.pi / abs(float(conditions.theta[1] - conditions.theta[0])) / order
         lines[:, math.ceil(highest) :] = 0
     phase = np.exp(1j * order * np.outer(np.arange(lines.shape[1]), conditions.theta - start))
     rows = (lines @ phase).real
