@@ -221,20 +221,27 @@ class Oracle:
         pin = unit.pin_circle_radius * np.exp(1j * gamma) + errors.pin_centre[:, None]
         arm = pin - centre[..., None]
         seen = arm * np.exp(-1j * turn)  # the pin's centre in the disc's frame
-        s = self.theta[:, None] - gamma
-        for _ in range(3):  # foot of the perpendicular; it starts within micrometres
-            point, first, second = trochoid(unit, disc, s)
-            off = seen - point
-            s = s - _along(first, off) / (_along(second, off) - abs(first) ** 2)
+
+        def foot(seen: np.ndarray, s: np.ndarray) -> np.ndarray:
+            for _ in range(3):  # of the perpendicular; it starts within micrometres
+                point, first, second = trochoid(unit, disc, s)
+                off = seen - point
+                s = s - _along(first, off) / (_along(second, off) - abs(first) ** 2)
+            return s
+
+        s = foot(seen, self.theta[:, None] - gamma)
+        point, first, _ = trochoid(unit, disc, s)
+        if errors.flanks[:, disc].any():  # a flank that moves one way is a pin that moves the other, round the curve
+            touched = point - 1j * unit.pin_radius * first / abs(first)
+            moved = _wave(errors.flanks[:, None, None, disc], np.angle(touched))
+            seen = seen - moved * 1j * touched / abs(touched)
+            s = foot(seen, s)
         point, first, _ = trochoid(unit, disc, s)
         outwards = 1j * first / abs(first)
         depth = -_along(outwards, seen - point) + errors.pin_radius[:, None]
-        touched = point - unit.pin_radius * outwards
-        psi = np.angle(touched)
-        # the errors' own slope along the flank is left out of the gradient: it is a second-order effect
+        psi = np.angle(point - unit.pin_radius * outwards)
+        # the errors' own slope along the flank is left out of the gradient: it tilts the normal by 1e-4
         depth = depth + _wave(errors.profile[:, None, None, disc], psi)
-        counter_clockwise = 1j * touched / abs(touched)
-        depth = depth + _wave(errors.flanks[:, None, None, disc], psi) * _along(outwards, counter_clockwise)
         normal = outwards * np.exp(1j * turn)
         columns = {at: normal.real, at + 1: normal.imag, at + 2: _along(normal, 1j * arm)}
         rows.push(self.springs.pin, depth, columns)

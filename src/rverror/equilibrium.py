@@ -5,8 +5,11 @@ Carrier, discs, cranks (x, y, angle each) and sun (x, y) take the pose of least 
     E(x) = 1/2 sum k_c p_c(x)^2 - f . x,    p_c = closing of contact c, 0 where an open pin or flank has p_c < 0,
 
 which is convex, so a semismooth Newton method with a line search finds it.  The closing is p_c = J_c x + e_c: J_c holds
-the action lines of the nominal pose, e_c the same error vectors as in the closed form.  Kinematics about the nominal
-pose is of first order: errors of some 10 um turn a contact normal by 1e-4 rad or less.
+the action lines of the nominal pose, e_c the same error vectors as in the closed form.
+
+Kinematics about the nominal pose is of first order in errors and displacements.  What that leaves out grows with their
+square, some 0.1 arcsec rms for a dozen errors of 5 um: it comes from pins near a lobe's root, where the profile is
+sharply curved.
 """
 
 from __future__ import annotations
@@ -315,7 +318,11 @@ class _System:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solve a stack of symmetric systems; a trace of stiffness holds what no closed contact holds."""
-    diagonal = np.einsum("nii->ni", matrix)
-    diagonal += 1e-12 * diagonal.max(axis=1, keepdims=True)
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
+    """Solve a stack of symmetric systems; a trace of stiffness holds what no closed contact holds.
+
+    The trace alone would cost 3e-8 of the answer; one step of refinement takes it out of what contacts do hold.
+    """
+    held = matrix + 1e-12 * np.einsum("nii->ni", matrix).max(axis=1)[:, None, None] * np.eye(matrix.shape[1])
+    first = np.linalg.solve(held, right[..., None])
+    rest = right[..., None] - np.matmul(matrix, first)
+    return np.asarray((first + np.linalg.solve(held, rest))[..., 0], dtype=np.float64)

@@ -75,7 +75,10 @@ def coarse(run: FitRun, points: int) -> FitRun:
     kept = n // stride
     lines = np.fft.rfft(run.values, axis=1)[:, : kept // 2 + 1] / stride
     values = np.fft.irfft(lines, kept, axis=1)
-    conditions = replace(run.conditions, theta=run.conditions.theta[::stride])
+    time = run.conditions.time
+    conditions = replace(
+        run.conditions, theta=run.conditions.theta[::stride], time=None if time is None else time[::stride]
+    )
     return FitRun(run.name, conditions, values, run.noise[: (kept - 1) // 2] / stride)
 
 
@@ -211,7 +214,7 @@ def joint_fit(
     covariance = np.zeros((values.size, values.size))
     left = now.chi2
     if free.any():
-        covariance[np.ix_(free, free)] = covariance_of(now.matrix[:, free])
+        covariance[np.ix_(free, free)] = covariance_of(now.matrix[:, free], reach[free] / _LONGEST_STEP)
         step = _damped_step(now.matrix[:, free], now.residual, 0.0)
         left = float(((now.residual - now.matrix[:, free] @ step) ** 2).sum())
     fitted = replace(model, effects=with_values(effects, values))
@@ -239,10 +242,13 @@ def _damped_step(matrix: Array, residual: Array, damping: float) -> Array:
     return np.asarray(step, dtype=np.float64)
 
 
-def covariance_of(matrix: Array) -> Array:
-    """Covariance of least-squares parameters; infinite variance where the data hold nothing of a parameter."""
+def covariance_of(matrix: Array, plausible: Array | float = 1.0) -> Array:
+    """Covariance of least-squares parameters; infinite variance where the data hold nothing of a parameter.
+
+    That is where a size that a workshop can make changes the data by less than a thousandth of their noise.
+    """
     scale = np.linalg.norm(matrix, axis=0)
-    known = scale > 1e-9 * max(scale.max(initial=0.0), 1e-300)
+    known = scale * plausible > 1e-3
     covariance = np.zeros((scale.size, scale.size))
     covariance[~known, ~known] = np.inf
     if known.any():

@@ -80,11 +80,7 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
     even = angle[0] + period / points * np.arange(used)
     if used <= angle.size and np.abs(angle[:used] - even).max() < 1e-3 * step:
         return Revolutions(grid, signal[:used].reshape(count, points), turns, angle.size - used, resampled=False)
-    if angle[-1] < even[-1]:
-        count -= 1
-        even = even[: count * points]
-        if count < 2:
-            return revolutions(theta[:1], values[:1])  # pragma: no cover
+    # the last point lies beyond the last sample by half a step at most, and takes its value
     unique, first = np.unique(angle, return_index=True)
     resampled = np.interp(even, unique, signal[first]).reshape(count, points)
     return Revolutions(grid, resampled, turns, int((angle > even[-1]).sum()), resampled=True)
