@@ -266,9 +266,17 @@ def test_refused_in_one_line(tmp_path: Path, name: str) -> None:
         assert re.search(re.escape(word) + (r"(?!\d)" if word[-1].isdigit() else ""), message), message
 
 
+def test_negative_clearance_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    text = '[reducer]\npreset = "RV-40E"\n[[effect]]\nkey = "crank.bearing_clearance"\nclearance = "-5 um"\n'
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="clearance = -5 um: must be 0 or more"):
+        load_model(path)
+
+
 @pytest.mark.parametrize("key", sorted({*_NONLINEAR} - {*CATALOGUE}))
 def test_nonlinear_sources_get_a_line_of_their_own(tmp_path: Path, key: str) -> None:
-    with pytest.raises(InputError, match=rf"line 5: {key} is nonlinear .* reference equilibrium.* remove the effect"):
+    with pytest.raises(InputError, match=rf"line 5: {key} is nonlinear, and this version lacks it; remove the effect"):
         load(tmp_path, swapped("crank.eccentricity", key))
 
 
@@ -306,7 +314,9 @@ def effects(draw: st.DrawFn, mechanism: Reducer | Drive) -> Effect:
     usable = [s for s in usable if all(index.allowed(mechanism) for index in s.indices)]
     entry = draw(st.sampled_from(usable))
     named = {index.name: draw(st.sampled_from(list(index.allowed(mechanism))[:50])) for index in entry.indices}
-    named |= {parameter.name: draw(LENGTHS) for parameter in entry.parameters}
+    named |= {
+        parameter.name: draw(LENGTHS.filter(lambda v, p=parameter: v >= p.least)) for parameter in entry.parameters
+    }
     sigma = draw(st.none() | st.floats(0, 1))
     return effect(entry.key, uncertainty=sigma, origin=draw(TEXTS), **named)
 

@@ -67,8 +67,12 @@ class Contacts(Pose):
     mesh_normal: Array
 
 
+#: Bearings, whose force has no fixed direction: ``"cam direction"`` and ``"carrier direction"`` hold it.
+BEARINGS = ("cam", "carrier")
+
 #: Force of the driving on the driven part at each contact per unit of output torque, 1/mm (torques: 1), keyed and
-#: shaped as in `CONTACT_AXES` with the sample axis last.
+#: shaped as in `CONTACT_AXES` with the sample axis last; for each of `BEARINGS` also the unit vector along which the
+#: force acts in the motion at hand.
 ContactForces = Mapping[str, Array]
 
 
@@ -90,6 +94,19 @@ class ErrorVector:
     contact: str
     vector: Array
     at: tuple[slice, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """Radial clearance of all bearings of one kind: the journal lies off centre along the force that it carries.
+
+    Attributes
+    ----------
+    contact : str
+        One of `BEARINGS`.
+    """
+
+    contact: str
 
 
 def radial_and_tangential(angle: Array) -> tuple[Array, Array]:
@@ -129,6 +146,12 @@ def dot(a: Array, b: Array) -> Array:
     return np.asarray((a * b).sum(axis=-2), dtype=np.float64)
 
 
+def unit_vectors(vectors: Array) -> Array:
+    """Vectors, shape (..., 2, n), scaled to length 1; a zero vector stays zero."""
+    length = np.sqrt(dot(vectors, vectors))[..., None, :]
+    return np.asarray(vectors / np.where(length > 0, length, 1.0), dtype=np.float64)
+
+
 def cross(a: Array, b: Array) -> Array:
     """z component of the vector product over the xy axis, the last but one.
 
@@ -144,14 +167,14 @@ def cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :], dtype=np.float64)
 
 
-def project(forces: ContactForces, error: ErrorVector, samples: int) -> Array:
+def project(forces: ContactForces, error: ErrorVector | Clearance, samples: int) -> Array:
     """Influence of an error on the output angle: sum over contacts of force per unit torque times displacement.
 
     Parameters
     ----------
     forces : mapping of str to ndarray
         Contact forces per unit of output torque.
-    error : ErrorVector
+    error : ErrorVector or Clearance
         The error of one source.
     samples : int
         n, the number of samples.
@@ -164,8 +187,12 @@ def project(forces: ContactForces, error: ErrorVector, samples: int) -> Array:
     Notes
     -----
     The action-line increment of source 000 with all contacts at once: the force direction is the action line, and the
-    virtual work replaces its division by n1 . n2.
+    virtual work replaces its division by n1 . n2.  A clearance c displaces the driven part by c along the force, so it
+    costs c times the force whatever its direction: the output lags.
     """
+    if isinstance(error, Clearance):
+        along = dot(forces[error.contact], forces[f"{error.contact} direction"])
+        return -np.broadcast_to(along.sum(axis=tuple(range(along.ndim - 1))), (1, samples))
     force = forces[error.contact][error.at]
     axes = tuple(range(force.ndim - 1))
     columns = [np.broadcast_to((force * term).sum(axis=axes), (samples,)) for term in error.vector]

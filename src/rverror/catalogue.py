@@ -7,6 +7,7 @@ entry below.  The contract test, the command line, files and diagnosis pick it u
 from __future__ import annotations
 
 import difflib
+import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from itertools import product
 from types import MappingProxyType
 
 from rverror import coupling, crank, cycloid, involute, sensor, shaft
-from rverror.action_line import ErrorVector
+from rverror.action_line import Clearance, ErrorVector
 from rverror.kinematics import fundamental_orders
 from rverror.reducer import Drive, Reducer
 
@@ -36,12 +37,13 @@ class Index:
 class Parameter:
     """A parameter of a source: name, dimension (a key of `units.CORE_UNITS`) and the size that a workshop can make.
 
-    `plausible` is the largest size that no one would be surprised at, in the core unit.
+    `plausible` is the largest size that no one would be surprised at, `least` the smallest that exists, core units.
     """
 
     name: str
     dimension: str
     plausible: float
+    least: float = -math.inf
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,12 @@ class Source:
     key : str
         Fixed name, module and function.
     vector : callable
-        ``vector(pose, **indices) -> ErrorVector``, one term per parameter.
+        ``vector(pose, **indices) -> ErrorVector``, one term per parameter; a `Clearance` for bearings.
     indices, parameters : tuple
         What names one error, and its components.
     frame : str
-        Where the error is fixed: housing, carrier, disc, crank, planet, sun, output, or ``direction`` where only the
-        direction of motion changes it.
+        Where the error is fixed: housing, carrier, disc, crank, planet, sun, output; ``direction`` where only the
+        direction of motion changes it, ``bearing`` where the load does.
     orders : callable
         ``orders(mechanism, indices) -> tuple of float``: the orders that lead its waveform in the closed form, the
         strongest first; empty where the output shift is constant or nothing at all.
@@ -71,7 +73,7 @@ class Source:
     """
 
     key: str
-    vector: Callable[..., ErrorVector]
+    vector: Callable[..., ErrorVector | Clearance]
     indices: tuple[Index, ...]
     parameters: tuple[Parameter, ...]
     frame: str
@@ -168,6 +170,10 @@ def _lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, "length", plausible_um * _UM) for name in names)
 
 
+def _clearance(plausible_um: float) -> tuple[Parameter, ...]:
+    return (Parameter("clearance", "length", plausible_um * _UM, least=0.0),)
+
+
 def _angles(plausible_arcsec: float, *names: str) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, "angle", plausible_arcsec * _ARCSEC) for name in names)
 
@@ -202,6 +208,18 @@ def _carrier_runout_orders(mechanism: Mechanism, indices: Indices) -> tuple[floa
     """Nothing where two or more discs balance."""
     unit = _rv(mechanism)
     return (fundamental_orders(unit)["carrier"],) if unit.discs == 1 else ()
+
+
+def _cam_clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All cam forces turn alike but for their phases: only common multiples of cranks and discs stay."""
+    unit = _rv(mechanism)
+    return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
+
+
+def _carrier_clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Constant where two or more discs balance."""
+    unit = _rv(mechanism)
+    return (unit.cranks * fundamental_orders(unit)["bearing"],) if unit.discs == 1 else ()
 
 
 def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
@@ -268,12 +286,16 @@ _SOURCES = (
         "direction", _constant, "003, wear tables", "tooth thickness lost to wear or backlash, half a flank",
     ),
     Source(
-        "involute.spline_clearance", involute.spline_clearance, (CRANK,), _lengths(100, "clearance"),
+        "involute.spline_clearance", involute.spline_clearance, (CRANK,), _clearance(100),
         "direction", _constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
     ),
     Source(
         "crank.eccentricity", crank.eccentricity, (CRANK, DISC), _lengths(30, "radial", "tangential"),
         "crank", _leads("crank"), "000, delta_21; 001; 004", "displacement of one cam",
+    ),
+    Source(
+        "crank.bearing_clearance", crank.bearing_clearance, (), _clearance(30),
+        "bearing", _cam_clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
     ),
     Source(
         "crank.index", crank.index, (CRANK,), _angles(600, "angle"),
@@ -308,6 +330,11 @@ _SOURCES = (
         "coupling.carrier_bore_position", coupling.carrier_bore_position, (CRANK,),
         _lengths(30, "radial", "tangential"), "carrier", _carrier_bore_orders, "000, delta_41; 004",
         "displacement of one crank bore in the carrier",
+    ),
+    Source(
+        "coupling.bearing_clearance", coupling.bearing_clearance, (), _clearance(30),
+        "bearing", _carrier_clearance_orders, "000, outlook; 004, tables 2 and 4",
+        "radial clearance of all crank bearings in the carrier",
     ),
     Source(
         "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rverror import units
-from rverror.action_line import Array, ContactForces, Contacts, project
+from rverror.action_line import Array, ContactForces, Contacts, project, unit_vectors
 from rverror.catalogue import IndexValue, Mechanism, source
 from rverror.coupling import carrier_forces
 from rverror.crank import cam_forces, spline_torque
@@ -116,10 +116,13 @@ def closed_form_forces(motion: Pose) -> ContactForces:
     pins = pin_forces(motion)
     cams = cam_forces(motion, pin_forces=pins)
     meshes = mesh_forces(motion)
+    bores = carrier_forces(cam_forces=cams, mesh_forces=meshes)
     return {
         "pin": pins,
         "cam": cams,
-        "carrier": carrier_forces(cam_forces=cams, mesh_forces=meshes),
+        "cam direction": unit_vectors(cams * motion.direction),
+        "carrier": bores,
+        "carrier direction": unit_vectors(bores * motion.direction),
         "mesh": meshes,
         "spline": spline_torque(motion.reducer, motion.direction),
         "output": output,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.action_line import Array, Contacts, ErrorVector, only, radial_and_tangential
+from rverror.action_line import Array, Clearance, Contacts, ErrorVector, only, radial_and_tangential
 
 
 def carrier_forces(*, cam_forces: Array, mesh_forces: Array) -> Array:
@@ -51,6 +51,26 @@ def carrier_bore_position(contacts: Contacts, *, crank: int) -> ErrorVector:
     """
     vector = -np.stack(radial_and_tangential(contacts.crank_position[crank]))
     return ErrorVector(contact="carrier", vector=vector[:, None], at=(only(crank),))
+
+
+def bearing_clearance(contacts: Contacts) -> Clearance:
+    """Radial clearance of every crank bearing in the carrier.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    Clearance
+        Term clearance: how far a crank can move off its bearing's centre in any direction.
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 004.  The forces on the bores are constant in the carrier, so the output lags by
+    about c / r6 in either direction, without ripple.
+    """
+    return Clearance(contact="carrier")
 
 
 def carrier_runout(contacts: Contacts) -> ErrorVector:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.action_line import Array, Contacts, ErrorVector, cross, dot, only, radial_and_tangential
+from rverror.action_line import Array, Clearance, Contacts, ErrorVector, cross, dot, only, radial_and_tangential
 from rverror.reducer import Reducer
 
 
@@ -89,6 +89,27 @@ def eccentricity(contacts: Contacts, *, crank: int, disc: int) -> ErrorVector:
     """
     vector = -np.stack(radial_and_tangential(contacts.eccentric[disc]))
     return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))
+
+
+def bearing_clearance(contacts: Contacts) -> Clearance:
+    """Radial clearance of every cam bearing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    Clearance
+        Term clearance: how far a cam can move off its bearing's centre in any direction.
+
+    Notes
+    -----
+    Source 004 (bearing clearance, the largest share in its table 4); source 000 names it as missing.  The force of each
+    bearing turns against the carrier, so the lag c sum|G_kj| ripples at multiples of 40 times the least common multiple
+    of cranks and discs, and it is constant for none of them.
+    """
+    return Clearance(contact="cam")
 
 
 def index(contacts: Contacts, *, crank: int) -> ErrorVector:

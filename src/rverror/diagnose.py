@@ -269,7 +269,7 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
         grown = pose(model.mechanism, theta, direction=run.direction, time=run.time)
         for effect in model.effects:
             if not source(effect.key).periodic:
-                rows = source(effect.key).vector(grown, **effect.indices).vector[:, 0]
+                rows = source_matrix(grown, {"output": np.ones((1, theta.size))}, effect.key, effect.indices)
                 error = error - np.array(effect.values) @ rows
         try:
             cut = revolutions(theta, error, turns=turns)
@@ -440,6 +440,7 @@ class _Search:
                     self.model, [*added, zero], self.coarse, start=effect_values(alone.model.effects), most_steps=12
                 )
             )
+        joint = [f for f in joint if _exists(f.model.effects[-1])]
         if not joint:
             return None
         least = min(f.chi2 for f in joint)
@@ -594,6 +595,12 @@ class _Search:
         strong = np.flatnonzero(size > 0.3 * size.max())
         turns = true_period(self.model.mechanism)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
+
+
+def _exists(effect: Effect) -> bool:
+    """Tell whether every size can exist: no clearance is negative."""
+    parameters = source(effect.key).parameters
+    return all(value >= p.least for value, p in zip(effect.values, parameters, strict=True))
 
 
 def describe(key: str, indices: Mapping[str, IndexValue]) -> str:

@@ -27,6 +27,7 @@ _WHY = {
     "crank.index": "the crank stays turned by it",
     "cycloid.pin_circle": "evenly spaced discs cancel harmonics that are no multiple of their number",
     "coupling.carrier_bore_position": "turns with the carrier, as the force on the bore does",
+    "coupling.bearing_clearance": "the force on a bore is constant in the carrier, and so is its journal's place",
     "coupling.carrier_runout": "the forces on all bores cancel",
     "sensor.time_offset": "at constant speed the reading lags by a constant angle, each way",
 }

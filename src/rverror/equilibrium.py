@@ -15,6 +15,7 @@ sharply curved.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +23,16 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror import units
-from rverror.action_line import Array, ContactForces, Contacts, dot, radial_and_tangential
+from rverror.action_line import (
+    BEARINGS,
+    Array,
+    Clearance,
+    ContactForces,
+    Contacts,
+    dot,
+    radial_and_tangential,
+    unit_vectors,
+)
 from rverror.catalogue import source
 from rverror.compose import closed_form_forces, pose
 from rverror.model import Effect, Model
@@ -106,10 +116,9 @@ def equilibrium(model: Model, theta: Any, *, torque: Any, direction: Any | None 
     system = _System(motion)
     closing = system.error_closing(model.effects)
     x, steps = system.minimise(closing, size)
-    angle = x[:, 2] + closing.output
-    pins, meshes = system.closing_of(x, closing)
-    forces = system.forces_per_torque(pins > 0, meshes > 0)
-    return Equilibrium(angle, forces, (pins > 0).sum(axis=2).T, steps)
+    contact = system.contact(x, closing)
+    loaded = (contact.pins > 0).sum(axis=2).T
+    return Equilibrium(x[:, 2] + closing.output, system.forces_per_torque(contact, closing), loaded, steps)
 
 
 @dataclass(frozen=True)
@@ -118,8 +127,18 @@ class _Closing:
 
     pin: Array  # (n, discs, pins)
     mesh: Array  # (n, cranks, 2)
-    joint: Array  # (n, joints), elastic joints that cannot open
+    joint: Array  # (n, joints, 2), elastic bearings, xy
+    clearance: Array  # (joints,), radial
     output: Array  # (n,)
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """Closing of every contact in a pose, mm, samples first: negative where a pin or flank is open."""
+
+    pins: Array
+    meshes: Array
+    joints: Array  # (n, joints, 2)
 
 
 class _System:
@@ -138,8 +157,8 @@ class _System:
         self.pin_rows = -np.concatenate([normal, np.moveaxis(motion.pin_arm, -1, 0)[..., None]], axis=-1)
         self.mesh_rows = self._mesh_rows()
         self.joint_rows, self.joint_stiffness = self._joint_rows()
-        weighted = self.joint_rows * self.joint_stiffness[:, None]
-        self.joint_matrix = np.matmul(np.swapaxes(self.joint_rows, 1, 2), weighted)
+        weighted = self.joint_rows * self.joint_stiffness[:, None, None]
+        self.joint_matrix = _gram(self.joint_rows, weighted)
 
     def _mesh_rows(self) -> Array:
         """Rows (n, cranks, flanks, size): the sun closes along n, the planet opens and turns on its base circle."""
@@ -157,31 +176,28 @@ class _System:
         return self.reducer.planet_pitch_radius * math.cos(self.reducer.pressure_angle)
 
     def _joint_rows(self) -> tuple[Array, Array]:
-        """Rows of the elastic joints: cams (disc, crank, xy), carrier bores (crank, xy), main bearing, sun support."""
+        """Rows (n, joints, xy, size) of cams (disc by crank), carrier bores, main bearing and sun support."""
         motion, reducer, stiffness = self.motion, self.reducer, self.reducer.stiffness
         bore = reducer.crank_radius * np.moveaxis(radial_and_tangential(motion.crank_position)[1], -1, 0)
         cam = reducer.eccentricity * np.moveaxis(radial_and_tangential(motion.eccentric)[1], -1, 0)
         rows, stiffnesses = [], []
 
-        def add(k: float) -> Array:
-            row = np.zeros((self.samples, self.size))
+        def add(k: float, parts: Sequence[tuple[int, float, Array | None]]) -> None:
+            row = np.zeros((self.samples, 2, self.size))
+            for at, sign, lever in parts:
+                row[:, 0, at] = row[:, 1, at + 1] = sign
+                if lever is not None:
+                    row[:, :, at + 2] = sign * lever
             rows.append(row)
             stiffnesses.append(k)
-            return row
 
         for k, disc in enumerate(self.disc):
             for j, crank in enumerate(self.crank):
-                for xy in range(2):
-                    row = add(stiffness.crank_bearing)
-                    row[:, disc + xy], row[:, disc + 2] = 1, bore[:, j, xy]
-                    row[:, crank + xy], row[:, crank + 2] = -1, -cam[:, k, xy]
+                add(stiffness.crank_bearing, [(disc, 1, bore[:, j]), (crank, -1, cam[:, k])])
         for j, crank in enumerate(self.crank):
-            for xy in range(2):
-                row = add(stiffness.carrier_bearing)
-                row[:, crank + xy], row[:, xy], row[:, 2] = 1, -1, -bore[:, j, xy]
-        for at, support in ((0, stiffness.main_bearing), (self.sun, stiffness.sun_support)):
-            for xy in range(2):
-                add(support)[:, at + xy] = 1
+            add(stiffness.carrier_bearing, [(crank, 1, None), (0, -1, bore[:, j])])
+        add(stiffness.main_bearing, [(0, 1, None)])
+        add(stiffness.sun_support, [(self.sun, 1, None)])
         return np.stack(rows, axis=1), np.array(stiffnesses)
 
     def error_closing(self, effects: tuple[Effect, ...]) -> _Closing:
@@ -195,91 +211,126 @@ class _System:
             "spline": np.zeros((reducer.cranks, 2, 1, n)),
             "output": np.zeros((1, n)),
         }
+        clearance = dict.fromkeys(BEARINGS, 0.0)
         for effect in effects:
             error = source(effect.key).vector(motion, **effect.indices)
+            if isinstance(error, Clearance):
+                clearance[error.contact] += max(effect.values[0], 0.0)
+                continue
             for value, term in zip(effect.values, error.vector, strict=True):
                 total[error.contact][error.at] += value * term
         mesh = dot(total["mesh"], motion.mesh_normal)
         # a crank that leads its planet holds the planet back on the line of action
         mesh -= self._base_radius * np.array([1.0, -1.0])[:, None] * total["spline"][:, :, 0]
-        joint = np.concatenate([total["cam"].reshape(-1, n), total["carrier"].reshape(-1, n), np.zeros((4, n))])
+        cams, bores = reducer.discs * reducer.cranks, reducer.cranks
+        joint = [total["cam"].reshape(cams, 2, n), total["carrier"], np.zeros((2, 2, n))]
         return _Closing(
             pin=np.moveaxis(dot(total["pin"], motion.pin_normal), -1, 0),
             mesh=np.moveaxis(mesh, -1, 0) - reducer.gear_backlash / 2,
-            joint=joint.T,
+            joint=np.moveaxis(np.concatenate(joint), -1, 0),
+            clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [cams, bores, 2]),
             output=total["output"][0],
         )
 
-    def closing_of(self, x: Array, error: _Closing, at: Any = slice(None)) -> tuple[Array, Array]:
-        """Closing of pins and of gear flanks in the pose `x`, mm."""
+    def contact(self, x: Array, error: _Closing, at: Any = slice(None)) -> _Contact:
+        """Closing of every contact in the pose `x`."""
         discs = np.stack([x[:, d : d + 3] for d in self.disc], axis=1)
-        pins = np.einsum("nkid,nkd->nki", self.pin_rows[at], discs) + error.pin[at]
-        meshes = np.einsum("njfd,nd->njf", self.mesh_rows[at], x) + error.mesh[at]
-        return pins, meshes
+        return _Contact(
+            np.einsum("nkid,nkd->nki", self.pin_rows[at], discs) + error.pin[at],
+            np.einsum("njfd,nd->njf", self.mesh_rows[at], x) + error.mesh[at],
+            np.einsum("nqcd,nd->nqc", self.joint_rows[at], x) + error.joint[at],
+        )
 
-    def stiffness_matrix(self, pins: npt.NDArray[np.bool_], meshes: npt.NDArray[np.bool_], at: Any) -> Array:
-        """Stiffness of the joints and of the contacts that are closed."""
-        matrix = self.joint_matrix[at].copy()
+    def bearings(self, joints: Array, error: _Closing) -> tuple[Array, Array, Array]:
+        """Closing, force and stiffness matrix (n, joints, 2, 2) of each bearing; a journal floats in its clearance."""
+        distance = np.sqrt((joints**2).sum(axis=2))
+        safe = np.where(distance > 0, distance, 1.0)
+        closing = np.maximum(distance - error.clearance, 0.0)
+        along = joints / safe[..., None]
+        share = np.where(error.clearance > 0, closing / safe, 1.0)[..., None, None]
+        radial = along[..., :, None] * along[..., None, :]
+        k = self.joint_stiffness[:, None, None]
+        touching = ((closing > 0) | (error.clearance == 0))[..., None, None]
+        stiffness = np.where(touching, k * (share * np.eye(2) + (1 - share) * radial), 0.0)
+        return closing, self.joint_stiffness[:, None] * closing[..., None] * along, stiffness
+
+    def stiffness_matrix(self, contact: _Contact, error: _Closing, at: Any) -> Array:
+        """Stiffness of the bearings and of the contacts that are closed."""
+        if error.clearance.any():
+            rows = self.joint_rows[at]
+            matrix = _gram(rows, np.matmul(self.bearings(contact.joints, error)[2], rows))
+        else:
+            matrix = self.joint_matrix[at].copy()
+        stiffness = self.reducer.stiffness
         rows = self.pin_rows[at]
         for k, d in enumerate(self.disc):
-            closed = rows[:, k] * (self.reducer.stiffness.pin_contact * pins[:, k])[..., None]
-            matrix[:, d : d + 3, d : d + 3] += np.matmul(np.swapaxes(rows[:, k], 1, 2), closed)
-        flanks = self.mesh_rows[at].reshape(matrix.shape[0], -1, self.size)
-        closed = flanks * (self.reducer.stiffness.gear_mesh * meshes.reshape(matrix.shape[0], -1))[..., None]
-        matrix += np.matmul(np.swapaxes(flanks, 1, 2), closed)
+            closed = stiffness.pin_contact * (contact.pins[:, k] > 0)
+            matrix[:, d : d + 3, d : d + 3] += _gram(rows[:, k], rows[:, k] * closed[..., None])
+        flanks = self.mesh_rows[at]
+        matrix += _gram(flanks, flanks * (stiffness.gear_mesh * (contact.meshes > 0))[..., None])
         return np.asarray(matrix, dtype=np.float64)
 
-    def gradient_and_energy(self, x: Array, error: _Closing, load: Array, at: Any) -> tuple[Array, Array, Array, Array]:
-        """Gradient and energy of the pose `x`, and the closing of pins and flanks."""
+    def gradient_and_energy(self, x: Array, error: _Closing, load: Array, at: Any) -> tuple[Array, Array, _Contact]:
+        """Gradient and energy of the pose `x`, and its contacts."""
         stiffness = self.reducer.stiffness
-        pins, meshes = self.closing_of(x, error, at)
-        pin_force = stiffness.pin_contact * np.maximum(pins, 0)
-        mesh_force = stiffness.gear_mesh * np.maximum(meshes, 0)
-        joint = np.einsum("ncd,nd->nc", self.joint_rows[at], x) + error.joint[at]
-        joint_force = self.joint_stiffness * joint
-        gradient = np.einsum("ncd,nc->nd", self.joint_rows[at], joint_force) - load[at]
-        gradient += np.einsum("njfd,njf->nd", self.mesh_rows[at], mesh_force)
+        contact = self.contact(x, error, at)
+        pins, meshes = np.maximum(contact.pins, 0), np.maximum(contact.meshes, 0)
+        bearing, bearing_force, _ = self.bearings(contact.joints, error)
+        gradient = np.einsum("nqcd,nqc->nd", self.joint_rows[at], bearing_force) - load[at]
+        gradient += np.einsum("njfd,njf->nd", self.mesh_rows[at], stiffness.gear_mesh * meshes)
         for k, d in enumerate(self.disc):
-            gradient[:, d : d + 3] += np.einsum("nid,ni->nd", self.pin_rows[at][:, k], pin_force[:, k])
+            gradient[:, d : d + 3] += np.einsum(
+                "nid,ni->nd", self.pin_rows[at][:, k], stiffness.pin_contact * pins[:, k]
+            )
         energy = 0.5 * (
-            (pin_force * np.maximum(pins, 0)).sum(axis=(1, 2))
-            + (mesh_force * np.maximum(meshes, 0)).sum(axis=(1, 2))
-            + (joint_force * joint).sum(axis=1)
+            stiffness.pin_contact * (pins**2).sum(axis=(1, 2))
+            + stiffness.gear_mesh * (meshes**2).sum(axis=(1, 2))
+            + (self.joint_stiffness * bearing**2).sum(axis=1)
         )
-        return gradient, energy - np.einsum("nd,nd->n", load[at], x), pins, meshes
+        return gradient, energy - np.einsum("nd,nd->n", load[at], x), contact
 
     def minimise(self, error: _Closing, torque: float) -> tuple[Array, int]:
         """Pose of least energy at every angle, and the Newton steps of the slowest one."""
         load = np.zeros((self.samples, self.size))
         load[:, 2] = -self.motion.direction * torque
-        # start from the pose in which the loaded side of all pins and flanks carries, as the closed form has it
-        arms = np.moveaxis(self.motion.pin_arm * self.motion.direction, -1, 0)
-        flank = np.stack([self.motion.direction > 0, self.motion.direction <= 0], axis=1)
-        flanks = np.broadcast_to(flank[:, None], (self.samples, self.reducer.cranks, 2))
-        everywhere = np.arange(self.samples)
-        x = np.zeros((self.samples, self.size))
-        start = _Closing(error.pin * (arms > 0), error.mesh * flanks, error.joint, error.output)
-        gradient = np.einsum("ncd,nc->nd", self.joint_rows, self.joint_stiffness * start.joint) - load
-        gradient += np.einsum("njfd,njf->nd", self.mesh_rows, self.reducer.stiffness.gear_mesh * start.mesh)
-        for k, d in enumerate(self.disc):
-            pin_force = self.reducer.stiffness.pin_contact * start.pin[:, k]
-            gradient[:, d : d + 3] += np.einsum("nid,ni->nd", self.pin_rows[:, k], pin_force)
-        x = x - _solve(self.stiffness_matrix(arms > 0, flanks, everywhere), gradient)
-
-        at = everywhere
+        at = np.arange(self.samples)
+        x = self._start(error, load)
         for step in range(1, _MAX_STEPS + 1):
-            gradient, energy, pins, meshes = self.gradient_and_energy(x[at], error, load, at)
+            gradient, energy, contact = self.gradient_and_energy(x[at], error, load, at)
             open_ = np.abs(gradient).max(axis=1) > _GRADIENT_TOLERANCE * torque / self.reducer.crank_radius
             at, gradient, energy = at[open_], gradient[open_], energy[open_]
             if at.size == 0:
                 return x, step
-            descent = -_solve(self.stiffness_matrix(pins[open_] > 0, meshes[open_] > 0, at), gradient)
+            contact = _Contact(contact.pins[open_], contact.meshes[open_], contact.joints[open_])
+            descent = -_solve(self.stiffness_matrix(contact, error, at), gradient)
             x[at] += self._line_search(x[at], descent, gradient, energy, error, load, at)[:, None] * descent
         where = ", ".join(f"{math.degrees(a):.4g}" for a in self.motion.theta[at[:5]])
         raise NotConvergedError(
             f"no equilibrium after {_MAX_STEPS} steps at {at.size} of {self.samples} angles (theta = {where} deg ...); "
             "raise the torque, or check for errors far above 0.1 mm"
         )
+
+    def _start(self, error: _Closing, load: Array) -> Array:
+        """Pose in which the loaded side of all pins and flanks carries, journals at the end of their clearance."""
+        motion, everywhere = self.motion, np.arange(self.samples)
+        loaded = np.moveaxis(motion.pin_arm * motion.direction, -1, 0) > 0
+        flank = np.stack([motion.direction > 0, motion.direction <= 0], axis=1)
+        flanks = np.broadcast_to(flank[:, None], (self.samples, self.reducer.cranks, 2))
+        joint = error.joint
+        if error.clearance.any():
+            forces = closed_form_forces(motion)
+            along = [forces["cam direction"].reshape(-1, 2, self.samples), forces["carrier direction"]]
+            along = [*along, np.zeros((2, 2, self.samples))]
+            joint = joint - error.clearance[:, None] * np.moveaxis(np.concatenate(along), -1, 0)
+        rigid = _Closing(error.pin, error.mesh, joint, np.zeros_like(error.clearance), error.output)
+        sides = _Contact(np.where(loaded, 1.0, -1.0), np.where(flanks, 1.0, -1.0), joint)
+        stiffness = self.reducer.stiffness
+        gradient = np.einsum("nqcd,nqc->nd", self.joint_rows, self.joint_stiffness[:, None] * joint) - load
+        gradient += np.einsum("njfd,njf->nd", self.mesh_rows, stiffness.gear_mesh * error.mesh * flanks)
+        for k, d in enumerate(self.disc):
+            pin_force = stiffness.pin_contact * error.pin[:, k] * loaded[:, k]
+            gradient[:, d : d + 3] += np.einsum("nid,ni->nd", self.pin_rows[:, k], pin_force)
+        return -_solve(self.stiffness_matrix(sides, rigid, everywhere), gradient)
 
     def _line_search(
         self, x: Array, descent: Array, gradient: Array, energy: Array, error: _Closing, load: Array, at: Any
@@ -288,33 +339,46 @@ class _System:
         length = np.ones(at.size)
         slope = (gradient * descent).sum(axis=1)
         for _ in range(40):
-            _, trial, _, _ = self.gradient_and_energy(x + length[:, None] * descent, error, load, at)
+            _, trial, _ = self.gradient_and_energy(x + length[:, None] * descent, error, load, at)
             rising = trial > energy + 1e-4 * length * slope + 1e-12 * np.abs(energy)
             if not rising.any():
                 break
             length[rising] /= 2
         return length
 
-    def forces_per_torque(self, pins: npt.NDArray[np.bool_], meshes: npt.NDArray[np.bool_]) -> ContactForces:
+    def forces_per_torque(self, contact: _Contact, error: _Closing) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
         reducer, n = self.reducer, self.samples
         unit = np.zeros((n, self.size))
         unit[:, 2] = 1
-        answer = -_solve(self.stiffness_matrix(pins, meshes, np.arange(n)), unit)
+        answer = -_solve(self.stiffness_matrix(contact, error, np.arange(n)), unit)
         discs = np.stack([answer[:, d : d + 3] for d in self.disc], axis=1)
-        pin = reducer.stiffness.pin_contact * pins * np.einsum("nkid,nkd->nki", self.pin_rows, discs)
-        mesh = reducer.stiffness.gear_mesh * meshes * np.einsum("njfd,nd->njf", self.mesh_rows, answer)
-        joint = (self.joint_stiffness * np.einsum("ncd,nd->nc", self.joint_rows, answer)).T
-        cams = 2 * reducer.discs * reducer.cranks
+        pin = reducer.stiffness.pin_contact * (contact.pins > 0) * np.einsum("nkid,nkd->nki", self.pin_rows, discs)
+        mesh = reducer.stiffness.gear_mesh * (contact.meshes > 0)
+        mesh = mesh * np.einsum("njfd,nd->njf", self.mesh_rows, answer)
+        _, force, stiffness = self.bearings(contact.joints, error)
+        change = np.einsum("nqce,nqed,nd->nqc", stiffness, self.joint_rows, answer, optimize=True)
+        change, along = np.moveaxis(change, 0, -1), unit_vectors(np.moveaxis(force, 0, -1))
+        cams, bores = (reducer.discs, reducer.cranks, 2, n), (reducer.cranks, 2, n)
+        last = reducer.discs * reducer.cranks
         lever = self._base_radius * np.array([1.0, -1.0])
         return {
             "pin": np.moveaxis(pin, 0, -1)[..., None, :] * self.motion.pin_normal,
-            "cam": joint[:cams].reshape(reducer.discs, reducer.cranks, 2, n),
-            "carrier": joint[cams : cams + 2 * reducer.cranks].reshape(reducer.cranks, 2, n),
+            "cam": change[:last].reshape(cams),
+            "cam direction": along[:last].reshape(cams),
+            "carrier": change[last:-2].reshape(bores),
+            "carrier direction": along[last:-2].reshape(bores),
             "mesh": np.moveaxis(mesh, 0, -1)[..., None, :] * self.motion.mesh_normal,
             "spline": -np.moveaxis(mesh * lever, 0, -1)[..., None, :],
             "output": closed_form_forces(self.motion)["output"],
         }
+
+
+def _gram(rows: Array, weighted: Array) -> Array:
+    """Rows transposed times weighted rows, all contact axes summed: (n, ..., size) twice to (n, size, size)."""
+    n, size = rows.shape[0], rows.shape[-1]
+    product = np.matmul(np.swapaxes(rows.reshape(n, -1, size), 1, 2), weighted.reshape(n, -1, size))
+    return np.asarray(product, dtype=np.float64)
 
 
 def _solve(matrix: Array, right: Array) -> Array:

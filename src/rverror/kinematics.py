@@ -104,8 +104,8 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
     Returns
     -------
     dict
-        ``housing`` 39, ``carrier``, ``disc``, ``crank``, ``planet`` 40, ``sun`` 120, ``output`` 1, ``gear mesh`` 1080
-        and ``cycloid mesh`` 1560 for the RV-40E.
+        ``housing`` 39, ``carrier``, ``disc``, ``crank``, ``planet`` and ``bearing`` 40, ``sun`` 120, ``output`` 1,
+        ``gear mesh`` 1080 and ``cycloid mesh`` 1560 for the RV-40E.
     """
     turns = frame_orders(reducer)
     relative = abs(turns["crank"] - turns["carrier"])
@@ -116,6 +116,7 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
         "disc": relative,
         "crank": relative,
         "planet": relative,
+        "bearing": relative,
         "sun": turns["sun"] - turns["carrier"],
         "gear mesh": reducer.planet_teeth * relative,
         "cycloid mesh": reducer.pins * abs(turns["crank"]),

@@ -110,6 +110,10 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
             indices[name] = value
         elif name in parameters:
             values[name] = _core(f"{key}: {name}", value, parameters[name].dimension)
+            if values[name] < parameters[name].least:
+                unit = units.DISPLAY_UNITS[parameters[name].dimension]
+                size = units.to_display(values[name], parameters[name].dimension)
+                raise ValueError(f"{key}: {name} = {size:g} {unit}: must be {parameters[name].least:g} or more")
             given = True
         else:
             raise ValueError(

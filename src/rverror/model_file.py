@@ -35,8 +35,6 @@ _STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
 _EXAMPLES = {"length": "5 um", "angle": "10 arcsec", "time": "0.5 ms", "slope": "10 arcsec/turn"}
 # Keys that the catalogue will hold one day.
 _NONLINEAR = (
-    "crank.bearing_clearance",
-    "coupling.bearing_clearance",
     "cycloid.profile_modification",
     "load.torsion",
     "thermal.growth",
@@ -379,7 +377,7 @@ def _effect(where: _Text, place: _Place, value: object, mechanism: Mechanism) ->
         if key in _NONLINEAR:
             where.refuse(
                 (*place, "key"),
-                f"{key} is nonlinear and needs the reference equilibrium, which this version lacks; remove the effect",
+                f"{key} is nonlinear, and this version lacks it; remove the effect",
             )
         hint = did_you_mean(key, [*CATALOGUE, *_NONLINEAR])
         where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")

@@ -9,14 +9,14 @@ import numpy as np
 
 from rverror.action_line import Array, ContactForces
 from rverror.catalogue import source
-from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose
+from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose, source_matrix
 from rverror.equilibrium import equilibrium
 from rverror.kinematics import Pose, fundamental_orders
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
 
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
-_CARRIER_SIDE = {"carrier", "disc", "crank", "planet", "direction"}
+_CARRIER_SIDE = {"carrier", "disc", "crank", "planet", "bearing", "direction"}
 _POINTS_PER_REPEAT = 256
 
 
@@ -148,11 +148,12 @@ def _with_readings(model: Model, conditions: Conditions, loaded: Prediction) -> 
         direction=np.full_like(conditions.theta, conditions.direction),
         time=conditions.time,
     )
+    reading = closed_form_forces(motion)
     error, rows, at = loaded.transmission_error.copy(), [], 0
     for effect in model.effects:
         count = len(effect.values)
         if _is_reading(effect):
-            matrix = source(effect.key).vector(motion, **effect.indices).vector[:, 0]
+            matrix = source_matrix(motion, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix
         else:
             matrix, at = loaded.matrix[at : at + count], at + count

@@ -164,9 +164,8 @@ def _addition_lines(number: int, addition: Addition) -> list[str]:
 
 def _missing_lines(diagnosis: Diagnosis) -> list[str]:
     lines = [
-        "The remaining lines fit no linear source of the catalogue. Bearing clearances and profile modification are",
-        "not linear and not among the candidates. An effect of your own is one function and one catalogue entry:",
-        "see docs/adding-an-effect.md.",
+        "The remaining lines fit no source of the catalogue. Profile modification is not among the candidates yet.",
+        "An effect of your own is one function and one catalogue entry: see docs/adding-an-effect.md.",
     ]
     if len({trace.direction for trace in diagnosis.traces}) == 1:
         lines.append(f"Measure {_NEXT_STEPS['reverse']}.")
