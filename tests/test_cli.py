@@ -386,7 +386,7 @@ def test_help_and_version_end_with_0(capsys: pytest.CaptureFixture[str]) -> None
         assert err == ""
 
 
-def test_design_section_7_names_these_options(capsys: pytest.CaptureFixture[str]) -> None:
+def test_scripts_rely_on_these_options(capsys: pytest.CaptureFixture[str]) -> None:
     wanted = {
         "simulate": ("MODEL.toml", "--points N", "--revolutions N", "--torque", "--method {closed,equilibrium}",
                      "-o OUT.csv"),
@@ -518,7 +518,7 @@ def test_sources_as_json(bench: Path, capsys: pytest.CaptureFixture[str]) -> Non
         assert item["frame"]
         assert item["reference"]
     orders = {item["key"]: item["orders_rv40e"] for item in data}
-    # DESIGN sections 3 and 6
+    # orders and frames of the catalogue
     assert orders["crank.eccentricity"] == [40]
     assert orders["sensor.encoder_eccentricity"] == [1]
     assert orders["sensor.encoder_ellipticity"] == [2]

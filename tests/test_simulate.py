@@ -109,7 +109,7 @@ def test_the_command_line_solves_the_equilibrium(tmp_path: Path) -> None:
 def test_a_carrier_bore_is_a_constant() -> None:
     bores = [effect("coupling.carrier_bore_position", crank=j, tangential="5 um") for j in (0, 1)]
     wave = arcsec(simulate(Model(RV40E, tuple(bores)), points=64), TYPICAL)
-    assert wave == pytest.approx(np.full(64, -0.005 / 27 / ARCSEC), abs=1e-6)  # -38.197, DESIGN section 4
+    assert wave == pytest.approx(np.full(64, -0.005 / 27 / ARCSEC), abs=1e-6)  # -38.197
 
 
 def test_one_cam_makes_order_40() -> None:
@@ -117,7 +117,7 @@ def test_one_cam_makes_order_40() -> None:
     wave = arcsec(simulate(Model(RV40E, (cam,))), TYPICAL)
     assert wave.size == samples_needed(RV40E)
     lines = 2 * np.abs(np.fft.rfft(wave)) / wave.size
-    assert 2 * lines[40] == pytest.approx(18.467, rel=1e-3)  # peak-to-peak, DESIGN section 4
+    assert 2 * lines[40] == pytest.approx(18.467, rel=1e-3)  # peak-to-peak
     assert lines[1:40].max() < 1e-4
     assert lines[41:].max() < 0.01 * lines[40]
 

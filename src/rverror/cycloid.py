@@ -135,8 +135,8 @@ def pin_forces(contacts: Contacts) -> Array:
 
     Notes
     -----
-    DESIGN's (F / n_discs) l_i / sum(l_i^2) over one disc is the same wherever the discs mesh in phase, as they do when
-    n_discs divides z_p; this form is the rigid limit in every case.
+    (F / n_discs) l_i / sum(l_i^2) over the pins of one disc is the same wherever the discs mesh in phase, as they do
+    when n_discs divides z_p; this form is the rigid limit in every case.
     """
     loaded = np.where(contacts.pin_arm * contacts.direction > 0, contacts.pin_arm, 0.0)
     scale = feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))

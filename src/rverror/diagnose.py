@@ -191,7 +191,8 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
 
     Notes
     -----
-    First form of DESIGN section 8: linear sources, runs whose zero is the gear's, two whole periods or more.
+    docs/theory/diagnosis.md.  Runs must have the gear's zero and two whole periods or more; every run has an offset of
+    its own.
     """
     tell = progress or (lambda text: None)
     declared = model

@@ -61,7 +61,7 @@ def _addition_json(addition: Addition) -> dict[str, Any]:
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Diagnosis as plain data for `json.dump`, DESIGN section 7.
+    """Diagnosis as plain data for `json.dump`; keys are only ever added.
 
     Parameters
     ----------
