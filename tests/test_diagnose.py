@@ -127,6 +127,20 @@ def test_two_missing_effects_of_different_frames_are_both_found() -> None:
     assert found.before.heldout_rms / ARCSEC == pytest.approx(math.sqrt(8**2 / 2 + 6**2 / 2 + 1), rel=0.03)
 
 
+def test_orders_above_those_of_the_first_quick_fit_are_found() -> None:
+    """Candidates are first fitted on 512 angles a turn, which would fold order 300 onto 212."""
+    model = rverror.Model(rverror.Drive(ratio=300.0))
+    theta = 2 * np.pi * np.arange(3 * 2048) / 2048
+    noise = np.random.default_rng(0).normal(size=theta.size)
+    te = (3 * np.cos(300 * theta) + noise) * ARCSEC
+    run = rverror.run_from_arrays(input_angle=300 * theta, te=te, direction="forward")
+    found = rverror.diagnose(model, [run])
+    assert found.verdict == "explained"
+    assert [(a.effect.key, dict(a.effect.indices)) for a in found.added] == [("sensor.input_coupling", {"harmonic": 1})]
+    # the coupling's size is an angle of the input shaft, a ratio larger
+    assert found.added[0].estimates[0].value == pytest.approx(300 * 3 * ARCSEC, rel=0.05)
+
+
 def test_white_noise_alone_seldom_gets_an_effect() -> None:
     """A false-alarm chance of 0.1 % for candidates and for lines: more than one in forty has a chance of 1e-3."""
     wrong = sum(

@@ -314,6 +314,16 @@ def _condition_notes(model: Model, runs: Sequence[FitRun]) -> list[str]:
     return notes
 
 
+@dataclass(frozen=True)
+class _Trial:
+    """A candidate fitted to runs; `unseen` is the sum of squares that runs of fewer angles leave out."""
+
+    effect: Effect
+    runs: Sequence[FitRun]
+    unseen: float
+    fit: Fit
+
+
 class _Search:
     """One diagnosis: candidates, scores and what was decided."""
 
@@ -418,44 +428,9 @@ class _Search:
         floor = chi2.isf(_FALSE_ALARM / self.tried, 2) * scale
         leader = ranking[0].heldout_gain if ranking else 0.0
         worthy = [c for c in ranking if c.heldout_gain > max(floor / 2, _NEGLIGIBLE * leader)]
-        shortlist = self._shortlist(worthy)
-        start = effect_values(state.model.effects)
-        trials: list[tuple[Effect, Fit]] = []
-        for at, candidate in enumerate(shortlist):
-            name = describe(candidate.key, candidate.indices)
-            self.tell(f"refitting candidate {at + 1} of {len(shortlist)}: {name}")
-            zero = Effect(candidate.key, candidate.indices, (0.0,) * len(source(candidate.key).parameters))
-            alone = joint_fit(
-                self.model, [*added, zero], self.coarse,
-                start=np.concatenate([start, zero.values]), vary_last_only=True, most_steps=6,
-            )  # fmt: skip
-            trials.append((zero, alone))
-        trials.sort(key=lambda t: t[1].prospect)
-        joint = []
-        for zero, alone in trials[:_REFITTED]:
-            if alone.prospect > _HOPELESS * trials[0][1].prospect:
-                break
-            self.tell(f"refitting everything with {describe(zero.key, zero.indices)}")
-            joint.append(
-                joint_fit(
-                    self.model, [*added, zero], self.coarse, start=effect_values(alone.model.effects), most_steps=12
-                )
-            )
-        joint = [f for f in joint if _exists(f.model.effects[-1])]
+        joint = self._together(self._alone(self._shortlist(worthy), added, state), added)
         if not joint:
             return None
-        least = min(f.chi2 for f in joint)
-        joint = [
-            joint_fit(
-                self.model,
-                [*added, f.model.effects[-1]],
-                self.runs,
-                start=effect_values(f.model.effects),
-                most_steps=12,
-            )
-            for f in joint
-            if f.chi2 - least < _CLOSE
-        ]
         joint.sort(key=lambda f: f.chi2)
         winner = joint[0]
         effect = winner.model.effects[-1]
@@ -470,6 +445,46 @@ class _Search:
             if f.chi2 - winner.chi2 < alike
         )
         return effect, winner, others
+
+    def _alone(self, shortlist: Sequence[Candidate], added: Sequence[Effect], state: Fit) -> list[_Trial]:
+        """Fit each candidate with everything else held, the most promising first."""
+        start = effect_values(state.model.effects)
+        sums = [joint_fit(self.model, added, runs, start=start, most_steps=0).chi2 for runs in (self.runs, self.coarse)]
+        trials = []
+        for at, candidate in enumerate(shortlist):
+            name = describe(candidate.key, candidate.indices)
+            self.tell(f"refitting candidate {at + 1} of {len(shortlist)}: {name}")
+            zero = Effect(candidate.key, candidate.indices, (0.0,) * len(source(candidate.key).parameters))
+            low = self._fits_coarse(zero)
+            runs, unseen = (self.coarse, sums[0] - sums[1]) if low else (self.runs, 0.0)
+            values = np.concatenate([start, zero.values])
+            fit = joint_fit(self.model, [*added, zero], runs, start=values, vary_last_only=True, most_steps=6)
+            trials.append(_Trial(zero, runs, unseen, fit))
+        return sorted(trials, key=lambda trial: trial.fit.prospect + trial.unseen)
+
+    def _together(self, trials: Sequence[_Trial], added: Sequence[Effect]) -> list[Fit]:
+        """Fit the most promising candidates jointly with everything; those that come close, on all angles."""
+        joint: list[_Trial] = []
+        for trial in trials[:_REFITTED]:
+            if trial.fit.prospect + trial.unseen > _HOPELESS * (trials[0].fit.prospect + trials[0].unseen):
+                break
+            self.tell(f"refitting everything with {describe(trial.effect.key, trial.effect.indices)}")
+            start = effect_values(trial.fit.model.effects)
+            fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, most_steps=12)
+            if _exists(fit.model.effects[-1]):
+                joint.append(replace(trial, fit=fit))
+        least = min((trial.fit.chi2 + trial.unseen for trial in joint), default=0.0)
+        fits = []
+        for trial in joint:
+            if trial.fit.chi2 + trial.unseen - least < _CLOSE:
+                start, effect = effect_values(trial.fit.model.effects), trial.fit.model.effects[-1]
+                fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, most_steps=12))
+        return fits
+
+    def _fits_coarse(self, effect: Effect) -> bool:
+        """Tell whether the coarse runs hold the orders that the effect leads with."""
+        orders = source(effect.key).orders(self.model.mechanism, effect.indices)
+        return max(orders, default=0.0) * true_period(self.model.mechanism) < 0.45 * _COARSE
 
     def _shortlist(self, worthy: Sequence[Candidate]) -> list[Candidate]:
         """All that one repeat of the crank can predict, quickly, and the leaders of what needs a whole turn.
