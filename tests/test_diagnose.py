@@ -189,6 +189,16 @@ def test_declared_effect_is_refitted_within_its_uncertainty_and_not_blamed() -> 
     assert held.model.effects[0].values[0] == declared.values[0]
 
 
+def test_a_declared_size_that_is_far_off_is_said_to_be_missing() -> None:
+    """A refit could take it up, at eight times the stated uncertainty: that is no uncertainty any more."""
+    declared = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="8 arcsec", uncertainty="0.5 arcsec")
+    found = rverror.diagnose(drive().with_effects(declared), [run_of(lambda t: 12 * np.cos(7 * t))])
+    assert found.verdict == "explained"
+    assert [a.effect.key for a in found.added] == ["shaft.eccentricity"]
+    assert found.added[0].effect.indices == {"shaft": "idler", "harmonic": 1}
+    assert found.added[0].estimates[0].value == pytest.approx(4 * ARCSEC, abs=1.2 * ARCSEC)
+
+
 def test_refusals_name_the_run_and_the_remedy() -> None:
     run = run_of(np.zeros_like)
     with pytest.raises(rverror.InputError, match="no run given"):

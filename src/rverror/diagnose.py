@@ -31,6 +31,7 @@ _REFITTED = 4
 _HOPELESS = 2.0  # a candidate with so many times the best one's prospect is not refitted
 _CLOSE = 300.0  # of the coarse sums of squares within which candidates are compared on all angles
 _NEGLIGIBLE = 0.005  # of the leader's gain
+_NO_WORSE = 1.002  # declared sizes may have moved far to fit as well: then only they gain
 _COARSE = 512  # angles a period for the first fit of a candidate
 
 Progress = Callable[[str], None]
@@ -208,6 +209,7 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     added, fit, candidates, rejected = search.run(printed, refitted)
     lines = search.significant_lines(fit)
     settled = "explained" if added else "nothing_missing"
+    notes += _strained(model, fit)
     if not fit.converged:
         notes.append("the last fit stopped before it settled: sizes may be off by more than their intervals")
     return Diagnosis(
@@ -235,6 +237,19 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
         ),
         notes=(*notes, *rejected),
     )
+
+
+def _strained(model: Model, fit: Fit) -> list[str]:
+    """Declared sizes that the fit moved by more than four of their standard deviations."""
+    notes = []
+    for declared, fitted in zip(model.effects, fit.model.effects, strict=False):
+        moved = max(abs(np.subtract(fitted.values, declared.values)))
+        if declared.uncertainty and moved > 4 * declared.uncertainty:
+            name = describe(declared.key, declared.indices)
+            notes.append(
+                f"declared {name} moved by {moved / declared.uncertainty:.1f} of its uncertainty: measure it again"
+            )
+    return notes
 
 
 def _with_growing(declared: Model, fitted: Model) -> Model:
@@ -324,19 +339,36 @@ class _Trial:
     fit: Fit
 
 
+@dataclass(frozen=True)
+class _Fold:
+    """Normal equations of the seen and of the left-out revolutions, and the declared sizes' priors."""
+
+    gram: Array
+    moment: Array
+    test_gram: Array
+    test_moment: Array
+    known: npt.NDArray[np.bool_]  # which of the first parameters were declared
+    change: Array  # declared less current size of those
+    weight: Array  # of a squared change
+
+    def score(self, at: npt.NDArray[np.intp]) -> float:
+        """Weighted squares of the left-out data, less a constant, and of the declared sizes' changes."""
+        step = _solve(self.gram[np.ix_(at, at)], self.moment[at])
+        data = step @ self.test_gram[np.ix_(at, at)] @ step - 2 * step @ self.test_moment[at]
+        return float(data + self.weight @ (self.change - step[: self.known.size][self.known]) ** 2)
+
+
 class _Search:
     """One diagnosis: candidates, scores and what was decided."""
 
     def __init__(self, model: Model, runs: Sequence[FitRun], tell: Progress) -> None:
         self.model, self.runs, self.tell = model, runs, tell
         self.coarse = [coarse(run, _COARSE) for run in runs]
-        declared = {(e.key, tuple(sorted(e.indices.items()))) for e in model.effects if e.uncertainty}
         self.sets = [
             (key, indices)
             for key, entry in CATALOGUE.items()
             if entry.applies_to(model.mechanism) and entry.periodic and not self._lacks_data(key)
             for indices in entry.candidates(model.mechanism)
-            if (key, tuple(sorted(indices.items()))) not in declared
         ]
         self.tried = len(self.sets)
 
@@ -390,7 +422,8 @@ class _Search:
         free = sigma > 0
         declared = effect_values((*self.model.effects, *added))
         offset = declared - effect_values(state.model.effects)
-        for fold in range(max(run.periods for run in self.runs)):
+        folds = max(run.periods for run in self.runs)
+        for fold in range(folds):
             train_rows, train_right, test_rows, test_right = [], [], [], []
             for run, block, prediction in zip(self.runs, blocks, state.predictions, strict=True):
                 columns = np.concatenate([prediction.matrix[free], block])
@@ -408,10 +441,12 @@ class _Search:
             known = np.isfinite(sigma[free])
             gram[np.arange(first)[known], np.arange(first)[known]] += sigma[free][known] ** -2
             moment[:first][known] += (offset[free] / sigma[free] ** 2)[known]
-            base = _heldout(gram, moment, test_gram, test_moment, np.arange(first))
+            change, weight = offset[free][known], sigma[free][known] ** -2 / folds
+            left_out = _Fold(gram, moment, test_gram, test_moment, known, change, weight)
+            base = left_out.score(np.arange(first))
             for i, (end, count) in enumerate(zip(ends, size, strict=True)):
                 at = np.concatenate([np.arange(first), first + np.arange(end - count, end)])
-                gain[i] += base - _heldout(gram, moment, test_gram, test_moment, at)
+                gain[i] += base - left_out.score(at)
         order = np.argsort(-gain, kind="stable")
         return tuple(Candidate(sets[i][0], sets[i][1], float(gain[i])) for i in order)
 
@@ -435,8 +470,8 @@ class _Search:
         winner = joint[0]
         effect = winner.model.effects[-1]
         needed = chi2.isf(_FALSE_ALARM / self.tried, len(effect.values)) * scale
-        heldout = self.residual(winner).heldout_rms < self.residual(fit).heldout_rms
-        if fit.chi2 - winner.chi2 < needed or not heldout:
+        worse = self.residual(winner).heldout_rms > _NO_WORSE * self.residual(fit).heldout_rms
+        if fit.chi2 - winner.chi2 < needed or worse:
             return None
         alike = chi2.isf(0.01, 2) * self._noise_scale(winner)
         others = tuple(
@@ -630,9 +665,3 @@ def _solve(gram: Array, moment: Array) -> Array:
     scale = np.where(scale > 0, scale, 1.0)
     step = np.linalg.lstsq(gram / np.outer(scale, scale), moment / scale, rcond=1e-10)[0] / scale
     return np.asarray(step, dtype=np.float64)
-
-
-def _heldout(gram: Array, moment: Array, test_gram: Array, test_moment: Array, at: npt.NDArray[np.intp]) -> float:
-    """Weighted sum of squares of held-out data, less a constant, for a fit of the chosen columns."""
-    step = _solve(gram[np.ix_(at, at)], moment[at])
-    return float(step @ test_gram[np.ix_(at, at)] @ step - 2 * step @ test_moment[at])
