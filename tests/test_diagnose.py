@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror.diagnose import Diagnosis
+from rverror.diagnose import Diagnosis, _Fold
 from rverror.units import ARCSEC
 
 DATA = Path(os.environ.get("RVERROR_DATA") or Path(__file__).parents[2] / "shared" / "data")
@@ -197,6 +197,22 @@ def test_a_declared_size_that_is_far_off_is_said_to_be_missing() -> None:
     assert [a.effect.key for a in found.added] == ["shaft.eccentricity"]
     assert found.added[0].effect.indices == {"shaft": "idler", "harmonic": 1}
     assert found.added[0].estimates[0].value == pytest.approx(4 * ARCSEC, abs=1.2 * ARCSEC)
+
+
+def test_score_counts_left_out_data_and_what_declared_sizes_moved_from_where_they_were_declared() -> None:
+    """Against the sums written out, for a current size (where the columns were taken) that is not the declared one."""
+    rng = np.random.default_rng(3)
+    columns, seen, left_out = rng.normal(size=(50, 3)), rng.normal(size=50), rng.normal(size=50)
+    known, sigma, current, declared = np.array([True, False]), 0.2, 1.5, 1.1
+    change, weight = np.array([declared - current]), np.array([sigma**-2])
+    gram, moment = columns.T @ columns, columns.T @ seen
+    gram[0, 0] += sigma**-2
+    moment[0] += change[0] / sigma**2
+    fold = _Fold(gram, moment, columns.T @ columns, columns.T @ left_out, known, change, weight)
+    for at in (np.array([0, 1]), np.array([0, 1, 2])):
+        step = np.linalg.solve(gram[np.ix_(at, at)], moment[at])
+        data = ((left_out - columns[:, at] @ step) ** 2).sum() - (left_out**2).sum()
+        assert fold.score(at) == pytest.approx(data + ((current + step[0] - declared) / sigma) ** 2, rel=1e-9)
 
 
 def test_refusals_name_the_run_and_the_remedy() -> None:
