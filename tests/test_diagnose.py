@@ -199,6 +199,18 @@ def test_a_declared_size_that_is_far_off_is_said_to_be_missing() -> None:
     assert found.added[0].estimates[0].value == pytest.approx(4 * ARCSEC, abs=1.2 * ARCSEC)
 
 
+def test_held_out_residual_keeps_declared_sizes_near_what_was_declared() -> None:
+    """Declared 0, true 20, and a prior as strong as the data: each fold must stop where precisions say."""
+    sigma, noise, turns, points = 0.04, 1.0, 4, 512
+    declared = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos=0, uncertainty=sigma * ARCSEC)
+    found = rverror.diagnose(drive().with_effects(declared), [run_of(lambda t: 20 * np.cos(7 * t))])
+    data, prior = (turns - 1) * points / 2 / noise**2, sigma**-2
+    left = 20 * prior / (data + prior)
+    expected = math.sqrt(noise**2 + left**2 / 2)
+    assert found.before_refitted.heldout_rms / ARCSEC == pytest.approx(expected, rel=0.05)
+    assert 5 < expected < 9
+
+
 def test_score_counts_left_out_data_and_what_declared_sizes_moved_from_where_they_were_declared() -> None:
     """Against the sums written out, for a current size (where the columns were taken) that is not the declared one."""
     rng = np.random.default_rng(3)
