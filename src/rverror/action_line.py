@@ -109,6 +109,10 @@ class Clearance:
     contact: str
 
 
+#: What a source returns: a part that grows shifts more than one contact, so it has one error vector for each.
+SourceVector = ErrorVector | Clearance | tuple[ErrorVector, ...]
+
+
 def radial_and_tangential(angle: Array) -> tuple[Array, Array]:
     """Unit vectors at an angle and a quarter turn ahead of it.
 
@@ -167,14 +171,14 @@ def cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :], dtype=np.float64)
 
 
-def project(forces: ContactForces, error: ErrorVector | Clearance, samples: int) -> Array:
+def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
     """Influence of an error on the output angle: sum over contacts of force per unit torque times displacement.
 
     Parameters
     ----------
     forces : mapping of str to ndarray
         Contact forces per unit of output torque.
-    error : ErrorVector or Clearance
+    error : ErrorVector, tuple of ErrorVector or Clearance
         The error of one source.
     samples : int
         n, the number of samples.
@@ -190,6 +194,8 @@ def project(forces: ContactForces, error: ErrorVector | Clearance, samples: int)
     virtual work replaces its division by n1 . n2.  A clearance c displaces the driven part by c along the force, so it
     costs c times the force whatever its direction: the output lags.
     """
+    if isinstance(error, tuple):
+        return np.asarray(sum(project(forces, part, samples) for part in error), dtype=np.float64)
     if isinstance(error, Clearance):
         along = dot(forces[error.contact], forces[f"{error.contact} direction"])
         return -np.broadcast_to(along.sum(axis=tuple(range(along.ndim - 1))), (1, samples))

@@ -15,7 +15,7 @@ from itertools import product
 from types import MappingProxyType
 
 from rverror import coupling, crank, cycloid, involute, sensor, shaft
-from rverror.action_line import Clearance, ErrorVector
+from rverror.action_line import SourceVector
 from rverror.kinematics import fundamental_orders
 from rverror.reducer import Drive, Reducer
 
@@ -55,7 +55,8 @@ class Source:
     key : str
         Fixed name, module and function.
     vector : callable
-        ``vector(pose, **indices) -> ErrorVector``, one term per parameter; a `Clearance` for bearings.
+        ``vector(pose, **indices) -> ErrorVector``, one term per parameter; several in a tuple where it
+        sits at several contacts; a `Clearance` for bearings.
     indices, parameters : tuple
         What names one error, and its components.
     frame : str
@@ -73,7 +74,7 @@ class Source:
     """
 
     key: str
-    vector: Callable[..., ErrorVector | Clearance]
+    vector: Callable[..., SourceVector]
     indices: tuple[Index, ...]
     parameters: tuple[Parameter, ...]
     frame: str

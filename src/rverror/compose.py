@@ -37,7 +37,14 @@ class Influence:
     labels: tuple[str, ...]
 
 
-def pose(mechanism: Mechanism, theta: Any, *, direction: Any | None = None, time: Any | None = None) -> Pose:
+def pose(
+    mechanism: Mechanism,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+) -> Pose:
     """Nominal motion of a mechanism, with the geometry of every contact where it is a reducer.
 
     Parameters
@@ -49,6 +56,8 @@ def pose(mechanism: Mechanism, theta: Any, *, direction: Any | None = None, time
         +1 forward, -1 reverse, one value or one per sample; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Time of each sample, s.
+    torque : float or quantity, optional
+        Size of the load torque at the output, N*mm; needed by ``load.torsion``.
 
     Returns
     -------
@@ -71,12 +80,15 @@ def pose(mechanism: Mechanism, theta: Any, *, direction: Any | None = None, time
         if row is not None and row.shape not in ((), angle.shape):
             raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
     sense = np.array(np.broadcast_to(sense, angle.shape))
+    load = None if torque is None else units.to_core(torque, "torque")
     if isinstance(mechanism, Drive):
-        return DrivePose(ratio=mechanism.ratio, theta=angle, direction=sense, time=clock, drive=mechanism)
-    return _contacts(mechanism, angle, sense, clock)
+        return DrivePose(ratio=mechanism.ratio, theta=angle, direction=sense, time=clock, torque=load, drive=mechanism)
+    return _contacts(mechanism, angle, sense, time=clock, torque=load)
 
 
-def _contacts(reducer: Reducer, theta: Array, direction: Array, time: Array | None) -> Contacts:
+def _contacts(
+    reducer: Reducer, theta: Array, direction: Array, *, time: Array | None, torque: float | None
+) -> Contacts:
     turns = frame_orders(reducer)
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
     eccentric = turns["crank"] * theta + phases[:, None]
@@ -87,6 +99,7 @@ def _contacts(reducer: Reducer, theta: Array, direction: Array, time: Array | No
         theta=theta,
         direction=direction,
         time=time,
+        torque=torque,
         reducer=reducer,
         eccentric=eccentric,
         crank_position=position,
@@ -136,9 +149,11 @@ def influence(
     *,
     direction: Any | None = None,
     time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
     **indices: IndexValue,
 ) -> Influence:
-    """Influence of one source on the output error, closed form.
+    """Influence of one source on the output error.
 
     Parameters
     ----------
@@ -151,6 +166,10 @@ def influence(
         +1 forward, -1 reverse; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Needed by ``sensor.time_offset``.
+    torque : float or quantity, optional
+        Needed by ``load.torsion``.
+    forces : mapping of str to ndarray, optional
+        Contact forces per unit of output torque, from `linearise`; the closed form where left out.
     **indices
         Which crank, disc, pin, harmonic: the indices of the source.
 
@@ -176,8 +195,8 @@ def influence(
     """
     entry = source(key)
     entry.check_indices(mechanism, indices)
-    motion = pose(mechanism, theta, direction=direction, time=time)
-    matrix = source_matrix(motion, closed_form_forces(motion), key, indices)
+    motion = pose(mechanism, theta, direction=direction, time=time, torque=torque)
+    matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
     return Influence(matrix, tuple(p.name for p in entry.parameters))
 
 
@@ -188,7 +207,7 @@ def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mappin
     ----------
     motion : Pose
     forces : mapping of str to ndarray
-        From `closed_form_forces`, or from an equilibrium.
+        From `closed_form_forces` or `linearise`.
     key : str
     indices : mapping
 
@@ -223,8 +242,16 @@ def effect_values(effects: tuple[Effect, ...]) -> Array:
     return np.array([value for effect in effects for value in effect.values], dtype=np.float64)
 
 
-def transmission_error(model: Model, theta: Any, *, direction: Any | None = None, time: Any | None = None) -> Array:
-    """Transmission error of a model, actual output less input / R, closed form: one matrix product.
+def transmission_error(
+    model: Model,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
+) -> Array:
+    """Transmission error of a model, actual output less input / R, as a sum of influences: one matrix product.
 
     Parameters
     ----------
@@ -234,6 +261,11 @@ def transmission_error(model: Model, theta: Any, *, direction: Any | None = None
     direction : float or array_like, optional
         +1 forward, -1 reverse; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
+        Needed by ``sensor.time_offset``.
+    torque : float or quantity, optional
+        Needed by ``load.torsion``.
+    forces : mapping of str to ndarray, optional
+        Contact forces per unit of output torque, from `linearise`; the closed form where left out.
 
     Returns
     -------
@@ -253,22 +285,28 @@ def transmission_error(model: Model, theta: Any, *, direction: Any | None = None
     >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
     True
     """
-    motion = pose(model.mechanism, theta, direction=direction, time=time)
-    matrix = effect_matrix(motion, closed_form_forces(motion), model.effects)
+    motion = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    matrix = effect_matrix(motion, closed_form_forces(motion) if forces is None else forces, model.effects)
     return np.asarray(effect_values(model.effects) @ matrix, dtype=np.float64)
 
 
 def transmission_error_by_effect(
-    model: Model, theta: Any, *, direction: Any | None = None, time: Any | None = None
+    model: Model,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
 ) -> Array:
-    """Part of the transmission error that each effect of a model makes, closed form; the rows add up to the total.
+    """Part of the transmission error that each effect of a model makes; the rows add up to `transmission_error`.
 
     Parameters
     ----------
     model : Model
     theta : array_like or quantity, shape (n,)
         Nominal output angle, rad.
-    direction, time : optional
+    direction, time, torque, forces : optional
         As in `transmission_error`.
 
     Returns
@@ -276,7 +314,7 @@ def transmission_error_by_effect(
     ndarray, shape (effects, n)
         rad.
     """
-    motion = pose(model.mechanism, theta, direction=direction, time=time)
-    forces = closed_form_forces(motion)
-    rows = [np.array(e.values) @ source_matrix(motion, forces, e.key, e.indices) for e in model.effects]
+    motion = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    used = closed_form_forces(motion) if forces is None else forces
+    rows = [np.array(e.values) @ source_matrix(motion, used, e.key, e.indices) for e in model.effects]
     return np.array(rows, dtype=np.float64).reshape(len(rows), motion.theta.size)

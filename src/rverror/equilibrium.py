@@ -217,8 +217,9 @@ class _System:
             if isinstance(error, Clearance):
                 clearance[error.contact] += max(effect.values[0], 0.0)
                 continue
-            for value, term in zip(effect.values, error.vector, strict=True):
-                total[error.contact][error.at] += value * term
+            for part in error if isinstance(error, tuple) else (error,):
+                for value, term in zip(effect.values, part.vector, strict=True):
+                    total[part.contact][part.at] += value * term
         mesh = dot(total["mesh"], motion.mesh_normal)
         # a crank that leads its planet holds the planet back on the line of action
         mesh -= self._base_radius * np.array([1.0, -1.0])[:, None] * total["spline"][:, :, 0]

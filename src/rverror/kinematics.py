@@ -28,12 +28,15 @@ class Pose:
         +1 where theta grows (forward), -1 where it falls (reverse); the load torque resists.
     time : ndarray, shape (n,), optional
         Time of each sample, s.
+    torque : float, optional
+        Size of the load torque at the output, N*mm.
     """
 
     ratio: float
     theta: Array
     direction: Array
     time: Array | None = None
+    torque: float | None = None
 
 
 def motion_direction(theta: Array) -> Array:

@@ -10,11 +10,11 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rverror.action_line import Array, radial_and_tangential
-from rverror.catalogue import IndexValue
 from rverror.compose import influence
 from rverror.cycloid import pin_contacts, pin_positions
 from rverror.feedback import feedback_factor, loop_gain
@@ -96,7 +96,7 @@ def _theta(unit: Reducer) -> Array:
 
 
 def wave(
-    unit: Reducer, key: str, parameter: str, size: float, *, direction: float = 1.0, **indices: IndexValue
+    unit: Reducer, key: str, parameter: str, size: float, *, direction: float = 1.0, **indices: Any
 ) -> Array:
     """Output error over one turn that one parameter of one source makes, closed form, arcsec.
 
@@ -541,7 +541,7 @@ def _displacement_row() -> Row:
 # --- source 003 --------------------------------------------------------------------------------------------------
 
 
-def _lost_motion(key: str, parameter: str, **indices: IndexValue) -> float:
+def _lost_motion(key: str, parameter: str, **indices: Any) -> float:
     """Lag forward less lag in reverse per mm of one parameter in 003's unit, arcsec/mm."""
     forward, reverse = (wave(_rv003(), key, parameter, 1.0, direction=d, **indices) for d in (1.0, -1.0))
     return abs(_mean(forward - reverse))
