@@ -17,7 +17,21 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror import CATALOGUE, Drive, Model, cli, effect, load_model, load_run, reducer, save_model, simulate, write_run
+from rverror import (
+    CATALOGUE,
+    Drive,
+    Model,
+    cli,
+    effect,
+    energy,
+    load_model,
+    load_run,
+    reducer,
+    save_model,
+    simulate,
+    transmission_error,
+    write_run,
+)
 from rverror.equilibrium import NotConvergedError
 from rverror.measurement import run_text
 from rverror.units import DISPLAY_UNITS
@@ -153,7 +167,26 @@ NUMBERS = [
     Wrong("simulate gear.toml --torque", ("--torque", "'N*'"), more=("20 N*",)),
     Wrong("simulate gear.toml --torque", ("--torque", "''"), more=("",)),
     Wrong("simulate gear.toml --method exact", ("--method", "'exact'", "equilibrium")),
-    Wrong("simulate gear.toml --direction mixed", ("--direction", "'mixed'", "reverse")),
+    Wrong("simulate gear.toml --direction mixed", ("--direction", "'mixed'", "reverse", "both")),
+    Wrong("simulate gear.toml --direction both", ("2 runs (forward, reverse)", "-o OUT.csv")),
+    Wrong("simulate gear.toml --torque 1N*m --torque 2N*m", ("2 runs (forward-1Nm, forward-2Nm)", "-o OUT.csv")),
+    Wrong("simulate gear.toml --torque 1N*m --torque 1000N*mm -o x.csv", ("--torque", "forward-1Nm", "twice")),
+    Wrong("simulate gear.toml --torque 1N*m --torque -o x.csv", ("--torque",)),
+    Wrong("simulate gear.toml -o x.csv --torque 1N*m --torque", ("torque = -5 N*m", "above 0"), more=("-5 N*m",)),
+    Wrong("simulate gear.toml --noise 0.3", ("noise", "'0.3'", "no unit", "0.3 arcsec")),
+    Wrong("simulate gear.toml --noise", ("noise", "'kg'", "0.3 arcsec"), more=("1 kg",)),
+    Wrong("simulate gear.toml --noise", ("noise", "0 to 180 deg"), more=("-1 arcsec",)),
+    Wrong("simulate gear.toml --noise", ("noise", "1e400"), more=("1e400 arcsec",)),
+    Wrong("simulate gear.toml --noise-correlation 2deg", ("noise correlation", "--noise '0.3 arcsec'")),
+    Wrong("simulate gear.toml --noise 1arcsec --noise-correlation 2um", ("noise correlation", "'um'", "2 deg")),
+    Wrong("simulate gear.toml --input-counts 0", ("input counts = 0", "1 to")),
+    Wrong("simulate gear.toml --output-counts -1", ("output counts = -1", "1 to")),
+    Wrong("simulate gear.toml --output-counts 1e6", ("--output-counts", "'1e6'")),
+    Wrong("simulate gear.toml --seed -1", ("seed = -1", "0 to")),
+    Wrong("simulate gear.toml --seed x", ("--seed", "'x'")),
+    Wrong("simulate gear.toml --speed 10deg", ("speed = '10deg'", "10 deg/s")),
+    Wrong("simulate gear.toml --speed 10Hz", ("speed = '10Hz'", "10 deg/s")),
+    Wrong("simulate gear.toml --speed 0rpm", ("speed = 0 deg/s", "must be")),
     Wrong("simulate gear.toml --method equilibrium", ("equilibrium", "torque")),
     Wrong("simulate worm.toml --method equilibrium --torque", ("equilibrium", "[drive]"), more=("20 N*m",)),
     Wrong("simulate m.toml", ("sensor.time_offset",),
@@ -236,6 +269,8 @@ OUTPUTS = [
     Wrong("simulate gear.toml -o gear.toml", ("gear.toml", "input")),
     Wrong("simulate gear.toml -o ./gear.toml", ("./gear.toml", "input")),
     Wrong("simulate gear.toml -o folder", ("folder", "give a file")),
+    Wrong("simulate gear.toml -o folder --direction both", ("folder", "give a file")),
+    Wrong("simulate x-reverse.csv --direction both -o x.csv", ("x-reverse.csv", "input"), {"x-reverse.csv": RV}),
     Wrong("simulate gear.toml -o", ("''", "no name"), more=("",)),
     Wrong("simulate gear.toml -o", ("' '", "no name"), more=(" ",)),
     Wrong("sources --json none/out.json", ("none/out.json", "no folder")),
@@ -265,7 +300,7 @@ def test_wrong_input_is_found_before_the_work(
     """A diagnosis takes long; no one should wait for it to learn that its result has nowhere to go."""
     if not any(word in wrong.words for word in ("one file per direction", "align", "at least 4")):
         monkeypatch.setattr(cli, "diagnose", unreachable)
-        monkeypatch.setattr(cli, "simulate", unreachable)
+        monkeypatch.setattr(cli, "simulate_runs", unreachable)
     for name, text in wrong.files.items():
         (bench / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     refused(bench, capsys, (*wrong.arguments.split(), *wrong.more))
@@ -317,7 +352,7 @@ def test_work_that_stops_leaves_nothing(
     def stop(*_: Any, **__: Any) -> NoReturn:
         raise problem
 
-    monkeypatch.setattr(cli, "simulate", stop)
+    monkeypatch.setattr(cli, "simulate_runs", stop)
     monkeypatch.setattr(cli, "diagnose", stop)
     before = content(bench)
     for arguments in (
@@ -331,8 +366,12 @@ def test_work_that_stops_leaves_nothing(
         assert content(bench) == before
 
 
-def test_an_equilibrium_that_is_not_reached_is_said(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ("simulate", "gear.toml", "--method", "equilibrium", "--torque", "1e-9 N*m", "--points", "16")
+def test_an_equilibrium_that_is_not_reached_is_said(
+    bench: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(energy, "_MAX_STEPS", 0)
+    monkeypatch.setattr(energy, "_MAX_STEPS_UNLOADING", 0)
+    arguments = ("simulate", "gear.toml", "--method", "equilibrium", "--torque", "20 N*m", "--points", "16")
     assert "no equilibrium" in refused(bench, capsys, arguments)
 
 
@@ -407,6 +446,70 @@ def test_simulate_writes_the_file_and_says_so(bench: Path, capsys: pytest.Captur
     assert (out, err) == ("", "rverror: wrote out.csv\n")
     assert set(content(bench)) == {"worm.toml", "gear.toml", "run.csv", "back.csv", "folder", "out.csv"}
     assert load_run("out.csv", GEAR).error(GEAR) == pytest.approx(simulate(GEAR, points=64).error(GEAR), abs=1e-9)
+
+
+def test_without_a_new_option_a_run_holds_what_it_always_held(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("simulate", "gear.toml", "--points", "64", "--torque", "20 N*m", "--direction", "reverse") == 0
+    lines = capsys.readouterr().out.splitlines()
+    head = ["# direction: reverse", "# output_torque: 20 N*m", "# simulated: rverror, closed; not a measurement"]
+    assert lines[:4] == [*head, COLUMNS.strip()]
+    theta = 2 * np.pi - 2 * np.pi * np.arange(64) / 64
+    te = transmission_error(GEAR, theta, direction=-1.0)
+    assert lines[4:] == [
+        f"{a:.15g},{b:.15g}" for a, b in zip(np.rad2deg(theta * 121), np.rad2deg(theta + te), strict=True)
+    ]
+
+
+NOISY = ("--points", "64", "--noise", "0.3 arcsec", "--noise-correlation", "2 deg", "--output-counts", "1048576")
+
+
+def test_several_runs_become_several_files(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("simulate", "gear.toml", *NOISY, "--seed", "4", "--speed", "10 deg/s", "--torque", "20 N*m")
+    both = (*arguments, "--torque", "2.5 N*m", "--direction", "both", "-o", "folder/b.enc.csv")
+    before = set(content(bench))
+    assert call(*both) == 0
+    names = [f"b.enc-{sense}-{load}Nm.csv" for load in ("20", "2.5") for sense in ("forward", "reverse")]
+    out, err = capsys.readouterr()
+    assert [Path(line) for line in out.splitlines()] == [Path("folder") / name for name in names]
+    assert err == ""
+    assert set(content(bench)) - before == {str(Path("folder") / name) for name in names}
+    runs = {name: load_run(f"folder/{name}", GEAR) for name in names}
+    for name, run in runs.items():
+        assert run.notes == ()
+        assert run.index == "simulated"
+        assert run.torque == pytest.approx(20e3 if "-20Nm" in name else 2.5e3)
+        assert (run.direction == (1.0 if "forward" in name else -1.0)).all()
+        assert run.time is not None
+        assert run.metadata["seed"] == "4"
+
+    # same seed, same bytes; and a run does not know of the others but by the zero that it shares with them
+    first = content(bench)
+    assert call(*both) == 0
+    assert content(bench) == first
+    assert capsys.readouterr().err.splitlines() == [f"rverror: replacing {Path('folder') / name}" for name in names]
+    for sense in ("forward", "reverse"):
+        assert call(*arguments, "--direction", sense) == 0
+        joint = (bench / "folder" / f"b.enc-{sense}-20Nm.csv").read_text(encoding="utf-8")
+        assert capsys.readouterr().out == joint.replace("# index: simulated\n", "")
+
+
+def test_the_seed_decides_the_noise(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = []
+    for seed in ((), ("--seed", "0"), ("--seed", "1"), ("--seed", "1")):
+        assert call("simulate", "gear.toml", *NOISY, *seed) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1] != printed[2] == printed[3]
+    assert "# seed: 0\n" in printed[0]
+    assert "# noise: 0.3 arcsec\n# noise correlation: 2 deg\n" in printed[0]
+
+
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="no symbolic links on this system")
+def test_two_runs_are_not_written_into_one_file(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (bench / "x-forward.csv").write_text("old", encoding="utf-8")
+    (bench / "x-reverse.csv").symlink_to("x-forward.csv")
+    line = refused(bench, capsys, ("simulate", "gear.toml", "--direction", "both", "-o", "x.csv"))
+    assert "x-reverse.csv" in line
+    assert "link" in line
 
 
 def test_what_is_replaced_is_said(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -514,7 +617,7 @@ def test_sources_as_json(bench: Path, capsys: pytest.CaptureFixture[str]) -> Non
         entry = CATALOGUE[item["key"]]
         assert item["indices"] == [index.name for index in entry.indices]
         assert [p["name"] for p in item["parameters"]] == [p.name for p in entry.parameters]
-        assert {p["unit"] for p in item["parameters"]} <= {"um", "arcsec", "ms", "arcsec/turn"}
+        assert [p["unit"] for p in item["parameters"]] == [DISPLAY_UNITS[p.dimension] for p in entry.parameters]
         assert item["frame"]
         assert item["reference"]
     orders = {item["key"]: item["orders_rv40e"] for item in data}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from functools import cache
 from typing import Any
 
@@ -19,6 +18,7 @@ from hypothesis import strategies as st
 
 import rverror
 from oracle import Errors, Oracle, Springs, put
+from rverror import energy
 from rverror.compose import influence, pose, source_matrix
 from rverror.equilibrium import NotConvergedError
 from rverror.kinematics import frame_orders
@@ -211,7 +211,7 @@ stiffnesses = st.builds(
 def test_exact_rows_hold_at_any_stiffness(stiffness: dict[str, float], name: str, sense: int) -> None:
     unit = rverror.reducer(name, stiffness=rverror.Stiffness(**stiffness), gear_backlash=0.0)
     angles = ANGLES[:4]
-    forces = rverror.equilibrium(rverror.Model(unit), angles, torque=FEATHER, direction=sense).forces
+    forces = rverror.linearise(rverror.Model(unit), angles, torque=FEATHER, direction=sense).forces
     motion = pose(unit, angles, direction=sense)
     for what, terms, expected in exact_rows(unit):
         total = np.zeros(angles.size)
@@ -278,8 +278,8 @@ def test_forces_are_derivatives_of_the_output(key: str, index: dict[str, Any], s
     """At a state in which errors have lifted pins off: a millionth of 20 N*m and of 5 um."""
     unit = rverror.reducer("RV-40E", gear_backlash=2e-8)
     base = model_of(unit, SEVERAL, 1e-6)
-    state = rverror.equilibrium(base, ANGLES, torque=0.02, direction=sense)
-    matrix = source_matrix(pose(unit, ANGLES, direction=sense), state.forces, key, index)
+    loaded = rverror.linearise(base, ANGLES, torque=0.02, direction=sense)
+    matrix = source_matrix(loaded.motion, loaded.forces, key, index)
     labels = influence(unit, ANGLES, key, direction=sense, **index).labels
     step = 1e-13  # no contact switches
     for row, label in zip(matrix, labels, strict=True):
@@ -304,7 +304,7 @@ def moment(point: np.ndarray, force: np.ndarray) -> np.ndarray:
 def test_forces_balance_on_every_body(sense: int, name: str, terms: tuple[Term, ...]) -> None:
     """Statics of a reducer under a unit torque, body by body, from positions of the contacts drawn anew here."""
     unit = rverror.reducer(name, gear_backlash=2e-9)  # more than the errors use up
-    forces = rverror.equilibrium(model_of(unit, terms, 1e-8), ANGLES, torque=2 * FEATHER, direction=sense).forces
+    forces = rverror.linearise(model_of(unit, terms, 1e-8), ANGLES, torque=2 * FEATHER, direction=sense).forces
     turns = frame_orders(unit)
     gamma = 2 * np.pi * np.arange(unit.pins) / unit.pins
     circle = lambda angle: np.stack([np.cos(angle), np.sin(angle)], axis=-2)  # noqa: E731
@@ -344,7 +344,7 @@ def test_stiff_bearings_give_the_closed_form(name: str) -> None:
     )
     unit = rverror.reducer(name, stiffness=stiff)
     motion = pose(unit, ANGLES, direction=1)
-    forces = rverror.equilibrium(rverror.Model(unit), ANGLES, torque=412e3, direction=1).forces
+    forces = rverror.linearise(rverror.Model(unit), ANGLES, torque=412e3, direction=1).forces
     for key, index in ONE_OF_EACH_CONTACT:
         closed = influence(unit, ANGLES, key, direction=1, **index).matrix
         found = source_matrix(motion, forces, key, index)
@@ -447,8 +447,8 @@ def test_what_sensors_add_is_added_whole() -> None:
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("torque", [0, 0.0, -20e3, float("nan"), float("inf"), "0 N*m", "-3 N*m"])
-def test_torque_must_be_above_zero(torque: Any) -> None:
+@pytest.mark.parametrize("torque", [-20e3, float("nan"), float("inf"), "-3 N*m"])
+def test_torque_must_be_zero_or_more(torque: Any) -> None:
     with pytest.raises(ValueError, match=r"torque|finite"):
         rverror.equilibrium(rverror.Model(rverror.reducer("RV-40E")), [0.0], torque=torque)
 
@@ -491,7 +491,8 @@ def test_errors_of_a_fifth_of_a_millimetre_are_solved_or_refused() -> None:
 
 
 def test_what_did_not_converge_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["rverror.equilibrium"], "_MAX_STEPS", 1)  # rverror.equilibrium is the function
+    monkeypatch.setattr(energy, "_MAX_STEPS", 1)
+    monkeypatch.setattr(energy, "_MAX_STEPS_UNLOADING", 1)
     model = model_of(rverror.reducer("RV-40E"), SEVERAL)
     with pytest.raises(NotConvergedError, match=rf"of {ANGLES.size} angles \(theta = [-0-9., ]+ deg"):
         rverror.equilibrium(model, ANGLES, torque=20e3, direction=1)

@@ -25,8 +25,10 @@ from rverror.measurement import Run, load_run, run_text, write_run
 from rverror.model import Effect, Model
 from rverror.model_file import append_effects, load_model
 from rverror.report import to_html, to_json, to_text
-from rverror.simulate import simulate
+from rverror.simulate import DEFAULT_SEED, run_label, simulate_runs
 from rverror.textfile import write_bytes, write_text
+
+_DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -86,10 +88,25 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
     command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
-    command.add_argument("--torque", metavar='"20 N*m"', help="output torque")
+    command.add_argument("--torque", action="append", metavar='"20 N*m"', help="output torque; may be given again")
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
-    command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
-    command.add_argument("-o", "--output", metavar="OUT.csv", help="run file to write (default: standard output)")
+    command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
+    command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
+    command.add_argument(
+        "--noise-correlation",
+        metavar='"2 deg"',
+        help="output angle over which the noise is correlated (default: white)",
+    )
+    command.add_argument("--input-counts", type=int, metavar="N", help="counts per turn of the input encoder")
+    command.add_argument("--output-counts", type=int, metavar="N", help="counts per turn of the output encoder")
+    command.add_argument("--seed", type=int, metavar="N", help=f"of the noise (default {DEFAULT_SEED})")
+    command.add_argument("--speed", metavar='"10 deg/s"', help="output speed; gives the run a time column")
+    command.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.csv",
+        help="run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
+    )
     command.set_defaults(run=_simulate)
 
     command = commands.add_parser("diagnose", help="find what a model lacks in measured runs")
@@ -116,26 +133,56 @@ def _parser() -> argparse.ArgumentParser:
 def _simulate(options: argparse.Namespace) -> None:
     model = load_model(options.model)
     _check_output(options.output, [options.model])
-    torque = _torque(options.torque)
-    run = simulate(
+    torques: list[float | None] = [_torque(text) for text in options.torque or ()] or [None]
+    directions = _DIRECTIONS[options.direction]
+    labels = [run_label(direction, torque) for torque in torques for direction in directions]
+    paths = _run_paths(options, labels)
+    runs = simulate_runs(
         model,
+        directions=directions,
+        torques=torques,
         points=options.points,
         revolutions=options.revolutions,
-        torque=torque,
         method=options.method,
-        direction=1.0 if options.direction == "forward" else -1.0,
+        noise=options.noise,
+        correlation=options.noise_correlation,
+        input_counts=options.input_counts,
+        output_counts=options.output_counts,
+        seed=options.seed,
+        speed=options.speed,
     )
-    if options.output is not None:
-        _say_replaced(options.output)
-        write_run(options.output, run, overwrite=True)
-        _tell(f"wrote {options.output}")
-    else:
-        sys.stdout.write(run_text(run))
+    if options.output is None:
+        sys.stdout.write(run_text(runs[0]))
+        return
+    for path, run in zip(paths, runs, strict=True):
+        _say_replaced(path)
+        write_run(path, run, overwrite=True)
+        if len(paths) > 1:
+            print(path)  # for diagnose, or whatever reads the runs
+        else:
+            _tell(f"wrote {path}")
 
 
-def _torque(text: str | None) -> float | None:
-    if text is None:
-        return None
+def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
+    """File of each run: the one asked for, or beside it one for each label; none for standard output."""
+    if options.output is None:
+        if len(labels) > 1:
+            raise InputError(f"{len(labels)} runs ({', '.join(labels)}) are no one file; give a name, e.g. -o OUT.csv")
+        return []
+    if len(labels) == 1:
+        return [options.output]
+    base = Path(options.output)
+    if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
+        raise InputError(f"--torque: {twice[0]} is asked for twice; give each torque once")
+    paths = [str(base.with_name(f"{base.stem}-{label}{base.suffix}")) for label in labels]
+    for path in paths:
+        _check_output(path, [options.model])
+    if (same := _given_twice(paths)) is not None:
+        raise InputError(f"{same}: this file is that of another run too, by a link; remove the link")
+    return paths
+
+
+def _torque(text: str) -> float:
     try:
         return units.parse(text, "torque")
     except ValueError as problem:

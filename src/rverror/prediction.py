@@ -10,7 +10,7 @@ import numpy as np
 from rverror.action_line import Array, ContactForces
 from rverror.catalogue import source
 from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose, source_matrix
-from rverror.equilibrium import equilibrium
+from rverror.equilibrium import linearise
 from rverror.kinematics import Pose, fundamental_orders
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
@@ -67,11 +67,17 @@ def contact_state(model: Model, conditions: Conditions) -> tuple[Pose, ContactFo
     -------
     Pose, mapping of str to ndarray
     """
-    motion = pose(model.mechanism, conditions.theta, direction=conditions.direction, time=conditions.time)
-    if not uses_equilibrium(model, conditions):
-        return motion, closed_form_forces(motion)
-    state = equilibrium(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
-    return motion, state.forces
+    if uses_equilibrium(model, conditions):
+        loaded = linearise(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
+        return replace(loaded.motion, time=conditions.time), loaded.forces
+    motion = pose(
+        model.mechanism,
+        conditions.theta,
+        direction=conditions.direction,
+        time=conditions.time,
+        torque=conditions.torque,
+    )
+    return motion, closed_form_forces(motion)
 
 
 def predict(model: Model, conditions: Conditions) -> Prediction:
@@ -119,9 +125,9 @@ def _is_reading(effect: Effect) -> bool:
 
 
 def _predict_loaded(model: Model, conditions: Conditions) -> Prediction:
-    state = equilibrium(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
-    motion = pose(model.mechanism, conditions.theta, direction=conditions.direction)
-    return Prediction(state.transmission_error, effect_matrix(motion, state.forces, model.effects))
+    loaded = linearise(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
+    matrix = effect_matrix(loaded.motion, loaded.forces, model.effects)
+    return Prediction(loaded.state.transmission_error, matrix)
 
 
 def _predict_by_repeat(model: Model, conditions: Conditions) -> Prediction:

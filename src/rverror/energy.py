@@ -1,0 +1,464 @@
+"""The elastic energy of a loaded gear train, and the pose in which it is least.
+
+Carrier, discs, cranks (x, y, angle each) and sun (x, y) take the pose of least energy,
+
+    E(x) = 1/2 sum k_c p_c(x)^2 - f . x,
+
+over contacts c that close by p_c, 0 where an open pin or flank has p_c < 0 and where a journal floats in its clearance.
+It is convex, so a semismooth Newton method with a line search finds it.  The closing of a pin, of a flank and of each
+component of a bearing is J_c x + e_c: J_c holds the action lines of the nominal pose, e_c the same error vectors as in
+the closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.action_line import BEARINGS, Array, Clearance, Contacts, dot, radial_and_tangential, unit_vectors
+from rverror.catalogue import source
+from rverror.compose import closed_form_forces
+from rverror.model import Effect
+from rverror.reducer import Reducer
+
+Steps = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+GRADIENT_TOLERANCE = 1e-7  # of the applied torque
+_MAX_STEPS = 40
+_UNLOADING = (8.0, 3.0)  # factors between loads on the way down, the second for angles that the first leaves
+_MAX_STEPS_UNLOADING = 200  # at each load
+_LOOSER_UNLOADING = 1e2  # than the tolerance at the last load
+_FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
+_ROUNDING = 2e-14  # of stiffness times displacement, in sums of which the parts cancel
+_STRIDE = 8  # every so many angles is solved first; those between start from their neighbours
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What the errors close at each contact, mm, samples first; `output` is what sensors add, rad."""
+
+    pin: Array  # (n, discs, pins)
+    flank: Array  # (n, 2 cranks)
+    joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
+    clearance: Array  # (joints,)
+    output: Array  # (n,)
+
+
+def error_closing(motion: Contacts, effects: tuple[Effect, ...]) -> Errors:
+    """Sum the error vectors of all effects at their contacts and project them onto the action lines."""
+    reducer, n = motion.reducer, motion.theta.size
+    total = {
+        "pin": np.zeros((reducer.discs, reducer.pins, 2, n)),
+        "cam": np.zeros((reducer.discs, reducer.cranks, 2, n)),
+        "carrier": np.zeros((reducer.cranks, 2, n)),
+        "mesh": np.zeros((reducer.cranks, 2, 2, n)),
+        "spline": np.zeros((reducer.cranks, 2, 1, n)),
+        "output": np.zeros((1, n)),
+    }
+    clearance = dict.fromkeys(BEARINGS, 0.0)
+    for effect in effects:
+        error = source(effect.key).vector(motion, **effect.indices)
+        if isinstance(error, Clearance):
+            clearance[error.contact] += max(effect.values[0], 0.0)
+            continue
+        for part in error if isinstance(error, tuple) else (error,):
+            for value, term in zip(effect.values, part.vector, strict=True):
+                total[part.contact][part.at] += value * term
+    flank = dot(total["mesh"], motion.mesh_normal)
+    # a crank that leads its planet holds the planet back on the line of action
+    flank -= flank_lever(reducer)[:, None] * total["spline"][:, :, 0]
+    cams, bores = reducer.discs * reducer.cranks, reducer.cranks
+    joint = [total["cam"].reshape(cams, 2, n), total["carrier"], np.zeros((2, 2, n))]
+    return Errors(
+        pin=np.moveaxis(dot(total["pin"], motion.pin_normal), -1, 0),
+        flank=np.moveaxis(flank.reshape(-1, n), -1, 0) - reducer.gear_backlash / 2,
+        joint=np.moveaxis(np.concatenate(joint), -1, 0),
+        clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [cams, bores, 2]),
+        output=total["output"][0],
+    )
+
+
+def flank_lever(reducer: Reducer) -> Array:
+    """Lever of the planet's turn on each flank: its base circle."""
+    return reducer.planet_pitch_radius * math.cos(reducer.pressure_angle) * np.array([1.0, -1.0])
+
+
+def flank_rows(motion: Contacts) -> Array:
+    """Rows (n, 2 cranks, size): the sun closes along n, the planet opens and turns on its base circle."""
+    reducer, n = motion.reducer, motion.theta.size
+    layout = Layout(reducer)
+    normal = np.moveaxis(motion.mesh_normal, -1, 0)
+    rows = np.zeros((n, reducer.cranks, 2, layout.size))
+    rows[..., layout.sun : layout.sun + 2] = normal
+    for j, at in enumerate(layout.crank):
+        rows[:, j, :, at : at + 2] = -normal[:, j]
+        rows[:, j, :, at + 2] = flank_lever(reducer)
+    return rows.reshape(n, -1, layout.size)
+
+
+def joint_rows(motion: Contacts) -> Array:
+    """Rows (n, joints, xy, size) of cams (disc by crank), carrier bores, main bearing and sun support."""
+    reducer, n = motion.reducer, motion.theta.size
+    layout = Layout(reducer)
+    bore = reducer.crank_radius * np.moveaxis(radial_and_tangential(motion.crank_position)[1], -1, 0)
+    cam = reducer.eccentricity * np.moveaxis(radial_and_tangential(motion.eccentric)[1], -1, 0)
+    parts: list[list[tuple[int, float, Array | None]]] = [
+        [(disc, 1, bore[:, j]), (crank, -1, cam[:, k])]
+        for k, disc in enumerate(layout.disc)
+        for j, crank in enumerate(layout.crank)
+    ]
+    parts += [[(crank, 1, None), (0, -1, bore[:, j])] for j, crank in enumerate(layout.crank)]
+    parts += [[(0, 1, None)], [(layout.sun, 1, None)]]
+    rows = np.zeros((n, len(parts), 2, layout.size))
+    for q, sides in enumerate(parts):
+        for at, sign, lever in sides:
+            rows[:, q, 0, at] = rows[:, q, 1, at + 1] = sign
+            if lever is not None:
+                rows[:, q, :, at + 2] = sign * lever
+    return rows
+
+
+def joint_stiffness(reducer: Reducer) -> Array:
+    """Stiffness (joints,) in the order of `joint_rows`, N/mm."""
+    stiffness = reducer.stiffness
+    bearings = np.repeat(
+        [stiffness.crank_bearing, stiffness.carrier_bearing], [reducer.discs * reducer.cranks, reducer.cranks]
+    )
+    return np.append(bearings, [stiffness.main_bearing, stiffness.sun_support])
+
+
+class Layout:
+    """Where each part stands in the pose."""
+
+    def __init__(self, reducer: Reducer) -> None:
+        """Count x, y and angle of each part, x and y of the sun."""
+        self.disc = [3 + 3 * k for k in range(reducer.discs)]
+        self.crank = [3 + 3 * (reducer.discs + j) for j in range(reducer.cranks)]
+        self.sun = 3 + 3 * (reducer.discs + reducer.cranks)
+        self.size = self.sun + 2
+
+
+@dataclass(frozen=True)
+class System:
+    """The energy at n angles.
+
+    Springs are the bearings without clearance: a matrix and a vector hold all of them.  Journals are those with one.
+    """
+
+    reducer: Reducer
+    load: Array  # (n, size)
+    spring_matrix: Array  # (n, size, size)
+    spring_force: Array  # (n, size)
+    spring_scale: Array  # (n,), largest row sum of the matrix
+    pin_rows: Array  # (n, 3, discs, pins), on x, y and angle of the disc
+    pin_error: Array  # (n, discs, pins)
+    flank_rows: Array  # (n, 2 cranks, size)
+    flank_error: Array
+    journal_rows: Array  # (n, journals, 2, size), of bearings with clearance
+    journal_error: Array  # (n, journals, 2)
+    clearance: Array  # (n, journals)
+    journal_stiffness: Array  # (n, journals)
+    driving_pins: Flags  # on the loaded side
+    driving_flanks: Flags
+    driving_force: Array  # (n, journals, 2), its direction
+
+    def tolerance(self, torque: float) -> float:
+        """What may be out of balance under a torque, N and N*mm."""
+        return GRADIENT_TOLERANCE * torque / self.reducer.crank_radius
+
+    def take(self, at: Any) -> System:
+        """The same at some of the angles."""
+        arrays = {f.name: getattr(self, f.name)[at] for f in fields(self) if f.name != "reducer"}
+        return replace(self, **arrays)
+
+    def discs(self, x: Array) -> Array:
+        """x, y and angle of the discs, (3, n, discs, 1)."""
+        return np.moveaxis(x[:, 3 : 3 + 3 * self.reducer.discs].reshape(len(x), -1, 3), -1, 0)[..., None]
+
+    def state(self, x: Array) -> State:
+        """Contacts, energy and its gradient in the pose `x`."""
+        stiffness = self.reducer.stiffness
+        disc, rows = self.discs(x), self.pin_rows
+        pins = rows[:, 0] * disc[0] + rows[:, 1] * disc[1] + rows[:, 2] * disc[2] + self.pin_error
+        flanks = (self.flank_rows @ x[..., None])[..., 0] + self.flank_error
+        spring = (self.spring_matrix @ x[..., None])[..., 0]
+        pin_force = stiffness.pin_contact * np.maximum(pins, 0.0)
+        flank_force = stiffness.gear_mesh * np.maximum(flanks, 0.0)
+        gradient = spring + self.spring_force - self.load
+        gradient += (flank_force[:, None] @ self.flank_rows)[:, 0]
+        on_discs = np.einsum("nki,ncki->nkc", pin_force, rows)
+        gradient[:, 3 : 3 + 3 * self.reducer.discs] += on_discs.reshape(len(x), -1)
+        terms = [
+            0.5 * (x * spring).sum(axis=1),
+            (x * self.spring_force).sum(axis=1),
+            -(x * self.load).sum(axis=1),
+            0.5 / stiffness.pin_contact * np.einsum("nki,nki->n", pin_force, pin_force),
+            0.5 / stiffness.gear_mesh * (flank_force**2).sum(axis=1),
+        ]
+        journals = self.journal_rows @ x[:, None, :, None]
+        journals = journals[..., 0] + self.journal_error
+        if journals.size:
+            closing, force = self.journal_forces(journals)
+            gradient += np.einsum("nqcd,nqc->nd", self.journal_rows, force)
+            terms.append(0.5 * (self.journal_stiffness * closing**2).sum(axis=1))
+        far = np.abs(x).max(axis=1)
+        rounding = _ROUNDING * self.spring_scale * far
+        return State(
+            energy=np.sum(terms, axis=0),
+            rounding=rounding * far,
+            gradient=gradient,
+            unbalanced=rounding,
+            pins=pins,
+            flanks=flanks,
+            journals=journals,
+        )
+
+    def journal_forces(self, journals: Array) -> tuple[Array, Array]:
+        """Closing and force of each journal, which floats in its clearance."""
+        distance = np.sqrt((journals**2).sum(axis=-1))
+        closing = np.maximum(distance - self.clearance, 0.0)
+        share = closing / np.where(distance > 0, distance, 1.0)
+        return closing, (self.journal_stiffness * share)[..., None] * journals
+
+    def journal_matrices(self, journals: Array) -> Array:
+        """Stiffness (n, journals, 2, 2) of the journals: full along the force, F / distance across it."""
+        distance = np.sqrt((journals**2).sum(axis=-1))
+        safe = np.where(distance > 0, distance, 1.0)
+        share = np.maximum(distance - self.clearance, 0.0) / safe
+        along = journals / safe[..., None]
+        radial = along[..., :, None] * along[..., None, :]
+        touching = (self.journal_stiffness * (share > 0))[..., None, None]
+        share = share[..., None, None]
+        return np.asarray(touching * (share * np.eye(2) + (1 - share) * radial), dtype=np.float64)
+
+    def matrix(self, *, pins: Flags, flanks: Flags, journals: Array) -> Array:
+        """Stiffness with the contacts in `pins` and `flanks` closed and the journals on the given stiffnesses."""
+        stiffness, rows = self.reducer.stiffness, self.pin_rows
+        matrix = self.spring_matrix.copy()
+        closed = np.where(pins, stiffness.pin_contact, 0.0)[:, None] * rows
+        blocks = np.einsum("nbki,ncki->nkbc", closed, rows)
+        for k in range(self.reducer.discs):
+            at = slice(3 + 3 * k, 6 + 3 * k)
+            matrix[:, at, at] += blocks[:, k]
+        held = np.where(flanks, stiffness.gear_mesh, 0.0)[..., None] * self.flank_rows
+        matrix += np.swapaxes(self.flank_rows, 1, 2) @ held
+        if journals.size:
+            n, size = self.load.shape
+            weighted = (journals @ self.journal_rows).reshape(n, -1, size)
+            matrix += np.swapaxes(self.journal_rows.reshape(n, -1, size), 1, 2) @ weighted
+        return matrix
+
+    def newton_matrix(self, state: State) -> Array:
+        """Second derivative of the energy."""
+        return self.matrix(pins=state.pins > 0, flanks=state.flanks > 0, journals=self.journal_matrices(state.journals))
+
+    def held(self, *, pins: Flags, flanks: Flags, along: Array) -> Array:
+        """Pose with the contacts in `pins` and `flanks` held closed and each journal at its clearance's end `along`."""
+        stiffness = self.reducer.stiffness
+        away = self.journal_error - self.clearance[..., None] * along
+        springs = self.journal_stiffness[..., None, None] * np.eye(2)
+        gradient = self.spring_force - self.load
+        gradient = gradient + np.einsum("nqcd,nqc->nd", self.journal_rows, self.journal_stiffness[..., None] * away)
+        gradient += ((stiffness.gear_mesh * flanks * self.flank_error)[:, None] @ self.flank_rows)[:, 0]
+        on_discs = np.einsum("nki,ncki->nkc", stiffness.pin_contact * pins * self.pin_error, self.pin_rows)
+        gradient[:, 3 : 3 + 3 * self.reducer.discs] += on_discs.reshape(len(gradient), -1)
+        return -solved(self.matrix(pins=pins, flanks=flanks, journals=springs), gradient)
+
+    def driven(self) -> Array:
+        """Pose with all of the loaded side held closed: where each solution starts."""
+        return self.held(pins=self.driving_pins, flanks=self.driving_flanks, along=self.driving_force)
+
+    def on_the_rim(self, x: Array) -> Array:
+        """Pose near `x` with its contacts held closed and each journal on the rim of its clearance."""
+        state = self.state(x)
+        along = np.moveaxis(unit_vectors(np.moveaxis(state.journals, 0, -1)), -1, 0)
+        return self.held(pins=state.pins > 0, flanks=state.flanks > 0, along=along)
+
+
+@dataclass(frozen=True)
+class State:
+    """Energy, gradient and closing of every contact, mm: negative where a pin or flank is open.
+
+    `rounding` and `unbalanced` bound what floating-point numbers leave of energy and gradient.
+    """
+
+    energy: Array
+    rounding: Array
+    gradient: Array
+    unbalanced: Array
+    pins: Array
+    flanks: Array
+    journals: Array
+
+    def take(self, at: Any) -> State:
+        """The same at some of the angles."""
+        return State(**{f.name: getattr(self, f.name)[at] for f in fields(self)})
+
+    def put(self, at: Any, other: State) -> None:
+        """Write the state of some of the angles."""
+        for f in fields(self):
+            getattr(self, f.name)[at] = getattr(other, f.name)
+
+
+def system(motion: Contacts, errors: Errors, torque: float) -> System:
+    """Energy of a reducer along its motion, under a torque that resists it."""
+    reducer, n = motion.reducer, motion.theta.size
+    cams, k, rows = reducer.discs * reducer.cranks, joint_stiffness(reducer), joint_rows(motion)
+    floats = errors.clearance > 0
+    springs = rows[:, ~floats].reshape(n, -1, rows.shape[-1])
+    weighted = np.repeat(k[~floats], 2)[:, None] * springs
+    matrix = np.swapaxes(springs, 1, 2) @ weighted
+    load = np.zeros((n, rows.shape[-1]))
+    load[:, 2] = -motion.direction * torque
+    flank = np.stack([motion.direction > 0, motion.direction <= 0], axis=1)
+    along = np.zeros((len(k), 2, n))
+    if floats.any():
+        forces = closed_form_forces(motion)
+        along[:cams] = forces["cam direction"].reshape(cams, 2, n)
+        along[cams:-2] = forces["carrier direction"]
+    # a pin closes as the disc moves against the normal
+    pin_rows = -np.concatenate([motion.pin_normal, motion.pin_arm[:, :, None]], axis=2)
+    return System(
+        reducer=reducer,
+        load=load,
+        spring_matrix=matrix,
+        spring_scale=np.abs(matrix).sum(axis=2).max(axis=1),
+        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ weighted)[:, 0],
+        pin_rows=np.ascontiguousarray(pin_rows.transpose(3, 2, 0, 1)),
+        pin_error=np.ascontiguousarray(errors.pin),
+        flank_rows=flank_rows(motion),
+        flank_error=errors.flank,
+        journal_rows=rows[:, floats],
+        journal_error=errors.joint[:, floats],
+        clearance=np.tile(errors.clearance[floats], (n, 1)),
+        journal_stiffness=np.tile(k[floats], (n, 1)),
+        driving_pins=np.moveaxis(motion.pin_arm * motion.direction, -1, 0) > 0,
+        driving_flanks=np.tile(flank, reducer.cranks),
+        driving_force=np.moveaxis(along[floats], -1, 0),
+    )
+
+
+def minimise(system: System, torque: float) -> tuple[Array, Steps, Flags]:
+    """Pose of least energy at every angle.
+
+    Parameters
+    ----------
+    system : System
+    torque : float
+        Size of the load in `system`, N*mm, above 0.
+
+    Returns
+    -------
+    x : ndarray, shape (n, size)
+        Pose.
+    steps : ndarray of int, shape (n,)
+        Newton steps that each angle took.
+    found : ndarray of bool, shape (n,)
+        Whether the forces balance.
+    """
+    x, steps, found = _minimise_by_neighbours(system, system.tolerance(torque))
+    for factor in _UNLOADING:
+        left = np.flatnonzero(~found)
+        if left.size:
+            x[left], more, found[left] = _unload(system.take(left), torque, factor)
+            steps[left] += more
+    return x, steps, found
+
+
+def _minimise_by_neighbours(system: System, tolerance: float) -> tuple[Array, Steps, Flags]:
+    """Poses as of `_minimise`, at a few angles first, then from there at those between."""
+    n = len(system.load)
+    x, steps, found = np.zeros_like(system.load), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
+    first = np.unique(np.append(np.arange(0, n, _STRIDE), n - 1))
+    part = system.take(first)
+    x[first], steps[first], found[first] = _minimise(part, part.driven(), tolerance, _MAX_STEPS)
+    rest = np.setdiff1d(np.arange(n), first)
+    if rest.size:
+        after = np.searchsorted(first, rest)
+        share = ((rest - first[after - 1]) / (first[after] - first[after - 1]))[:, None]
+        start = (1 - share) * x[first[after - 1]] + share * x[first[after]]
+        part = system.take(rest)
+        if system.clearance.size:  # half-way between two places on a circle is inside it
+            start, other = part.on_the_rim(start), part.driven()
+            lower = part.state(start).energy < part.state(other).energy
+            start = np.where(lower[:, None], start, other)
+        x[rest], steps[rest], found[rest] = _minimise(part, start, tolerance, _MAX_STEPS)
+    return x, steps, found
+
+
+def _unload(system: System, torque: float, factor: float) -> tuple[Array, Steps, Flags]:
+    """Poses as of `_minimise`, from a heavy load downwards.
+
+    At light load a journal slides along the rim of its clearance on next to no force: Newton steps are short there,
+    and the place where a somewhat greater load put it is close.
+    """
+    stiff = system.reducer.stiffness.pin_contact * system.reducer.pin_circle_radius**2
+    stages = math.ceil(max(math.log(_FULL_LOAD * stiff / torque, factor), 0.0))
+    total = np.zeros(len(system.load), dtype=np.intp)
+    x: Array | None = None
+    for power in range(stages, -1, -1):
+        loaded = replace(system, load=system.load * factor**power)
+        start = loaded.driven() if x is None else loaded.on_the_rim(x)
+        tolerance = system.tolerance(torque * factor**power) * (_LOOSER_UNLOADING if power else 1.0)
+        x, steps, found = _minimise(loaded, start, tolerance, _MAX_STEPS_UNLOADING)
+        total += steps
+    assert x is not None
+    return x, total, found
+
+
+def _minimise(system: System, start: Array, tolerance: float, most: int) -> tuple[Array, Steps, Flags]:
+    """Pose of least energy, the Newton steps that each angle took, and whether it was found within `most` of them."""
+    x, now, part = start.copy(), system.state(start), system
+    at, steps = np.arange(len(x)), np.zeros(len(x), dtype=np.intp)
+    for step in range(most + 1):
+        moving = np.abs(now.gradient).max(axis=1) > np.maximum(tolerance, now.unbalanced)
+        if not moving.all():
+            at, part, now = at[moving], part.take(moving), now.take(moving)
+        if at.size == 0 or step == most:
+            break
+        steps[at] += 1
+        descent = -solved(part.newton_matrix(now), now.gradient)
+        x[at], now = _line_search(part, x[at], descent, now)
+    found = np.ones(len(x), dtype=np.bool_)
+    found[at] = False
+    return x, steps, found
+
+
+def _line_search(system: System, x: Array, descent: Array, state: State) -> tuple[Array, State]:
+    """Halve each step until the energy falls; the full step is exact once no contact opens or closes.
+
+    Where rounding hides the fall, the slope at the end of the step must not be as steep upwards as it was downwards.
+    """
+    slope = (state.gradient * descent).sum(axis=1)
+    length = np.ones(len(x))
+    reached = x + descent
+    found = system.state(reached)
+    for _ in range(40):
+        level = found.energy < state.energy + state.rounding
+        ahead = (found.gradient * descent).sum(axis=1)
+        falling = (found.energy <= state.energy + 1e-4 * length * slope) | (level & (ahead <= -0.8 * slope))
+        if falling.all():
+            break
+        rising = ~falling
+        length[rising] /= 2
+        reached[rising] = x[rising] + length[rising, None] * descent[rising]
+        found.put(rising, system.take(rising).state(reached[rising]))
+    return reached, found
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Solve a stack of symmetric systems; a trace of stiffness holds what no closed contact holds."""
+    size = matrix.shape[1]
+    held = matrix + 1e-12 * np.einsum("nii->ni", matrix).max(axis=1)[:, None, None] * np.eye(size)
+    return np.asarray(np.linalg.solve(held, right[..., None])[..., 0], dtype=np.float64)
+
+
+def refined(matrix: Array, right: Array) -> Array:
+    """The same less what the trace of stiffness costs, 3e-8 of the answer, by one step of refinement."""
+    first = solved(matrix, right)
+    return first + solved(matrix, right - (matrix @ first[..., None])[..., 0])
