@@ -116,6 +116,10 @@ def put(errors: Errors, unit: Any, case: int, term: tuple[str, dict[str, Any], s
             errors.pin_centre[case] += size * along * {"cos": np.cos, "sin": np.sin}[wave](h * gamma)
         case "cycloid.pin_radius":
             errors.pin_radius[case, slice(None) if pin == "all" else pin] += size
+        case "cycloid.profile_modification" if name == "equidistant":
+            errors.profile[case, :, 0] -= size
+        case "cycloid.profile_modification":  # ground by a tool nearer to the centre: as pins farther out
+            errors.pin_centre[case] += size * np.exp(1j * gamma)
         case "cycloid.disc_bore_position":
             errors.disc_bore[case, disc, crank] += vector * bore
         case "coupling.carrier_bore_position":

@@ -19,13 +19,7 @@ from rverror.kinematics import samples_needed, true_period
 from rverror.units import CORE_UNITS
 from strategies import Array, scaled
 
-#: Sources that only the equilibrium can carry; they are no linear entries.
-NONLINEAR = {
-    "cycloid.profile_modification",
-    "load.torsion",
-    "thermal.growth",
-}
-#: The linear and constant sources, with the names of indices and parameters that files and scripts outside use.
+#: Every source, with the names of indices and parameters that files and scripts outside use.
 NAMES = {
     "involute.center_distance": ("crank", "radial tangential"),
     "involute.sun_eccentricity": ("", "x y"),
@@ -43,10 +37,13 @@ NAMES = {
     "cycloid.pin_position": ("pin", "radial tangential"),
     "cycloid.pin_circle": ("harmonic", "radial_cos radial_sin tangential_cos tangential_sin"),
     "cycloid.pin_radius": ("pin", "deviation"),
+    "cycloid.profile_modification": ("", "equidistant shift"),
     "cycloid.disc_bore_position": ("disc crank", "radial tangential"),
     "coupling.carrier_bore_position": ("crank", "radial tangential"),
     "coupling.bearing_clearance": ("", "clearance"),
     "coupling.carrier_runout": ("", "x y"),
+    "thermal.growth": ("", "housing discs cranks carrier gears"),
+    "load.torsion": ("", "compliance"),
     "sensor.encoder_eccentricity": ("", "cos sin"),
     "sensor.encoder_ellipticity": ("", "cos sin"),
     "sensor.input_coupling": ("harmonic", "cos sin"),
@@ -57,6 +54,8 @@ NAMES = {
 }
 #: Neither constant nor periodic: they grow along the run.
 RAMPS = ("sensor.ratio_error", "sensor.drift")
+#: What a source may need beside the angles, N*mm.
+TORQUE = 20e3
 #: A mechanism per kind: whole and broken ratios, two and three cranks, one disc and several.
 MECHANISMS: dict[str, Mechanism] = {
     "RV-40E": rverror.reducer("RV-40E"),
@@ -107,7 +106,7 @@ def states() -> dict[tuple[int, int], Any]:
     for mechanism in MECHANISMS.values():
         for direction in (1, -1):
             theta = sampled(mechanism)
-            motion = pose(mechanism, theta, direction=direction, time=theta / 0.3)
+            motion = pose(mechanism, theta, direction=direction, time=theta / 0.3, torque=TORQUE)
             found[id(mechanism), direction] = (motion, closed_form_forces(motion))
     return found
 
@@ -124,7 +123,11 @@ def test_matrix(key: str, mechanism: Mechanism) -> None:
     theta = np.linspace(-1, 2, 37)
     before = theta.tobytes()
     for indices in index_sets(entry, mechanism):
-        options = {"time": theta / 0.3} if key == "sensor.time_offset" else {}
+        needed: dict[str, dict[str, Any]] = {
+            "sensor.time_offset": {"time": theta / 0.3},
+            "load.torsion": {"torque": TORQUE},
+        }
+        options = needed.get(key, {})
         found = rverror.influence(mechanism, theta, key, **options, **indices)
         assert found.matrix.shape == (len(entry.parameters), 37)
         assert found.matrix.dtype == np.float64
@@ -141,7 +144,7 @@ def test_matrix(key: str, mechanism: Mechanism) -> None:
 @pytest.mark.parametrize(("key", "mechanism"), FEW)
 def test_source_leaves_the_pose_alone_and_names_a_contact(key: str, mechanism: Mechanism) -> None:
     theta = np.linspace(-1, 2, 11)
-    motion = pose(mechanism, theta, time=theta)
+    motion = pose(mechanism, theta, time=theta, torque=TORQUE)
     forces = closed_form_forces(motion)
     before, loads = frozen(motion), [f.tobytes() for f in forces.values()]
     for indices in index_sets(CATALOGUE[key], mechanism):
@@ -185,21 +188,22 @@ def test_claimed_orders_are_the_strongest(
 
 def natural_size(mechanism: Mechanism, entry: Source) -> float:
     """Output angle that one unit of a parameter could make: below it a value is rounding, not an effect."""
-    if entry.parameters[0].dimension != "length" or not isinstance(mechanism, Reducer):
-        return 1e-3
-    return 1 / (mechanism.ratio * mechanism.sun_pitch_radius)
+    dimension = entry.parameters[0].dimension
+    if dimension == "length" and isinstance(mechanism, Reducer):
+        return 1 / (mechanism.ratio * mechanism.sun_pitch_radius)
+    return {"temperature_rise": 1e-6, "compliance": TORQUE}.get(dimension, 1e-3)
 
 
 @pytest.mark.parametrize("factor", [0.1, 7.0])
 @pytest.mark.parametrize("name", ["RV-40E", "one disc"])
 def test_homogeneous_in_length(name: str, factor: float) -> None:
-    """All lengths times s: columns per mm times 1/s, columns per rad as they were."""
+    """All lengths times s: columns per mm times 1/s, columns per rad, kelvin or rad per torque as they were."""
     small = MECHANISMS[name]
     assert isinstance(small, Reducer)
     theta = np.linspace(0.1, 2.5, 41)
     states = []
     for unit in (small, scaled(small, factor)):
-        motion = pose(unit, theta, time=theta)
+        motion = pose(unit, theta, time=theta, torque=TORQUE)
         assert isinstance(motion, Contacts)
         states.append((motion, closed_form_forces(motion)))
     for key, entry in CATALOGUE.items():
@@ -252,8 +256,7 @@ def test_names_that_files_use(key: str, entry: Source) -> None:
 
 
 def test_catalogue_is_complete_and_closed() -> None:
-    assert set(NAMES) <= set(CATALOGUE)
-    assert not NONLINEAR & set(NAMES)
+    assert set(NAMES) == set(CATALOGUE)
     with pytest.raises(TypeError):
         CATALOGUE["new"] = CATALOGUE["crank.index"]  # type: ignore[index]
 
@@ -275,9 +278,10 @@ def test_effect_and_model_survive_a_pickle(key: str, mechanism: Mechanism) -> No
     assert back.effects[0] == one
     assert source(back.effects[0].key) is entry
     theta = np.linspace(0, 1, 9)
-    te = [rverror.transmission_error(m, theta, time=theta) for m in (model, back)]
+    te = [rverror.transmission_error(m, theta, time=theta, torque=TORQUE) for m in (model, back)]
     np.testing.assert_array_equal(*te)
-    expected = np.array(one.values) @ rverror.influence(mechanism, theta, key, time=theta, **one.indices).matrix
+    found = rverror.influence(mechanism, theta, key, time=theta, torque=TORQUE, **one.indices)
+    expected = np.array(one.values) @ found.matrix
     np.testing.assert_allclose(te[0], expected, rtol=1e-12, atol=1e-20)
 
 

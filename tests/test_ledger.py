@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rverror import ledger
-from rverror.cycloid import pin_contacts, pin_positions
+from rverror.cycloid import loaded_share, normal_gap, pin_contacts, pin_positions
 from rverror.reducer import reducer
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -162,27 +162,7 @@ def test_normal_gap_is_what_a_smaller_grinding_circle_takes_off(preset):
     ):
         other, _ = ground_profile(unit, roll, **(nominal | change))
         taken_off = ((other - base) / step * inward.conjugate()).real
-        np.testing.assert_allclose(taken_off, ledger.normal_gap(unit, roll, **modification), atol=2e-5)
-
-
-@pytest.mark.parametrize(("equidistant", "shift"), [(0.005, 0.0), (0.0, 0.005), (0.003, 0.002)])
-def test_initial_gap_is_what_a_turn_to_first_contact_leaves(equidistant, shift):
-    unit = reducer("RV-40E")
-    phi = np.linspace(1e-3, np.pi - 1e-3, 200_001)
-    K = unit.short_width_coefficient
-    arm = 48.75 * np.sin(phi) / np.sqrt(1 + K * K - 2 * K * np.cos(phi))
-    open_gap = ledger.normal_gap(unit, phi, equidistant=equidistant, shift=shift)
-    turn = (open_gap / arm).min()
-    expected = open_gap - arm * turn
-    np.testing.assert_allclose(
-        ledger.initial_gap(unit, phi, equidistant=equidistant, shift=shift), expected, atol=1e-10
-    )
-    assert expected.min() > -1e-15
-
-
-def test_initial_gap_refuses_what_moves_the_first_contact():
-    with pytest.raises(ValueError, match="both must be 0 or more"):
-        ledger.initial_gap(reducer("RV-40E"), np.array([1.0]), equidistant=-0.001, shift=0.002)
+        np.testing.assert_allclose(taken_off, normal_gap(unit, roll, **modification), atol=2e-5)
 
 
 @pytest.mark.parametrize("preset", ["RV-40E", "RV-003"])
@@ -191,7 +171,7 @@ def test_loaded_displacement_is_the_share_of_the_longest_arm(preset):
     eccentric = np.linspace(0, 2 * np.pi, 97)
     arm = pin_contacts(unit, eccentric=eccentric[None], disc_angle=eccentric).arm[0]
     phi = eccentric - pin_positions(unit)[:, None]
-    share = ledger.loaded_share(unit, phi)
+    share = loaded_share(unit, phi)
     np.testing.assert_allclose(share, arm / (unit.eccentricity * unit.disc_lobes), atol=1e-12)
     assert np.abs(share).max() <= 1 + 1e-12
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from rverror import CATALOGUE, Drive, Effect, Model, Reducer, Stiffness, effect, reducer
 from rverror.errors import InputError
-from rverror.model_file import _COUNTS, _NONLINEAR, _QUANTITIES, append_effects, load_model, save_model
+from rverror.model_file import _COUNTS, _QUANTITIES, append_effects, load_model, save_model
 from rverror.reducer import PRESETS
 from strategies import reducers, variant
 
@@ -151,6 +151,36 @@ def test_slope_has_no_unit_and_may_be_bare(tmp_path: Path) -> None:
         assert model.effects[0].values[0] == pytest.approx(1e-5)
 
 
+def test_effects_of_profile_temperature_and_load(tmp_path: Path) -> None:
+    effects = """
+[[effect]]
+key = "cycloid.profile_modification"
+equidistant = "12 um"
+shift = "-8 um"
+
+[[effect]]
+key = "thermal.growth"
+housing = "10 K"
+discs = "25 delta_degC"
+uncertainty = "1 K"
+
+[[effect]]
+key = "load.torsion"
+compliance = "0.5 arcsec/(N*m)"
+"""
+    model = load(tmp_path, FULL + effects)
+    modified, warm, soft = (item.values for item in model.effects)
+    assert modified == pytest.approx((0.012, -0.008))
+    assert warm == pytest.approx((10, 25, 0, 0, 0))
+    assert model.effects[1].uncertainty == pytest.approx(1)
+    assert soft == pytest.approx((0.5 * math.pi / 648000 / 1000,))
+    save_model(tmp_path / "back.toml", model)
+    assert load_model(tmp_path / "back.toml") == model
+    text = (tmp_path / "back.toml").read_text()
+    for words in ('housing = "10 K"', 'discs = "25 K"', 'compliance = "0.5 arcsec/(N*m)"', 'shift = "-8 um"'):
+        assert words in text
+
+
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
     assert {*_COUNTS, *_QUANTITIES, "stiffness", "name"} == names
@@ -239,6 +269,16 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     "size without number": (swapped('"5 um"', '"um"'), ["line 8", "radial", "no number"]),
     "size of infinity": (swapped('"5 um"', '"1e999 um"'), ["line 8", "radial", "finite"]),
     "bare angle size": (DRIVE + '[[effect]]\nkey = "sensor.drift"\ntotal = 3\n', ["line 8", "like '10 arcsec'"]),
+    "temperature for a rise": (FULL + '[[effect]]\nkey = "thermal.growth"\nhousing = "10 degC"\n',
+                               ["line 15", "housing", "'degC' is a temperature, not a rise", "like '10 K'"]),
+    "bare rise": (FULL + '[[effect]]\nkey = "thermal.growth"\ndiscs = 10\n', ["line 15", "no unit", "like '10 K'"]),
+    "rise in mm": (FULL + '[[effect]]\nkey = "thermal.growth"\ndiscs = "1 mm"\n', ["line 15", "'mm'", "'10 K'"]),
+    "uncertainty of a rise": (FULL + '[[effect]]\nkey = "thermal.growth"\ndiscs = "9 K"\nuncertainty = "1 degC"\n',
+                              ["line 16", "uncertainty", "not a rise", "like '0.3 K'"]),
+    "stiffness for a compliance": (FULL + '[[effect]]\nkey = "load.torsion"\ncompliance = "9 N*m/rad"\n',
+                                   ["line 15", "compliance", "'0.5 arcsec/(N*m)'"]),
+    "negative compliance": (FULL + '[[effect]]\nkey = "load.torsion"\ncompliance = "-1 arcsec/(N*m)"\n',
+                            ["line 14", "compliance = -1 arcsec/(N*m): must be 0 or more"]),
     "bare uncertainty": (EFFECT + "uncertainty = 0.3\n", ["line 9", "uncertainty = 0.3 has no unit", "'0.3 um'"]),
     "negative uncertainty": (EFFECT + 'uncertainty = "-1 um"\n', ["line 9", "uncertainty = '-1 um'", "0 or more"]),
     "origin": (EFFECT + "origin = 3\n", ["line 9", "origin = 3", "text"]),
@@ -272,12 +312,6 @@ def test_negative_clearance_is_refused(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="clearance = -5 um: must be 0 or more"):
         load_model(path)
-
-
-@pytest.mark.parametrize("key", sorted({*_NONLINEAR} - {*CATALOGUE}))
-def test_nonlinear_sources_get_a_line_of_their_own(tmp_path: Path, key: str) -> None:
-    with pytest.raises(InputError, match=rf"line 5: {key} is nonlinear, and this version lacks it; remove the effect"):
-        load(tmp_path, swapped("crank.eccentricity", key))
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ TURNING_WAVES = {
 
 
 def contacts(unit: Reducer, theta: Array, direction: int) -> Contacts:
-    motion = pose(unit, theta, direction=direction)
+    motion = pose(unit, theta, direction=direction, torque=20e3)
     assert isinstance(motion, Contacts)
     return motion
 
@@ -329,18 +329,19 @@ def test_sun_pitch_cancels_but_for_multiples_of_the_planets(
 def test_effects_superpose(unit: Reducer, theta: Array, direction: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     time = np.sort(rng.uniform(0, 10, theta.size))
+    state = {"direction": direction, "time": time, "torque": 20e3}
     effects = tuple(
         Effect(key, indices, tuple(rng.normal(0, 1e-2, len(rverror.CATALOGUE[key].parameters))))
         for key, indices in acting(unit)
     )
-    total = rverror.transmission_error(Model(unit, effects), theta, direction=direction, time=time)
-    alone = [rverror.transmission_error(Model(unit, (e,)), theta, direction=direction, time=time) for e in effects]
+    total = rverror.transmission_error(Model(unit, effects), theta, **state)
+    alone = [rverror.transmission_error(Model(unit, (e,)), theta, **state) for e in effects]
     scale = np.abs(alone).max()
     np.testing.assert_allclose(total, np.sum(alone, axis=0), atol=1e-11 * scale)
-    rows = rverror.transmission_error_by_effect(Model(unit, effects), theta, direction=direction, time=time)
+    rows = rverror.transmission_error_by_effect(Model(unit, effects), theta, **state)
     np.testing.assert_allclose(rows, alone, atol=1e-12 * scale)
     twice = tuple(Effect(e.key, e.indices, tuple(2 * v for v in e.values)) for e in effects)
-    again = rverror.transmission_error(Model(unit, twice), theta, direction=direction, time=time)
+    again = rverror.transmission_error(Model(unit, twice), theta, **state)
     np.testing.assert_allclose(again, 2 * total, atol=1e-11 * scale)
 
 

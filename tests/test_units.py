@@ -33,6 +33,10 @@ from rverror import units
         ("5 ms", "time", 5e-3),
         ("20 degC", "temperature", 293.15),
         ("300 kelvin", "temperature", 300.0),
+        ("10 K", "temperature_rise", 10.0),
+        ("-10 delta_degC", "temperature_rise", -10.0),
+        ("18 delta_degF", "temperature_rise", 10.0),
+        ("0.5 arcsec/(N*m)", "compliance", 0.5e-3 * math.pi / 648000),
         ("0.01", "slope", 0.01),
         ("360 arcsec/turn", "slope", 1 / 3600),
         ("1 percent", "slope", 0.01),
@@ -57,6 +61,11 @@ def test_parse(text: str, dimension: str, value: float) -> None:
         ("5 ???", "length", r"unknown unit '\?\?\?'"),
         ("5 deg", "length", "'deg' is no unit of length; use one like 'um'"),
         ("5 N", "torque", r"'N' is no unit of torque; use one like 'N\*m'"),
+        ("10 degC", "temperature_rise", "'degC' is a temperature, not a rise; write the difference, like '10 K'"),
+        ("10 degF", "temperature_rise", "'degF' is a temperature, not a rise"),
+        ("10 mm", "temperature_rise", "'mm' is no unit of temperature rise; use one like 'K'"),
+        ("10", "temperature_rise", "'10' has no unit; write it like '10 K'"),
+        ("1 N*m/rad", "compliance", r"is no unit of compliance; use one like 'arcsec/\(N\*m\)'"),
         ("1e999 mm", "length", "'1e999 mm' is not a finite value"),
     ],
 )
@@ -80,6 +89,17 @@ def test_to_core_refuses(value: Any) -> None:
 def test_to_core_refuses_a_quantity_of_another_dimension() -> None:
     with pytest.raises(ValueError, match="degree is no unit of length; use one like 'um'"):
         units.to_core(pint.UnitRegistry().Quantity(5, "deg"), "length")
+
+
+def test_rises_are_differences() -> None:
+    """A quantity in degrees Celsius has its own zero; the difference of two has none."""
+    registry = pint.UnitRegistry()
+    warm, cold = registry.Quantity(35.0, "degC"), registry.Quantity(20.0, "degC")
+    assert units.to_core(warm - cold, "temperature_rise") == pytest.approx(15)
+    assert units.to_core(15, "temperature_rise") == 15
+    with pytest.raises(ValueError, match="'degree_Celsius' is a temperature, not a rise"):
+        units.to_core(warm, "temperature_rise")
+    assert units.to_core(warm, "temperature") == pytest.approx(308.15)
 
 
 def test_arrays() -> None:

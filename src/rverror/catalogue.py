@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 
-from rverror import coupling, crank, cycloid, involute, sensor, shaft
+from rverror import coupling, crank, cycloid, involute, load, sensor, shaft, thermal
 from rverror.action_line import SourceVector
 from rverror.kinematics import fundamental_orders
 from rverror.reducer import Drive, Reducer
@@ -71,6 +71,8 @@ class Source:
         One line for people.
     periodic : bool
         Whether the waveform repeats with the drive; what grows along a run does not.
+    tried : bool
+        Whether diagnosis tries it: not where all that it does within a run is constant, or is done by other sources.
     """
 
     key: str
@@ -82,6 +84,7 @@ class Source:
     reference: str
     summary: str
     periodic: bool = True
+    tried: bool = True
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.
@@ -231,7 +234,7 @@ def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """Discs pass a pin one after another: only multiples of the number of discs stay."""
     if indices.get("pin") == "all":
-        return _pin_circle_orders(mechanism, {"harmonic": 0})
+        return _all_pins_orders(mechanism, indices)
     unit = _rv(mechanism)
     return (unit.discs * fundamental_orders(unit)["housing"],)
 
@@ -242,6 +245,11 @@ def _pin_circle_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, .
     waves = [abs(harmonic + m * unit.pins) for m in range(-unit.discs, unit.discs + 1)]
     kept = [w for w in waves if w % unit.discs == 0 and w > 0]
     return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()
+
+
+def _all_pins_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """What is alike at all pins ripples as pins enter and leave the loaded half."""
+    return _pin_circle_orders(mechanism, {"harmonic": 0})
 
 
 def _fixed(*orders: float) -> Callable[[Mechanism, Indices], tuple[float, ...]]:
@@ -324,6 +332,11 @@ _SOURCES = (
         "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
     ),
     Source(
+        "cycloid.profile_modification", cycloid.profile_modification, (), _lengths(50, "equidistant", "shift"),
+        "disc", _all_pins_orders, "000, outlook; 002, e_rrp and e_rp",
+        "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
+    ),
+    Source(
         "cycloid.disc_bore_position", cycloid.disc_bore_position, (DISC, CRANK), _lengths(30, "radial", "tangential"),
         "disc", _bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
     ),
@@ -340,6 +353,18 @@ _SOURCES = (
     Source(
         "coupling.carrier_runout", coupling.carrier_runout, (), _lengths(50, "x", "y"),
         "carrier", _carrier_runout_orders, "001, table 3", "bore circle against the carrier's axis",
+    ),
+    Source(
+        "thermal.growth", thermal.growth, (),
+        tuple(Parameter(p, "temperature_rise", 60.0) for p in ("housing", "discs", "cranks", "carrier", "gears")),
+        "direction", _all_pins_orders, "000 and 001, named as missing; 003, outlook",
+        "temperature rise of each part, grown as steel", tried=False,
+    ),
+    Source(
+        "load.torsion", load.torsion, (),
+        (Parameter("compliance", "compliance", 20 * _ARCSEC / 1e3, least=0.0),),
+        "direction", _constant, "000 and 001, named as missing; 003, outlook",
+        "compliance of the output side beyond the contacts", tried=False,
     ),
     Source(
         "sensor.encoder_eccentricity", sensor.encoder_eccentricity, (), _angles(300, "cos", "sin"),

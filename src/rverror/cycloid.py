@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,116 @@ def profile(reducer: Reducer, roll_angle: Array) -> Array:
     normal = pitch_point - centre
     normal = normal / np.sqrt(dot(normal, normal))
     return centre + reducer.pin_radius * normal
+
+
+def loaded_share(reducer: Reducer, roll_angle: Array) -> Array:
+    r"""Approach of a pin contact over the largest one when the disc turns, sin(phi) / sqrt(S).
+
+    It is the arm of the contact normal over the longest arm, l / (a z_c), with S = 1 + K^2 - 2 K cos(phi).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        1 where cos(phi) = K; negative on the other side.
+
+    Notes
+    -----
+    Source 002 (delta_i) without its square root.
+    """
+    return np.asarray(np.sin(roll_angle) / _root(reducer, roll_angle))
+
+
+def normal_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
+    r"""Gap that profile modification opens along the common normal, the disc in its nominal place.
+
+        equidistant + shift (1 - K cos(phi)) / sqrt(S),    S = 1 + K^2 - 2 K cos(phi).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad.
+    equidistant, shift : float
+        Offset of the profile along its normal, and of the grinding tool's pin circle towards the centre; positive
+        removes material, mm.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        mm.
+    """
+    inward = (1 - reducer.short_width_coefficient * np.cos(roll_angle)) / _root(reducer, roll_angle)
+    return np.asarray(equidistant + shift * inward)
+
+
+def initial_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
+    r"""Gap that is left along the common normal once a modified disc has turned to its first contact.
+
+    The disc, its centre held, stays behind a forward motion by the angle h / (a z_c); that closes h s(phi), s from
+    `loaded_share`, of the gap of `normal_gap`.  With x = (1 - K cos(phi)) / sin(phi) the gap over s is
+
+        h(x) = equidistant sqrt(x^2 + K^2) + shift x,    x >= sqrt(1 - K^2),
+
+    whose least value is taken
+
+    - at the longest arm, cos(phi) = K, while equidistant sqrt(1 - K^2) + shift >= 0:
+      h = equidistant + shift sqrt(1 - K^2);
+    - else, where material is ground off along the normal and more than sqrt(1 - K^2) of it put back by the shift, on
+      both sides of it: h = K sqrt(equidistant^2 - shift^2).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad; pins that drive have 0 < phi < pi.
+    equidistant, shift : float
+        As in `normal_gap`, mm; together 0 or more.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        mm; 0 at the first contact.
+
+    Raises
+    ------
+    ValueError
+        If the modifications together add material: at a lobe's root and tip no turn makes room for it.
+
+    Notes
+    -----
+    Source 002, which loses the square roots, takes K for the ratio of two radii and prints an angle.  Its formula, put
+    right, is the first case:
+
+        equidistant (1 - s) + shift (1 - K cos(phi) - sqrt(1 - K^2) sin(phi)) / sqrt(S).
+
+    It is of first order in the modification, and stands for a pin at the best place; the pins of a real disc stand a
+    pitch apart.
+    """
+    if equidistant + shift < 0:
+        raise ValueError(
+            f"equidistant = {equidistant:g} mm, shift = {shift:g} mm: together they must be 0 or more, or the disc is "
+            "too large for its pins at root and tip"
+        )
+    K = reducer.short_width_coefficient
+    across = math.sqrt(1 - K**2)
+    if equidistant * across + shift >= 0:
+        turned = equidistant + shift * across
+    else:
+        turned = K * math.sqrt(equidistant**2 - shift**2)
+    gap = normal_gap(reducer, roll_angle, equidistant=equidistant, shift=shift)
+    return np.asarray(gap - turned * loaded_share(reducer, roll_angle))
+
+
+def _root(reducer: Reducer, roll_angle: Array) -> Array:
+    """Distance from pin to pitch point over the pin circle's radius, sqrt(1 + K^2 - 2 K cos(phi))."""
+    K = reducer.short_width_coefficient
+    return np.asarray(np.sqrt(1 + K**2 - 2 * K * np.cos(roll_angle)), dtype=np.float64)
 
 
 def pressure_angle(contacts: Contacts) -> Array:
@@ -260,6 +371,32 @@ def pin_radius(contacts: Contacts, *, pin: int | str) -> ErrorVector:
     chosen = slice(None) if pin == "all" else only(int(pin))
     at = (slice(None), chosen)
     return ErrorVector(contact="pin", vector=contacts.pin_normal[at][None], at=at)
+
+
+def profile_modification(contacts: Contacts) -> ErrorVector:
+    """Modification of the profile of all discs, equidistant and by shift of the grinding tool's pin circle.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms equidistant (along the normal), shift (the tool's pin circle towards the centre, times the normal's
+        component towards it); positive removes material, negative adds.
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 002, whose cos(tau) serves both terms.  It removes equidistant as thinner pins
+    would, and shift as a wider pin circle would: in the transmission error it cannot be told from these.  What is
+    nonlinear is which pins still carry, and that the equilibrium finds; the closed form takes the whole loaded half to
+    stay loaded.
+    """
+    normal = contacts.pin_normal
+    radial, _ = radial_and_tangential(pin_positions(contacts.reducer)[:, None])
+    inward = -dot(normal, radial)
+    return ErrorVector(contact="pin", vector=-np.stack([normal, inward[..., None, :] * normal]))
 
 
 def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVector:

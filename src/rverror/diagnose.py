@@ -282,6 +282,8 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
             raise InputError(f"{name}: the run turns both ways; write one file per direction")
         if run.time is None and any(e.key == "sensor.time_offset" for e in model.effects):
             raise InputError(f"{name}: sensor.time_offset needs a time[s] column; add it or remove the effect")
+        if not run.torque and any(e.key == "load.torsion" for e in model.effects):
+            raise InputError(f"{name}: load.torsion needs the output_torque; add it to the file or remove the effect")
         grown = pose(model.mechanism, theta, direction=run.direction, time=run.time)
         for effect in model.effects:
             if not source(effect.key).periodic:
@@ -367,7 +369,7 @@ class _Search:
         self.sets = [
             (key, indices)
             for key, entry in CATALOGUE.items()
-            if entry.applies_to(model.mechanism) and entry.periodic and not self._lacks_data(key)
+            if entry.applies_to(model.mechanism) and entry.periodic and entry.tried and not self._lacks_data(key)
             for indices in entry.candidates(model.mechanism)
         ]
         self.tried = len(self.sets)

@@ -29,6 +29,8 @@ _WHY = {
     "coupling.carrier_bore_position": "turns with the carrier, as the force on the bore does",
     "coupling.bearing_clearance": "the force on a bore is constant in the carrier, and so is its journal's place",
     "coupling.carrier_runout": "the forces on all bores cancel",
+    "thermal.growth": "changes play alone; the same rise of all parts leaves nothing",
+    "load.torsion": "constant at constant torque",
     "sensor.time_offset": "at constant speed the reading lags by a constant angle, each way",
 }
 
@@ -39,7 +41,8 @@ class Closed:
     def __init__(self, mechanism: Reducer | Drive, samples: int) -> None:
         """Pose the mechanism at `samples` angles and share the load out."""
         theta = 2 * np.pi * np.arange(samples) / samples
-        motions = [pose(mechanism, angle, direction=d, time=theta) for angle, d in ((theta, 1), (theta[::-1], -1))]
+        senses = ((theta, 1), (theta[::-1], -1))
+        motions = [pose(mechanism, angle, direction=d, time=theta, torque=1.0) for angle, d in senses]
         self._runs = [(motion, closed_form_forces(motion)) for motion in motions]
         # an influence of a thousandth of 1/r6 or of an angle is rounding where a column's own scale is 0
         self._least = 1e-3 / mechanism.crank_radius if isinstance(mechanism, Reducer) else 1e-3
@@ -123,7 +126,7 @@ def _catalogue_line(unit: Reducer, entry: Source) -> str:
         f"`{entry.key}`",
         entry.summary,
         ", ".join(f"`{index.name}`" for index in entry.indices) or "-",
-        f"{parameters} ({entry.parameters[0].dimension})" if entry.parameters else "-",
+        f"{parameters} ({entry.parameters[0].dimension.replace('_', ' ')})" if entry.parameters else "-",
         entry.frame,
         _leading_orders(unit, entry) if entry.applies_to(unit) else "h times the shaft's turns",
         entry.reference,

@@ -16,7 +16,7 @@ import numpy as np
 
 from rverror.action_line import Array, radial_and_tangential
 from rverror.compose import influence
-from rverror.cycloid import pin_contacts, pin_positions
+from rverror.cycloid import initial_gap, loaded_share, pin_contacts, pin_positions
 from rverror.feedback import feedback_factor, loop_gain
 from rverror.kinematics import folded_order, frame_orders, fundamental_orders, samples_needed
 from rverror.reducer import Reducer, reducer
@@ -95,9 +95,7 @@ def _theta(unit: Reducer) -> Array:
     return 2 * np.pi * np.arange(n) / n
 
 
-def wave(
-    unit: Reducer, key: str, parameter: str, size: float, *, direction: float = 1.0, **indices: Any
-) -> Array:
+def wave(unit: Reducer, key: str, parameter: str, size: float, *, direction: float = 1.0, **indices: Any) -> Array:
     """Output error over one turn that one parameter of one source makes, closed form, arcsec.
 
     Parameters
@@ -391,83 +389,6 @@ def _radicand(unit: Reducer, phi: Array) -> Array:
     return np.asarray(1 + K**2 - 2 * K * np.cos(phi))
 
 
-def loaded_share(unit: Reducer, phi: Array) -> Array:
-    r"""Approach of a pin contact over the largest one when the disc turns, sin(phi) / sqrt(1 + K^2 - 2 K cos(phi)).
-
-    It is the arm of the contact normal over the longest arm, l / (a z_c).
-
-    Parameters
-    ----------
-    unit : Reducer
-    phi : ndarray, shape (n,)
-        Angle from the pin to the eccentric direction, rad.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        1 where cos(phi) = K; negative on the other side.
-    """
-    return np.asarray(np.sin(phi) / np.sqrt(_radicand(unit, phi)))
-
-
-def normal_gap(unit: Reducer, phi: Array, *, equidistant: float, shift: float) -> Array:
-    r"""Gap that profile modification opens along the common normal, the disc in its nominal place.
-
-        equidistant + shift (1 - K cos(phi)) / sqrt(1 + K^2 - 2 K cos(phi)).
-
-    Parameters
-    ----------
-    unit : Reducer
-    phi : ndarray, shape (n,)
-        Angle from the pin to the eccentric direction, rad.
-    equidistant, shift : float
-        Offset of the profile along its normal, and of the grinding pin circle towards the centre; positive removes
-        material, mm.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        mm.
-    """
-    inward = (1 - unit.short_width_coefficient * np.cos(phi)) / np.sqrt(_radicand(unit, phi))
-    return np.asarray(equidistant + shift * inward)
-
-
-def initial_gap(unit: Reducer, phi: Array, *, equidistant: float, shift: float) -> Array:
-    r"""Gap that is left along the common normal once the disc has turned to its first contact (source 002, corrected).
-
-    The gap of `normal_gap` less what the turn closes.  With both modifications 0 or more the first contact is that of
-    the longest arm, cos(phi) = K, so
-
-        equidistant (1 - s) + shift ((1 - K cos(phi)) / sqrt(1 + K^2 - 2 K cos(phi)) - sqrt(1 - K^2) s)
-
-    with s from `loaded_share`.
-
-    Parameters
-    ----------
-    unit : Reducer
-    phi : ndarray, shape (n,)
-        Angle from the pin to the eccentric direction, rad.
-    equidistant, shift : float
-        0 or more, mm.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        mm; 0 at the first contact.
-
-    Raises
-    ------
-    ValueError
-        If a modification is negative: the first contact then lies elsewhere.
-    """
-    if equidistant < 0 or shift < 0:
-        raise ValueError(f"equidistant = {equidistant:g} mm, shift = {shift:g} mm: both must be 0 or more")
-    first = np.array([math.acos(unit.short_width_coefficient)])
-    turned = normal_gap(unit, first, equidistant=equidistant, shift=shift)[0] * loaded_share(unit, phi)
-    return np.asarray(normal_gap(unit, phi, equidistant=equidistant, shift=shift) - turned)
-
-
 def initial_gap_as_printed(unit: Reducer, phi: Array, *, equidistant: float, shift: float) -> Array:
     """Source 002's initial gap as it stands, times r_p, with the K that it should have, mm."""
     K, S = unit.short_width_coefficient, _radicand(unit, phi)
@@ -505,7 +426,8 @@ def _gap_row() -> Row:
             Figure("at 90 deg", float(initial_gap(unit, quarter, equidistant=ERROR, shift=0)[0]) * um, "um"),
             Figure("$K = a z_p/R_p$:", K, ""),
         ),
-        verdict="corrected: square roots lost, $K$ mis-defined (printed it exceeds 1), dimension of an angle",
+        verdict="corrected: square roots lost, $K$ mis-defined (printed it exceeds 1), dimension of an angle; holds "
+        r"while $\Delta r_{rp}\sqrt{1-K^2} + \Delta r_p \ge 0$, else first contact moves off the longest arm",
     )
 
 

@@ -32,13 +32,14 @@ _QUANTITIES = {
 _COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
 _STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
-_EXAMPLES = {"length": "5 um", "angle": "10 arcsec", "time": "0.5 ms", "slope": "10 arcsec/turn"}
-# Keys that the catalogue will hold one day.
-_NONLINEAR = (
-    "cycloid.profile_modification",
-    "load.torsion",
-    "thermal.growth",
-)
+_EXAMPLES = {
+    "length": "5 um",
+    "angle": "10 arcsec",
+    "time": "0.5 ms",
+    "temperature_rise": "10 K",
+    "compliance": "0.5 arcsec/(N*m)",
+    "slope": "10 arcsec/turn",
+}
 
 
 def load_model(path: PathLike) -> Model:
@@ -374,12 +375,7 @@ def _effect(where: _Text, place: _Place, value: object, mechanism: Mechanism) ->
         where.refuse(place, '[[effect]] lacks key; write key = "crank.eccentricity", or another key of the catalogue')
     key = _text(where, place, table, "key", "")
     if key not in CATALOGUE:
-        if key in _NONLINEAR:
-            where.refuse(
-                (*place, "key"),
-                f"{key} is nonlinear, and this version lacks it; remove the effect",
-            )
-        hint = did_you_mean(key, [*CATALOGUE, *_NONLINEAR])
+        hint = did_you_mean(key, list(CATALOGUE))
         where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
     entry = source(key)
     parameters = {item.name: item for item in entry.parameters}

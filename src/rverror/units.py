@@ -23,6 +23,8 @@ CORE_UNITS = {
     "stiffness": "N/mm",
     "time": "s",
     "temperature": "kelvin",
+    "temperature_rise": "kelvin",
+    "compliance": "rad/(N*mm)",
     "slope": "dimensionless",
 }
 
@@ -34,6 +36,8 @@ DISPLAY_UNITS = {
     "stiffness": "N/mm",
     "time": "ms",
     "temperature": "degC",
+    "temperature_rise": "K",
+    "compliance": "arcsec/(N*m)",
     "slope": "arcsec/turn",
 }
 
@@ -65,8 +69,19 @@ def _factor_and_unit(unit: str, dimension: str) -> Any:
     except Exception as error:
         raise ValueError(f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}") from error
     if not parsed.is_compatible_with(CORE_UNITS[dimension]):
-        raise ValueError(f"{unit!r} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}")
+        raise ValueError(_no_unit(repr(unit), dimension))
+    _refuse_own_zero(parsed, dimension, unit)
     return parsed
+
+
+def _no_unit(unit: str, dimension: str) -> str:
+    return f"{unit} is no unit of {dimension.replace('_', ' ')}; use one like {DISPLAY_UNITS[dimension]!r}"
+
+
+def _refuse_own_zero(unit: Any, dimension: str, written: str) -> None:
+    """A rise is a difference: 10 degC would be taken for 283 K."""
+    if dimension == "temperature_rise" and _registry().Quantity(0.0, str(unit)).to("kelvin").magnitude != 0:
+        raise ValueError(f"{written!r} is a temperature, not a rise; write the difference, like '10 K'")
 
 
 def unit_factor(unit: str, dimension: str) -> float:
@@ -192,7 +207,8 @@ def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
     """
     if isinstance(value, pint.Quantity):
         if not value.is_compatible_with(CORE_UNITS[dimension]):
-            raise ValueError(f"{value.units} is no unit of {dimension}; use one like {DISPLAY_UNITS[dimension]!r}")
+            raise ValueError(_no_unit(str(value.units), dimension))
+        _refuse_own_zero(value.units, dimension, str(value.units))
         value = value.to(CORE_UNITS[dimension]).magnitude
     try:
         array = np.array(value, dtype=np.float64)

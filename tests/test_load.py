@@ -1,0 +1,56 @@
+"""Torsion of the output side: a lag proportional to the torque, of either sign of motion, and nothing else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rverror
+from rverror import Model
+
+ARCSEC = math.pi / 648000
+UNIT = rverror.reducer("RV-40E")
+THETA = np.linspace(0, 2 * np.pi / 40, 12)
+SOFT = rverror.effect("load.torsion", compliance="0.5 arcsec/(N*m)")
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("torque", [0.0, 20e3, "412 N*m"])
+def test_output_lags_by_compliance_times_torque(direction: int, torque: float | str) -> None:
+    te = rverror.transmission_error(Model(UNIT, (SOFT,)), THETA, direction=direction, torque=torque)
+    size = {0.0: 0.0, 20e3: 10.0, "412 N*m": 206.0}[torque]
+    np.testing.assert_allclose(te / ARCSEC, -direction * size, rtol=1e-12)
+
+
+def test_lost_motion_between_the_directions_is_twice_the_windup() -> None:
+    theta = np.concatenate([THETA, THETA[::-1]])
+    te = rverror.transmission_error(Model(UNIT, (SOFT,)), theta, torque=20e3)
+    assert np.ptp(te) / ARCSEC == pytest.approx(20)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_equilibrium_adds_it_to_the_windup_of_the_contacts(direction: int) -> None:
+    other = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="5 um")
+    for torque in (20e3, 412e3):
+        with_it, without = (
+            rverror.equilibrium(Model(UNIT, effects), THETA, torque=torque, direction=direction)
+            for effects in ((other, SOFT), (other,))
+        )
+        change = with_it.transmission_error - without.transmission_error
+        np.testing.assert_allclose(change / ARCSEC, -direction * 0.5 * torque / 1e3, rtol=1e-9)
+        np.testing.assert_array_equal(with_it.loaded_pins, without.loaded_pins)
+
+
+def test_needs_the_torque_and_says_so() -> None:
+    message = r"load\.torsion needs the torque; give torque, or a run file with output_torque"
+    with pytest.raises(ValueError, match=message):
+        rverror.influence(UNIT, THETA, "load.torsion")
+    with pytest.raises(ValueError, match=message):
+        rverror.transmission_error(Model(UNIT, (SOFT,)), THETA)
+
+
+def test_a_compliance_is_not_negative() -> None:
+    with pytest.raises(ValueError, match=r"compliance = -1 arcsec/\(N\*m\): must be 0 or more"):
+        rverror.effect("load.torsion", compliance="-1 arcsec/(N*m)")
