@@ -82,8 +82,8 @@ def test_cam_clearance_lags_and_ripples_at_80() -> None:
 def test_published_lines_of_a_light_load_are_folded() -> None:
     """Published for 1 N*m: 1.9 arcsec at order 80 and 1.6 at 160; that is what 480 angles a turn read.
 
-    There the journals turn round their rims in jumps, so orders 240, 320, 400 are large, and 480 angles fold 400 and 560
-    onto 80, 320 and 640 onto 160.  Sampled finely enough the lines are 1.46 and 1.06.
+    There the journals turn round their rims in jumps, so orders 240, 320, 400 are large, and 480 angles fold 400 and
+    560 onto 80, 320 and 640 onto 160.  Sampled finely enough the lines are 1.46 and 1.06.
     """
     fine = shift("crank.bearing_clearance", torque=1e3, direction=1, theta=2 * np.pi * np.arange(4800) / 4800)
     folded, line = amplitudes(fine[::10]), amplitudes(fine)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.action_line import Array, Clearance, Contacts, ErrorVector, cross, dot, only, radial_and_tangential
+from rverror.action_line import Array, Clearance, Contacts, ErrorVector, dot, only, radial_and_tangential
 from rverror.reducer import Reducer
 
 
@@ -28,26 +28,36 @@ def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
 
     Notes
     -----
-    With two or more evenly spaced discs the cranks' own torques balance.  With one disc the meshes of a floating sun
-    still put equal torques on the cranks, so its cams carry the moment by forces along the eccentric direction u:
+    That leaves each crank the torque (a / (n_cranks r6)) m . r_j, m = sum(M_k u_k) over the discs, u_k the eccentric
+    direction.  It is none where evenly spaced discs mesh in phase.  Elsewhere, with one disc or a number of discs that
+    does not divide the pins, the meshes of a floating sun still put equal torques on the cranks, and the cams make up
+    for it with the least forces that put none on the discs, p_k a quarter turn ahead of u_k:
 
-        G_j = Q / n_cranks + M c_j / (r6 sum(c_j^2)) u,    c_j = r_j x u.
+        a ((c . r_j) p_k - (c . u_k) t_j / 2),    (n_discs - sum(u_k u_k^T) / 2) c = -m / (a n_cranks r6).
+
+    Two cranks are left without it: at the dead centres of two discs they could not make up for anything.
     """
     reducer = contacts.reducer
     _, tangential = radial_and_tangential(contacts.crank_position)
     moment = (contacts.pin_arm * dot(pin_forces, contacts.pin_normal)).sum(axis=1)
     force = pin_forces.sum(axis=1)[:, None] / reducer.cranks
     couple = moment[:, None, None, :] / (reducer.cranks * reducer.crank_radius) * tangential
-    if reducer.discs == 1:
-        couple = _single_disc_couple(contacts, moment)
-    return np.asarray(force + couple, dtype=np.float64)
+    even = _evening_forces(contacts, moment) if reducer.cranks > 2 else 0.0
+    return np.asarray(force + couple + even, dtype=np.float64)
 
 
-def _single_disc_couple(contacts: Contacts, moment: Array) -> Array:
-    radial, _ = radial_and_tangential(contacts.crank_position)
-    along, _ = radial_and_tangential(contacts.eccentric[0])
-    lever = contacts.reducer.crank_radius * cross(radial, along)
-    return np.asarray((moment * lever / (lever**2).sum(axis=0))[None, :, None, :] * along, dtype=np.float64)
+def _evening_forces(contacts: Contacts, moment: Array) -> Array:
+    """Least forces on the cams (discs, cranks, 2, n) that take the unequal part of the cranks' torques."""
+    reducer = contacts.reducer
+    radial, tangential = radial_and_tangential(contacts.crank_position)
+    along, across = radial_and_tangential(contacts.eccentric)
+    uneven = (moment[:, None] * along).sum(axis=0)
+    matrix = reducer.discs * np.eye(2) - np.einsum("kan,kbn->nab", along, along) / 2
+    right = -uneven / (reducer.eccentricity * reducer.cranks * reducer.crank_radius)
+    even = np.linalg.solve(matrix, right.T[..., None])[..., 0].T
+    forward = dot(even, radial)[None, :, None] * across[:, None]
+    back = dot(even, along)[:, None, None] * tangential / 2
+    return np.asarray(reducer.eccentricity * (forward - back), dtype=np.float64)
 
 
 def spline_torque(reducer: Reducer, direction: Array) -> Array:

@@ -14,12 +14,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from rverror.action_line import BEARINGS, Array, Clearance, Contacts, dot, radial_and_tangential, unit_vectors
+from rverror.action_line import (
+    BEARINGS,
+    Array,
+    Clearance,
+    Contacts,
+    SourceVector,
+    dot,
+    radial_and_tangential,
+    unit_vectors,
+)
 from rverror.catalogue import source
 from rverror.compose import closed_form_forces
 from rverror.model import Effect
@@ -28,29 +38,34 @@ from rverror.reducer import Reducer
 Steps = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
-GRADIENT_TOLERANCE = 1e-7  # of the applied torque
+GRADIENT_TOLERANCE = 1e-9  # of the applied torque
 _MAX_STEPS = 40
+_MAX_STEPS_NEAR = 10  # from a pose that is likely near
 _UNLOADING = (8.0, 3.0)  # factors between loads on the way down, the second for angles that the first leaves
 _MAX_STEPS_UNLOADING = 200  # at each load
-_LOOSER_UNLOADING = 1e2  # than the tolerance at the last load
+_LOOSER_UNLOADING = 1e4  # than the tolerance at the last load
 _FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
+_EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDING = 2e-14  # of stiffness times displacement, in sums of which the parts cancel
 _STRIDE = 8  # every so many angles is solved first; those between start from their neighbours
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What the errors close at each contact, mm, samples first; `output` is what sensors add, rad."""
+    """What the errors close at each contact, mm, samples first."""
 
     pin: Array  # (n, discs, pins)
     flank: Array  # (n, 2 cranks)
     joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
     clearance: Array  # (joints,)
-    output: Array  # (n,)
 
 
-def error_closing(motion: Contacts, effects: tuple[Effect, ...]) -> Errors:
-    """Sum the error vectors of all effects at their contacts and project them onto the action lines."""
+def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
+    """Sum the error vectors of all effects at their contacts and project them onto the action lines.
+
+    What is only read at the output closes no contact.
+    """
+    motion = contacts.motion
     reducer, n = motion.reducer, motion.theta.size
     total = {
         "pin": np.zeros((reducer.discs, reducer.pins, 2, n)),
@@ -58,17 +73,17 @@ def error_closing(motion: Contacts, effects: tuple[Effect, ...]) -> Errors:
         "carrier": np.zeros((reducer.cranks, 2, n)),
         "mesh": np.zeros((reducer.cranks, 2, 2, n)),
         "spline": np.zeros((reducer.cranks, 2, 1, n)),
-        "output": np.zeros((1, n)),
     }
     clearance = dict.fromkeys(BEARINGS, 0.0)
     for effect in effects:
-        error = source(effect.key).vector(motion, **effect.indices)
+        error = contacts.vector(effect)
         if isinstance(error, Clearance):
             clearance[error.contact] += max(effect.values[0], 0.0)
             continue
         for part in error if isinstance(error, tuple) else (error,):
             for value, term in zip(effect.values, part.vector, strict=True):
-                total[part.contact][part.at] += value * term
+                if part.contact in total:
+                    total[part.contact][part.at] += value * term
     flank = dot(total["mesh"], motion.mesh_normal)
     # a crank that leads its planet holds the planet back on the line of action
     flank -= flank_lever(reducer)[:, None] * total["spline"][:, :, 0]
@@ -79,7 +94,6 @@ def error_closing(motion: Contacts, effects: tuple[Effect, ...]) -> Errors:
         flank=np.moveaxis(flank.reshape(-1, n), -1, 0) - reducer.gear_backlash / 2,
         joint=np.moveaxis(np.concatenate(joint), -1, 0),
         clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [cams, bores, 2]),
-        output=total["output"][0],
     )
 
 
@@ -130,6 +144,43 @@ def joint_stiffness(reducer: Reducer) -> Array:
         [stiffness.crank_bearing, stiffness.carrier_bearing], [reducer.discs * reducer.cranks, reducer.cranks]
     )
     return np.append(bearings, [stiffness.main_bearing, stiffness.sun_support])
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What errors leave as it is at n angles: how far each contact closes with the pose, and which of them drive."""
+
+    motion: Contacts
+    pin_rows: Array  # (n, 3, discs, pins), on x, y and angle of the disc
+    flank_rows: Array  # (n, 2 cranks, size)
+    joint_rows: Array  # (n, joints, 2, size)
+    driving_pins: Flags  # (n, discs, pins)
+    driving_flanks: Flags  # (n, 2 cranks)
+
+    def vector(self, effect: Effect) -> SourceVector:
+        """Error vector of an effect's source, made once; its size plays no part."""
+        name = (effect.key, *sorted(effect.indices.items()))
+        if name not in self._vectors:
+            self._vectors[name] = source(effect.key).vector(self.motion, **effect.indices)
+        return self._vectors[name]
+
+    @cached_property
+    def _vectors(self) -> dict[tuple[Any, ...], SourceVector]:
+        return {}
+
+    @cached_property
+    def _all_springs(self) -> tuple[Array, Array]:
+        return self._springs(np.ones(self.joint_rows.shape[1], dtype=np.bool_))
+
+    def springs(self, floats: Flags) -> tuple[Array, Array]:
+        """Stiffness matrix and rows times stiffness of the bearings that do not float in a clearance."""
+        return self._springs(~floats) if floats.any() else self._all_springs
+
+    def _springs(self, chosen: Flags) -> tuple[Array, Array]:
+        n, size = len(self.joint_rows), self.joint_rows.shape[-1]
+        rows = self.joint_rows[:, chosen].reshape(n, -1, size)
+        weighted = np.repeat(joint_stiffness(self.motion.reducer)[chosen], 2)[:, None] * rows
+        return np.swapaxes(rows, 1, 2) @ weighted, weighted
 
 
 class Layout:
@@ -210,7 +261,7 @@ class System:
         rounding = _ROUNDING * self.spring_scale * far
         return State(
             energy=np.sum(terms, axis=0),
-            rounding=rounding * far,
+            rounding=rounding * far + 4 * _EPSILON * np.abs(terms).sum(axis=0),
             gradient=gradient,
             unbalanced=rounding,
             pins=pins,
@@ -305,45 +356,54 @@ class State:
             getattr(self, f.name)[at] = getattr(other, f.name)
 
 
-def system(motion: Contacts, errors: Errors, torque: float) -> System:
-    """Energy of a reducer along its motion, under a torque that resists it."""
-    reducer, n = motion.reducer, motion.theta.size
-    cams, k, rows = reducer.discs * reducer.cranks, joint_stiffness(reducer), joint_rows(motion)
-    floats = errors.clearance > 0
-    springs = rows[:, ~floats].reshape(n, -1, rows.shape[-1])
-    weighted = np.repeat(k[~floats], 2)[:, None] * springs
-    matrix = np.swapaxes(springs, 1, 2) @ weighted
-    load = np.zeros((n, rows.shape[-1]))
-    load[:, 2] = -motion.direction * torque
+def geometry(motion: Contacts) -> Geometry:
+    """Rows of every contact along a motion."""
+    # a pin closes as the disc moves against the normal
+    pins = -np.concatenate([motion.pin_normal, motion.pin_arm[:, :, None]], axis=2)
     flank = np.stack([motion.direction > 0, motion.direction <= 0], axis=1)
+    return Geometry(
+        motion=motion,
+        pin_rows=np.ascontiguousarray(pins.transpose(3, 2, 0, 1)),
+        flank_rows=flank_rows(motion),
+        joint_rows=joint_rows(motion),
+        driving_pins=np.moveaxis(motion.pin_arm * motion.direction, -1, 0) > 0,
+        driving_flanks=np.tile(flank, motion.reducer.cranks),
+    )
+
+
+def system(contacts: Geometry, errors: Errors, torque: float) -> System:
+    """Energy of a reducer with errors, under a torque that resists its motion."""
+    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
+    cams, k, floats = reducer.discs * reducer.cranks, joint_stiffness(reducer), errors.clearance > 0
+    matrix, springs = contacts.springs(floats)
+    load = np.zeros((n, springs.shape[-1]))
+    load[:, 2] = -contacts.motion.direction * torque
     along = np.zeros((len(k), 2, n))
     if floats.any():
-        forces = closed_form_forces(motion)
+        forces = closed_form_forces(contacts.motion)
         along[:cams] = forces["cam direction"].reshape(cams, 2, n)
         along[cams:-2] = forces["carrier direction"]
-    # a pin closes as the disc moves against the normal
-    pin_rows = -np.concatenate([motion.pin_normal, motion.pin_arm[:, :, None]], axis=2)
     return System(
         reducer=reducer,
         load=load,
         spring_matrix=matrix,
         spring_scale=np.abs(matrix).sum(axis=2).max(axis=1),
-        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ weighted)[:, 0],
-        pin_rows=np.ascontiguousarray(pin_rows.transpose(3, 2, 0, 1)),
+        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ springs)[:, 0],
+        pin_rows=contacts.pin_rows,
         pin_error=np.ascontiguousarray(errors.pin),
-        flank_rows=flank_rows(motion),
+        flank_rows=contacts.flank_rows,
         flank_error=errors.flank,
-        journal_rows=rows[:, floats],
+        journal_rows=contacts.joint_rows[:, floats],
         journal_error=errors.joint[:, floats],
         clearance=np.tile(errors.clearance[floats], (n, 1)),
         journal_stiffness=np.tile(k[floats], (n, 1)),
-        driving_pins=np.moveaxis(motion.pin_arm * motion.direction, -1, 0) > 0,
-        driving_flanks=np.tile(flank, reducer.cranks),
+        driving_pins=contacts.driving_pins,
+        driving_flanks=contacts.driving_flanks,
         driving_force=np.moveaxis(along[floats], -1, 0),
     )
 
 
-def minimise(system: System, torque: float) -> tuple[Array, Steps, Flags]:
+def minimise(system: System, torque: float, start: Array | None = None) -> tuple[Array, Steps, Flags]:
     """Pose of least energy at every angle.
 
     Parameters
@@ -351,6 +411,8 @@ def minimise(system: System, torque: float) -> tuple[Array, Steps, Flags]:
     system : System
     torque : float
         Size of the load in `system`, N*mm, above 0.
+    start : ndarray, shape (n, size), optional
+        Poses that are likely near.
 
     Returns
     -------
@@ -361,7 +423,16 @@ def minimise(system: System, torque: float) -> tuple[Array, Steps, Flags]:
     found : ndarray of bool, shape (n,)
         Whether the forces balance.
     """
-    x, steps, found = _minimise_by_neighbours(system, system.tolerance(torque))
+    tolerance = system.tolerance(torque)
+    if start is None:
+        x, steps, found = _minimise_by_neighbours(system, tolerance)
+    else:
+        near = system.on_the_rim(start) if system.clearance.size else start
+        x, steps, found = _minimise(system, near, tolerance, _MAX_STEPS_NEAR)
+        left = np.flatnonzero(~found)
+        if left.size:
+            x[left], more, found[left] = _minimise_by_neighbours(system.take(left), tolerance)
+            steps[left] += more
     for factor in _UNLOADING:
         left = np.flatnonzero(~found)
         if left.size:
@@ -415,8 +486,12 @@ def _minimise(system: System, start: Array, tolerance: float, most: int) -> tupl
     """Pose of least energy, the Newton steps that each angle took, and whether it was found within `most` of them."""
     x, now, part = start.copy(), system.state(start), system
     at, steps = np.arange(len(x)), np.zeros(len(x), dtype=np.intp)
+    before = np.full(len(x), np.inf)
     for step in range(most + 1):
-        moving = np.abs(now.gradient).max(axis=1) > np.maximum(tolerance, now.unbalanced)
+        left = np.abs(now.gradient).max(axis=1)
+        # what is as small as rounding is let go once it shrinks no more
+        moving = (left > tolerance) & ((left > now.unbalanced) | (left < 0.5 * before[at]))
+        before[at] = left
         if not moving.all():
             at, part, now = at[moving], part.take(moving), now.take(moving)
         if at.size == 0 or step == most:
@@ -454,11 +529,12 @@ def _line_search(system: System, x: Array, descent: Array, state: State) -> tupl
 def solved(matrix: Array, right: Array) -> Array:
     """Solve a stack of symmetric systems; a trace of stiffness holds what no closed contact holds."""
     size = matrix.shape[1]
-    held = matrix + 1e-12 * np.einsum("nii->ni", matrix).max(axis=1)[:, None, None] * np.eye(size)
-    return np.asarray(np.linalg.solve(held, right[..., None])[..., 0], dtype=np.float64)
+    own = np.einsum("nii->ni", matrix)
+    trace = 1e-12 * np.maximum(own, 1e-9 * own.max(axis=1, keepdims=True))  # each in its own unit
+    return np.asarray(np.linalg.solve(matrix + trace[:, :, None] * np.eye(size), right[..., None])[..., 0])
 
 
 def refined(matrix: Array, right: Array) -> Array:
-    """The same less what the trace of stiffness costs, 3e-8 of the answer, by one step of refinement."""
+    """The same less what the trace of stiffness costs, some 1e-8 of the answer, by one step of refinement."""
     first = solved(matrix, right)
     return first + solved(matrix, right - (matrix @ first[..., None])[..., 0])

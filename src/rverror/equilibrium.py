@@ -12,23 +12,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror import units
-from rverror.action_line import BEARINGS, Array, ContactForces, Contacts, unit_vectors
+from rverror.action_line import BEARINGS, Array, ContactForces, Contacts, ErrorVector, project, unit_vectors
+from rverror.catalogue import Mechanism, source
 from rverror.compose import pose
 from rverror.energy import (
     GRADIENT_TOLERANCE,
     Errors,
+    Geometry,
     State,
     Steps,
     System,
     error_closing,
     flank_lever,
-    joint_rows,
+    geometry,
     joint_stiffness,
     minimise,
     refined,
@@ -38,7 +41,7 @@ from rverror.model import Effect, Model
 from rverror.reducer import Reducer
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
-_NO_LOAD = 1e-8  # torque that stands for none, of pin stiffness times pin circle radius squared
+_NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
 
 class NotConvergedError(RuntimeError):
@@ -64,7 +67,7 @@ class Equilibrium:
     steps : ndarray of int, shape (n,)
         Newton steps that each angle took.
     residual : ndarray, shape (n,)
-        Largest force or moment out of balance, as a share of the load at the crank circle.  Convergence asks for 1e-7,
+        Largest force or moment out of balance, as a share of the load at the crank circle.  Convergence asks for 1e-9,
         or for what floating-point numbers can tell where preload is many times the load.
     """
 
@@ -95,7 +98,9 @@ class Linearisation:
     forces: ContactForces
 
 
-def equilibrium(model: Model, theta: Any, *, torque: Any, direction: Any | None = None) -> Equilibrium:
+def equilibrium(
+    model: Model, theta: Any, *, torque: Any, direction: Any | None = None, time: Any | None = None
+) -> Equilibrium:
     """Solve the statics of a reducer at each angle.
 
     Parameters
@@ -109,6 +114,8 @@ def equilibrium(model: Model, theta: Any, *, torque: Any, direction: Any | None 
         the driving side closed; forces are then those of a trace of load.
     direction : float or array_like, optional
         +1 forward, -1 reverse; read from the angles where left out.
+    time : array_like or quantity, shape (n,), optional
+        Needed by ``sensor.time_offset``.
 
     Returns
     -------
@@ -133,11 +140,13 @@ def equilibrium(model: Model, theta: Any, *, torque: Any, direction: Any | None 
     >>> bool((state.loaded_pins < 20).all())  # at most the half of the pins that drives
     True
     """
-    solved = [part.equilibrium() for part in _solve(model, theta, torque, direction)]
-    return solved[0] if len(solved) == 1 else _joined(solved)
+    statics = statics_of(model.mechanism, theta, torque=torque, direction=direction, time=time)
+    return statics.equilibrium(model.effects)
 
 
-def linearise(model: Model, theta: Any, *, torque: Any, direction: Any | None = None) -> Linearisation:
+def linearise(
+    model: Model, theta: Any, *, torque: Any, direction: Any | None = None, time: Any | None = None
+) -> Linearisation:
     """Influences of every contact on the output at a loaded state: the Jacobian with the closed contacts held closed.
 
     By virtual work the influence of a contact is its force per unit of output torque, so one solution with a unit
@@ -145,7 +154,7 @@ def linearise(model: Model, theta: Any, *, torque: Any, direction: Any | None = 
 
     Parameters
     ----------
-    model, theta, torque, direction
+    model, theta, torque, direction, time
         As in `equilibrium`.
 
     Returns
@@ -166,18 +175,14 @@ def linearise(model: Model, theta: Any, *, torque: Any, direction: Any | None = 
     >>> pin.matrix.shape
     (2, 2)
     """
-    solved, forces = [], []
-    for part in _solve(model, theta, torque, direction):
-        solved.append(part.equilibrium())
-        forces.append(part.forces_per_torque())
-    assert isinstance(model.mechanism, Reducer)
-    motion = pose(model.mechanism, theta, direction=direction, torque=torque)
-    assert isinstance(motion, Contacts)
-    joined = {key: np.concatenate([f[key] for f in forces], axis=-1) for key in forces[0]}
-    return Linearisation(_joined(solved), motion, joined)
+    statics = statics_of(model.mechanism, theta, torque=torque, direction=direction, time=time)
+    return statics.linearise(model.effects)
 
 
 def _joined(parts: list[Equilibrium]) -> Equilibrium:
+    if len(parts) == 1:
+        return parts[0]
+
     def join(name: str) -> Any:
         values = [getattr(part, name) for part in parts]
         if isinstance(values[0], Mapping):
@@ -187,42 +192,128 @@ def _joined(parts: list[Equilibrium]) -> Equilibrium:
     return Equilibrium(**{field.name: join(field.name) for field in fields(Equilibrium)})
 
 
-def _solve(model: Model, theta: Any, torque: Any, direction: Any | None) -> Iterator[_Solution]:
-    """Solutions of one stretch of angles after another."""
-    unit = model.mechanism
-    if not isinstance(unit, Reducer):
+def statics_of(
+    mechanism: Mechanism, theta: Any, *, torque: Any, direction: Any | None = None, time: Any | None = None
+) -> Statics:
+    """Prepare what a reducer's statics need whatever the errors are, for many solutions along one motion.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    theta, torque, direction, time
+        As in `equilibrium`.
+
+    Returns
+    -------
+    Statics
+
+    Raises
+    ------
+    ValueError
+        As in `equilibrium`.
+    """
+    if not isinstance(mechanism, Reducer):
         raise ValueError("the equilibrium needs a [reducer] model; a [drive] has no geometry")
     size = units.to_core(torque, "torque")
     if not size >= 0:
         raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
-    whole = pose(unit, theta, direction=direction)
-    for first in range(0, whole.theta.size, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        motion = pose(unit, whole.theta[part], direction=whole.direction[part], torque=size)
-        assert isinstance(motion, Contacts)
+    motion = pose(mechanism, theta, direction=direction, torque=size, time=time)
+    assert isinstance(motion, Contacts)
+    return Statics(motion, size)
+
+
+@dataclass(frozen=True)
+class Statics:
+    """Statics of a reducer along one motion, prepared once for many sets of errors.
+
+    Attributes
+    ----------
+    motion : Contacts
+    torque : float
+        Size of the output torque, N*mm.
+    """
+
+    motion: Contacts
+    torque: float
+
+    @cached_property
+    def stretches(self) -> tuple[Geometry, ...]:
+        """Contact geometry of one stretch of angles after another; together they would take too much memory."""
+        n, unit = self.motion.theta.size, self.motion.reducer
+        if n <= _AT_ONCE:
+            return (geometry(self.motion),)
+        parts = [slice(first, first + _AT_ONCE) for first in range(0, n, _AT_ONCE)]
+        motions = [
+            pose(unit, self.motion.theta[p], direction=self.motion.direction[p], torque=self.torque) for p in parts
+        ]
+        return tuple(geometry(motion) for motion in motions if isinstance(motion, Contacts))
+
+    def solutions(self, effects: tuple[Effect, ...], start: Array | None = None) -> Iterator[_Solution]:
+        """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near."""
+        unit, first = self.motion.reducer, 0
         trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
-        solution = _settle(motion, model.effects, size or trace)
-        yield solution if size else solution.unloaded()
+        for stretch in self.stretches:
+            last = first + stretch.motion.theta.size
+            solution = _settle(stretch, effects, self.torque or trace, None if start is None else start[first:last])
+            yield solution if self.torque else solution.unloaded()
+            first = last
+
+    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> tuple[Array, Array, Array]:
+        """Turn of the output (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
+        errors, rows, poses = [], [], []
+        for part in self.solutions(effects, start):
+            n, forces = len(part.x), part.forces_per_torque()
+            matrix = [project(forces, part.stretch.vector(effect), n) for effect in effects]
+            errors.append(part.transmission_error)
+            rows.append(np.concatenate([np.zeros((0, n)), *matrix]))
+            poses.append(part.x)
+        return np.concatenate(errors), np.concatenate(rows, axis=1), np.concatenate(poses)
+
+    def reading(self, effects: tuple[Effect, ...]) -> Array:
+        """What the measuring chain reads on top, rad; along the whole row, as some errors grow along it."""
+        total = np.zeros(self.motion.theta.size)
+        for effect in effects:
+            error = source(effect.key).vector(self.motion, **effect.indices)
+            if isinstance(error, ErrorVector) and error.contact == "output":
+                total += np.einsum("t,tn->n", effect.values, error.vector[:, 0])
+        return total
+
+    def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
+        """`equilibrium` for these errors."""
+        state = _joined([part.equilibrium() for part in self.solutions(effects)])
+        return replace(state, transmission_error=state.transmission_error + self.reading(effects))
+
+    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
+        """`linearise` for these errors."""
+        solved, forces = [], []
+        for part in self.solutions(effects):
+            solved.append(part.equilibrium())
+            forces.append(part.forces_per_torque())
+        joined = {key: np.concatenate([f[key] for f in forces], axis=-1) for key in forces[0]}
+        state = _joined(solved)
+        state = replace(state, transmission_error=state.transmission_error + self.reading(effects))
+        return Linearisation(state, self.motion, joined)
 
 
-def _settle(motion: Contacts, effects: tuple[Effect, ...], torque: float) -> _Solution:
-    errors = error_closing(motion, effects)
-    energy = system(motion, errors, torque)
-    x, steps, found = minimise(energy, torque)
+def _settle(stretch: Geometry, effects: tuple[Effect, ...], torque: float, start: Array | None) -> _Solution:
+    motion = stretch.motion
+    errors = error_closing(stretch, effects)
+    energy = system(stretch, errors, torque)
+    x, steps, found = minimise(energy, torque, start)
     if not found.all():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in motion.theta[~found][:5])
         raise NotConvergedError(
             f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
             f"{where} deg ...); raise the torque, or check for errors and clearances far above 0.1 mm"
         )
-    return _Solution(motion, errors, energy, x, energy.state(x), steps, torque)
+    return _Solution(stretch, errors, energy, x, energy.state(x), steps, torque)
 
 
 @dataclass(frozen=True)
 class _Solution:
     """Settled pose of one stretch of angles."""
 
-    motion: Contacts
+    stretch: Geometry
     errors: Errors
     energy: System
     x: Array
@@ -235,14 +326,19 @@ class _Solution:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
         return replace(self, unloading=-refined(self.energy.newton_matrix(self.state), self.energy.load))
 
+    @property
+    def transmission_error(self) -> Array:
+        """Turn of the carrier."""
+        return np.asarray((self.x + self.unloading)[:, 2], dtype=np.float64)
+
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
-        reducer, n = self.motion.reducer, len(self.x)
+        reducer, n = self.stretch.motion.reducer, len(self.x)
         parts = np.moveaxis(self.x + self.unloading, 0, -1)
         bodies = parts[3:-2].reshape(-1, 3, n)
         residual = GRADIENT_TOLERANCE * np.abs(self.state.gradient).max(axis=1) / self.energy.tolerance(self.torque)
         return Equilibrium(
-            transmission_error=parts[2] + self.errors.output,
+            transmission_error=self.transmission_error,
             pose={
                 "carrier": parts[:3],
                 "disc": bodies[: reducer.discs],
@@ -258,11 +354,13 @@ class _Solution:
     def _journals(self) -> npt.NDArray[np.bool_]:
         return self.errors.clearance > 0
 
+    def _joints(self) -> Array:
+        """Closing of each bearing, (n, joints, 2)."""
+        return np.asarray(np.einsum("nqcd,nd->nqc", self.stretch.joint_rows, self.x) + self.errors.joint)
+
     def _contact_forces(self) -> dict[str, Array]:
-        stiffness = self.motion.reducer.stiffness
-        rows = joint_rows(self.motion)
-        closing = np.einsum("nqcd,nd->nqc", rows, self.x) + self.errors.joint
-        force = joint_stiffness(self.motion.reducer)[:, None] * closing
+        stiffness = self.stretch.motion.reducer.stiffness
+        force = joint_stiffness(self.stretch.motion.reducer)[:, None] * self._joints()
         if self._journals().any():
             force[:, self._journals()] = self.energy.journal_forces(self.state.journals)[1]
         return self._by_contact(
@@ -273,30 +371,31 @@ class _Solution:
 
     def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
         """Sizes of forces, samples first, as vectors of the driving on the driven part, samples last."""
-        reducer, n = self.motion.reducer, len(self.x)
+        reducer, n = self.stretch.motion.reducer, len(self.x)
         cams = reducer.discs * reducer.cranks
         bearing = np.moveaxis(joints, 0, -1)
         flank = np.moveaxis(flanks.reshape(n, reducer.cranks, 2), 0, -1)
         return {
-            "pin": np.moveaxis(pins, 0, -1)[..., None, :] * self.motion.pin_normal,
+            "pin": np.moveaxis(pins, 0, -1)[..., None, :] * self.stretch.motion.pin_normal,
             "cam": bearing[:cams].reshape(reducer.discs, reducer.cranks, 2, n),
             "carrier": bearing[cams:-2],
-            "mesh": flank[..., None, :] * self.motion.mesh_normal,
+            "mesh": flank[..., None, :] * self.stretch.motion.mesh_normal,
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        stiffness, state, system = self.motion.reducer.stiffness, self.state, self.energy
+        stiffness, state, system = self.stretch.motion.reducer.stiffness, self.state, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
         answer = -refined(system.newton_matrix(state), unit)
         disc = system.discs(answer)
         pins = (system.pin_rows * np.moveaxis(disc, 0, 1)).sum(axis=1)
         flanks = (system.flank_rows @ answer[..., None])[..., 0]
-        joints = np.einsum("nqcd,nd->nqc", joint_rows(self.motion), answer)
-        change = joint_stiffness(self.motion.reducer)[:, None] * joints
-        where = self._journals()
+        joints = np.einsum("nqcd,nd->nqc", self.stretch.joint_rows, answer)
+        change = joint_stiffness(self.stretch.motion.reducer)[:, None] * joints
+        where, cams = self._journals(), self.stretch.motion.reducer.discs * self.stretch.motion.reducer.cranks
+        places = zip(BEARINGS, (slice(cams), slice(cams, -2)), strict=True)
         if where.any():
             matrices = system.journal_matrices(state.journals)
             change[:, where] = (matrices @ joints[:, where][..., None])[..., 0]
@@ -305,6 +404,6 @@ class _Solution:
             flanks=stiffness.gear_mesh * (state.flanks > 0) * flanks,
             joints=change,
         )
-        actual = self._contact_forces()
-        directions = {f"{key} direction": unit_vectors(actual[key]) for key in BEARINGS}
+        along = np.moveaxis(self._joints(), 0, -1)
+        directions = {f"{key} direction": unit_vectors(along[at].reshape(found[key].shape)) for key, at in places}
         return {**found, **directions, "output": np.ones((1, len(self.x)))}

@@ -1,0 +1,246 @@
+"""Cost of the loaded equilibrium of an RV-40E over one revolution of 4096 angles, with a dozen part errors.
+
+    python benchmarks/equilibrium.py [angles of the plain minimisation]
+
+It is set against `scipy.optimize.minimize` on the same energy, written for this file angle by angle with its gradient
+and second derivative; that runs on a few angles and is scaled up, and its output errors must agree with the solver's.
+Peak memory is that of a process of its own which solves one revolution.  BLAS runs on one thread unless the environment
+says otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import cmath  # noqa: E402
+import math  # noqa: E402
+import platform  # noqa: E402
+import subprocess  # noqa: E402
+import sys  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from time import perf_counter  # noqa: E402
+
+import numpy as np  # noqa: E402
+import scipy  # noqa: E402
+from scipy.optimize import minimize  # noqa: E402
+
+import rverror  # noqa: E402
+
+ANGLES, REPEATS = 4096, 3
+ARCSEC = math.pi / 180 / 3600
+TORQUES = (412.0, 20.0)  # N*m
+CLEARANCES = (0.0, 5.0)  # um
+AIMS = {0.0: 100.0, 5.0: 300.0}  # us an angle on one core
+AIM_MEMORY = 1024.0  # MiB
+#: key, indices, parameter and size in um; the plain energy below knows these sources
+ERRORS: tuple[tuple[str, dict[str, int], str, float], ...] = (
+    ("cycloid.pin_position", {"pin": 3}, "tangential", 5.0),
+    ("cycloid.pin_position", {"pin": 11}, "radial", 4.0),
+    ("cycloid.pin_position", {"pin": 17}, "radial", -5.0),
+    ("cycloid.pin_position", {"pin": 30}, "radial", -5.0),
+    ("crank.eccentricity", {"crank": 0, "disc": 0}, "radial", 5.0),
+    ("crank.eccentricity", {"crank": 1, "disc": 0}, "tangential", -5.0),
+    ("cycloid.disc_bore_position", {"disc": 1, "crank": 1}, "tangential", 5.0),
+    ("cycloid.disc_bore_position", {"disc": 0, "crank": 0}, "radial", 5.0),
+    ("coupling.carrier_bore_position", {"crank": 0}, "tangential", 5.0),
+    ("coupling.carrier_bore_position", {"crank": 1}, "radial", -4.0),
+)
+
+
+def model_of(unit: rverror.Reducer, clearance: float) -> rverror.Model:
+    """The reducer with its errors, and clearance in um of both kinds of bearings."""
+    effects = [rverror.effect(key, **indices, **{name: f"{size} um"}) for key, indices, name, size in ERRORS]
+    if clearance:
+        bearings = ("crank.bearing_clearance", "coupling.bearing_clearance")
+        effects += [rverror.effect(key, clearance=f"{clearance} um") for key in bearings]
+    return rverror.Model(unit, tuple(effects))
+
+
+class PlainEnergy:
+    """Energy of one angle in forward motion: contacts one by one, each with the row of its closing."""
+
+    def __init__(self, unit: rverror.Reducer, theta: float, *, torque: float, clearance: float) -> None:
+        k = unit.stiffness
+        self.torque, self.size = torque, 3 + 3 * unit.discs + 3 * unit.cranks + 2
+        push: list[tuple[float, float, np.ndarray]] = []  # stiffness, error, row
+        pull: list[tuple[float, float, complex, np.ndarray]] = []  # stiffness, clearance, error, row
+        disc = [3 + 3 * d for d in range(unit.discs)]
+        crank = [3 + 3 * unit.discs + 3 * j for j in range(unit.cranks)]
+        turn = -unit.disc_lobes * theta
+        aside = [cmath.exp(1j * (turn + 2 * math.pi * d / unit.discs)) for d in range(unit.discs)]
+        place = [cmath.exp(1j * (theta + 2 * math.pi * j / unit.cranks)) for j in range(unit.cranks)]
+        axis = {"radial": 1.0, "tangential": 1j}
+
+        def error(key: str, **where: int) -> complex:
+            """Radial and tangential part of all errors there, mm."""
+            parts = [s * axis[name] for k_, at, name, s in ERRORS if k_ == key and at == where]
+            return 1e-3 * sum(parts, 0j)
+
+        def row(*parts: tuple[int, complex, complex]) -> np.ndarray:
+            """Displacement of bodies (first unknown, sign, arm from the body's centre)."""
+            found = np.zeros(self.size, complex)
+            for at, sign, arm in parts:
+                found[at] += sign
+                found[at + 1] += 1j * sign
+                if arm:
+                    found[at + 2] += sign * 1j * arm
+            return found
+
+        for d in range(unit.discs):
+            centre = unit.eccentricity * aside[d]
+            for i in range(unit.pins):
+                radial = cmath.exp(2j * math.pi * i / unit.pins)
+                pin = unit.pin_circle_radius * radial
+                normal = unit.pins * centre - pin  # towards the pitch point
+                normal /= abs(normal)
+                closing = (normal.conjugate() * row((disc[d], -1, pin - centre))).real
+                given = (normal.conjugate() * error("cycloid.pin_position", pin=i) * radial).real
+                push.append((k.pin_contact, given, closing))
+        base = unit.planet_pitch_radius * math.cos(unit.pressure_angle)
+        for j in range(unit.cranks):
+            for flank in (1, -1):
+                lean = place[j] * cmath.exp(-1j * flank * unit.pressure_angle)
+                line = 1j * flank * lean
+                sides = row((crank[j], -1, -base * lean))
+                sides[-2:] += [1, 1j]
+                push.append((k.gear_mesh, -unit.gear_backlash / 2, (line.conjugate() * sides).real))
+            bore = unit.crank_radius * place[j]
+            for d in range(unit.discs):
+                cam = unit.eccentricity * aside[d]
+                gap = error("cycloid.disc_bore_position", disc=d, crank=j) * place[j]
+                gap -= error("crank.eccentricity", crank=j, disc=d) * aside[d]
+                pull.append((k.crank_bearing, clearance, gap, row((disc[d], 1, bore), (crank[j], -1, cam))))
+            gap = -error("coupling.carrier_bore_position", crank=j) * place[j]
+            pull.append((k.carrier_bearing, clearance, gap, row((crank[j], 1, 0), (0, -1, bore))))
+        pull.append((k.main_bearing, 0.0, 0j, row((0, 1, 0))))
+        sun = np.zeros(self.size, complex)
+        sun[-2:] = [1, 1j]
+        pull.append((k.sun_support, 0.0, 0j, sun))
+        self.push_k, self.push_error, self.push_rows = (np.array(part) for part in zip(*push, strict=True))
+        self.pull_k, self.clearance, self.pull_error, self.pull_rows = (
+            np.array(part) for part in zip(*pull, strict=True)
+        )
+        # angles as arcs at the crank circle: all unknowns are lengths, which a plain minimiser needs
+        self.unit_of = np.ones(self.size)
+        self.unit_of[2:-2:3] = 1 / unit.crank_radius
+        self.push_rows, self.pull_rows = self.push_rows * self.unit_of, self.pull_rows * self.unit_of
+        self.load = np.zeros(self.size)
+        self.load[2] = -torque * self.unit_of[2]
+
+    def both(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        """Energy and gradient."""
+        pushed = np.maximum(self.push_rows @ x + self.push_error, 0)
+        gap = self.pull_rows @ x + self.pull_error
+        distance = np.abs(gap)
+        beyond = np.maximum(distance - self.clearance, 0)
+        energy = 0.5 * (self.push_k @ pushed**2 + self.pull_k @ beyond**2) - self.load @ x
+        force = self.pull_k * beyond * gap / np.where(distance > 0, distance, 1)
+        gradient = (self.push_k * pushed) @ self.push_rows + (force.conj() @ self.pull_rows).real - self.load
+        return float(energy), gradient
+
+    def second(self, x: np.ndarray) -> np.ndarray:
+        """Second derivative where contacts stay."""
+        closed = self.push_rows @ x + self.push_error > 0
+        gap = self.pull_rows @ x + self.pull_error
+        distance = np.where(gap == 0, 1, np.abs(gap))
+        share = np.maximum(1 - self.clearance / distance, 0)
+        radial = ((gap / distance).conj()[:, None] * self.pull_rows).real
+        found = self.push_rows.T @ ((self.push_k * closed)[:, None] * self.push_rows)
+        found += (self.pull_rows.conj().T @ ((self.pull_k * share)[:, None] * self.pull_rows)).real
+        touching = np.where(share > 0, 1 - share, 0)
+        return np.asarray(found + radial.T @ ((self.pull_k * touching)[:, None] * radial))
+
+    def output(self, method: str) -> float:
+        """Turn of the carrier in the pose of least energy, rad."""
+        second = None if method == "BFGS" else self.second
+        options = {"gtol": 1e-7 * self.torque * self.unit_of[2], "maxiter": 5000}
+        found = minimize(self.both, np.zeros(self.size), jac=True, hess=second, method=method, options=options)
+        return float(found.x[2] * self.unit_of[2])
+
+
+def best(task: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest of several runs, s."""
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        task()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def peak_memory(*, torque: float | None, clearance: float) -> float:
+    """Peak resident memory of a process that solves one revolution, MiB; that of the imports alone without torque."""
+    asked = "none" if torque is None else str(torque)
+    out = subprocess.run(
+        [sys.executable, __file__, "--memory", asked, str(clearance)], check=True, capture_output=True, text=True
+    )
+    return float(out.stdout)
+
+
+def report_memory(torque: str, clearance: str) -> None:
+    """What a child process prints."""
+    import resource  # of Unix systems
+
+    if torque != "none":
+        model = model_of(rverror.reducer("RV-40E"), float(clearance))
+        theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
+        rverror.equilibrium(model, theta, torque=float(torque) * 1e3, direction=1)
+    size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(size / (2**20 if sys.platform == "darwin" else 2**10))
+
+
+def main() -> None:
+    if "--memory" in sys.argv:
+        report_memory(*sys.argv[-2:])
+        return
+    few = int(sys.argv[1]) if len(sys.argv) > 1 else 12
+    unit = rverror.reducer("RV-40E")
+    theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    chosen = (np.arange(few) * 2531 + 17) % ANGLES
+
+    print(f"RV-40E, {len(ERRORS)} errors, one revolution of {ANGLES} angles, forward")
+    print(
+        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, "
+        f"BLAS threads {os.environ['OMP_NUM_THREADS']}"
+    )
+    print(f"best of {REPEATS} runs; the plain minimisations ran on {few} angles, built anew at each")
+    imports = peak_memory(torque=None, clearance=0.0) if os.name == "posix" else math.nan
+    for clearance in CLEARANCES:
+        for torque in TORQUES:
+            model = model_of(unit, clearance)
+            load = torque * 1e3
+
+            def whole(model: rverror.Model = model, load: float = load) -> rverror.Equilibrium:
+                return rverror.equilibrium(model, theta, torque=load, direction=1)
+
+            state = whole()
+            time = best(whole) / ANGLES * 1e6
+            print()
+            print(f"{torque:g} N*m, {clearance:g} um of clearance in cam and carrier bearings")
+            steps = f"{state.steps.mean():.1f} Newton steps, at most {state.steps.max()}"
+            print(f"  {'rverror.equilibrium':36s}{time:10.1f} us an angle, aim {AIMS[clearance]:g}; {steps}")
+            for method in ("BFGS", "trust-exact"):
+
+                def plain(method: str = method, load: float = load, clearance: float = clearance) -> list[float]:
+                    angles = theta[chosen].tolist()
+                    energies = (PlainEnergy(unit, a, torque=load, clearance=clearance / 1e3) for a in angles)
+                    return [energy.output(method) for energy in energies]
+
+                apart = abs(np.array(plain()) - state.transmission_error[chosen]).max() / ARCSEC
+                looped = best(plain, 1) / few * 1e6
+                name = f"scipy minimize, {method}"
+                print(
+                    f"  {name:36s}{looped:10.0f} us an angle, {looped / time:.0f} times; differs by {apart:.0e} arcsec"
+                )
+            if os.name == "posix":
+                peak = peak_memory(torque=torque, clearance=clearance)
+                print(
+                    f"  {'peak memory of the process':36s}{peak:10.0f} MiB, aim {AIM_MEMORY:g}; imports {imports:.0f}"
+                )
+
+
+if __name__ == "__main__":
+    main()
