@@ -228,17 +228,18 @@ def test_score_counts_left_out_data_and_what_declared_sizes_moved_from_where_the
 
 
 def test_refusals_name_the_run_and_the_remedy() -> None:
-    run = run_of(np.zeros_like)
+    """A drive takes short runs and runs both ways, whose effects are all linear; a reducer's does not."""
+    unit = rverror.Model(rverror.reducer("RV-40E"))
     with pytest.raises(rverror.InputError, match="no run given"):
         rverror.diagnose(drive(), [])
-    with pytest.raises(rverror.InputError, match="run 1: index is 'unknown'"):
-        rverror.diagnose(drive(), [replace(run, index="unknown")])
+    theta = 2 * np.pi * np.arange(512) / 512
+    short = rverror.run_from_arrays(input_angle=121 * theta, te=np.zeros(512), direction="forward")
     with pytest.raises(rverror.InputError, match=r"run 1: the run covers 0\.998 output turns.*measure at least 2"):
-        rverror.diagnose(drive(), [run_of(np.zeros_like, turns=1)])
+        rverror.diagnose(unit, [short])
     there = np.linspace(0, 100, 900)
-    both = rverror.run_from_arrays(input_angle=20 * np.r_[there, there[::-1]], te=np.zeros(1800), direction="mixed")
+    both = rverror.run_from_arrays(input_angle=121 * np.r_[there, there[::-1]], te=np.zeros(1800), direction="mixed")
     with pytest.raises(rverror.InputError, match="run 1: the run turns both ways"):
-        rverror.diagnose(drive(), [both])
+        rverror.diagnose(unit, [both])
 
 
 def test_growing_errors_that_are_declared_are_taken_off() -> None:

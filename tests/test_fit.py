@@ -12,7 +12,7 @@ import pytest
 import rverror
 from rverror.fit import FitRun, coarse, covariance_of, fit_run, joint_fit, priors, with_values
 from rverror.model import Effect, Model, effect
-from rverror.prediction import Conditions, predict
+from rverror.prediction import Conditions, Predictor, predict
 from rverror.spectrum import amplitude, harmonics
 
 ARCSEC = math.pi / 180 / 3600
@@ -41,8 +41,8 @@ def run_of(
     values = offset + truth + noise * rng.normal(size=(periods, points))
     conditions = Conditions(theta, direction)
     if declared_noise:
-        return FitRun("run", conditions, values, np.full((points - 1) // 2, noise**2))
-    return fit_run("run", conditions, values)
+        return FitRun("run", Predictor(UNIT, conditions), values, np.full((points - 1) // 2, noise**2))
+    return fit_run("run", Predictor(UNIT, conditions), values)
 
 
 def values_of(effects: Sequence[Effect]) -> np.ndarray:
@@ -262,7 +262,7 @@ def test_fewer_angles_keep_the_low_harmonics(n: int, points: int) -> None:
     rng = np.random.default_rng(17)
     theta = 2 * np.pi * np.arange(n) / n
     values = rng.normal(size=(3, n))
-    run = fit_run("run", Conditions(theta, 1.0), values)
+    run = fit_run("run", Predictor(UNIT, Conditions(theta, 1.0)), values)
     small = coarse(run, points)
     stride = n // points
     if n % stride:
@@ -289,7 +289,9 @@ def test_fewer_angles_keep_the_times_beside_the_angles() -> None:
     n = 1024
     theta = 2 * np.pi * np.arange(n) / n
     delay = effect("sensor.time_offset", offset="5 ms")
-    run = fit_run("run", Conditions(theta, 1.0, time=40 * theta), np.random.default_rng(19).normal(size=(2, n)))
+    run = fit_run(
+        "run", Predictor(UNIT, Conditions(theta, 1.0, time=40 * theta)), np.random.default_rng(19).normal(size=(2, n))
+    )
     small = coarse(run, 256).conditions
     assert small.time is not None
     np.testing.assert_allclose(small.time, 40 * small.theta)

@@ -696,6 +696,10 @@ def test_worm_data(wheel: int, period: float, turns: float) -> None:
     assert math.tau / speed == pytest.approx(period, rel=1e-4)
 
 
-def test_cycloidal_data_lack_an_input() -> None:
-    with pytest.raises(InputError, match=r"line 3: besides output_angle there is no input_angle and no te"):
-        load_run(data("data", "cycloidal-13to1", "run.csv"))
+def test_cycloidal_data_are_a_torque_record() -> None:
+    """One angle and a torque: no transmission error can be had from it."""
+    run = load_run(data("data", "cycloidal-13to1", "run.csv"))
+    assert run.input_angle is None
+    assert run.te_column is None
+    with pytest.raises(InputError, match=r"torque record holds one angle.*only a \[drive\] model"):
+        run.error(13.0)

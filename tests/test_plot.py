@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from rverror import Diagnosis, Drive, InputError, Model, effect, reducer, transmission_error
-from rverror.diagnose import Trace
+from rverror.diagnosis import Trace
 from rverror.plot import (
     diagnosis_figure,
     model_waveform,

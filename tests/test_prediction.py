@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import rverror
 from rverror.equilibrium import equilibrium
 from rverror.model import Effect, effect
-from rverror.prediction import Conditions, contact_state, predict, repeats_with_crank, uses_equilibrium
+from rverror.prediction import Conditions, Predictor, predict, repeats_with_crank, uses_equilibrium
 
 ARCSEC = math.pi / 180 / 3600
 
@@ -52,7 +52,7 @@ def test_one_repeat_stands_for_the_turn(name: str, torque: float, direction: flo
     model = rverror.Model(rverror.reducer(name), CARRIER_SIDE)
     theta = turn(1999)
     conditions = Conditions(theta, direction, torque)
-    assert all(repeats_with_crank(e.key) for e in model.effects)
+    assert all(repeats_with_crank(model.mechanism, e.key, e.indices) for e in model.effects)
     found = predict(model, conditions)
     some = slice(None, None, 13)
     whole = equilibrium(model, theta[some], torque=torque, direction=direction).transmission_error
@@ -65,7 +65,7 @@ def test_one_repeat_carries_the_influences_too() -> None:
     theta = turn(4096)
     found = predict(model, Conditions(theta, 1.0, 412e3)).matrix
     some = slice(7, None, 41)
-    motion, forces = contact_state(model, Conditions(theta[some], 1.0, 412e3))
+    motion, forces = Predictor(model.mechanism, Conditions(theta[some], 1.0, 412e3)).contact_state(model)
     whole = rverror.compose.effect_matrix(motion, forces, model.effects)
     assert found.shape == (sum(len(e.values) for e in CARRIER_SIDE), theta.size)
     scale = np.sqrt((whole**2).mean(axis=1))
@@ -95,18 +95,32 @@ def test_falling_angles_are_growing_ones_read_backwards(points: int, torque: flo
     np.testing.assert_allclose(back, growing, rtol=0, atol=1e-6 * ARCSEC)
 
 
-def test_what_is_fixed_in_the_housing_does_not_repeat_with_the_crank() -> None:
-    """From the frames of the design's catalogue: a wrong answer would fold 39 onto 40."""
-    housing = {"cycloid.pin_position", "cycloid.pin_circle", "cycloid.pin_radius", "involute.sun_offset"}
-    sun = {"involute.sun_eccentricity", "involute.sun_pitch"}
-    for key in rverror.CATALOGUE:
-        if not key.startswith("shaft"):
-            assert repeats_with_crank(key) == (key not in housing | sun), key
+@pytest.mark.parametrize("planet_teeth", [27, 24])
+def test_what_repeats_with_the_crank_is_what_the_equilibrium_repeats(planet_teeth: int) -> None:
+    """Beside an error of a disc; a wrong answer would fold order 39 onto 40."""
+    unit = rverror.reducer("RV-40E", planet_teeth=planet_teeth)
+    theta, again = np.array([0.3, 1.1, 2.0]), 2 * np.pi / 40
+    for key, entry in rverror.CATALOGUE.items():
+        if key.startswith(("shaft", "sensor")):
+            continue
+        for indices in (*list(entry.candidates(unit))[:2], *list(entry.candidates(unit))[-1:]):
+            sizes = {p.name: 0.2 * p.plausible for p in entry.parameters}
+            model = rverror.Model(unit, (CARRIER_SIDE[0], rverror.effect(key, **indices, **sizes)))
+            first, second = (
+                equilibrium(model, angles, torque=20e3, direction=1).transmission_error
+                for angles in (theta, theta + again)
+            )
+            same = np.abs(first - second).max() < 1e-5 * ARCSEC
+            assert repeats_with_crank(unit, key, indices) == same, (key, indices)
 
 
 @pytest.mark.parametrize("points", [61, 256, 1000])
 def test_coarse_angles_hold_no_folded_mesh_orders(points: int) -> None:
-    """Few angles a turn give the lower orders alone: as a filtered fine prediction, not a sampled one."""
+    """Few angles a turn give the lower orders alone: as a filtered fine prediction, not a sampled one.
+
+    One repeat is solved at 128 angles or more; what the kinks of opening pins fold is below a third of the
+    0.03 arcsec that a prediction may be wrong by.
+    """
     model = rverror.Model(rverror.reducer("RV-40E"), (CARRIER_SIDE[0],))
     stride = 32
     theta = turn(points * stride, start=0.0)
@@ -114,7 +128,7 @@ def test_coarse_angles_hold_no_folded_mesh_orders(points: int) -> None:
     coarse = predict(model, Conditions(theta[::stride], 1.0, 20e3)).transmission_error
     lines = np.fft.rfft(fine) / stride
     lines[math.ceil(points / 2) :] = 0
-    np.testing.assert_allclose(coarse, np.fft.irfft(lines[: points // 2 + 1], points), rtol=0, atol=1e-4 * ARCSEC)
+    np.testing.assert_allclose(coarse, np.fft.irfft(lines[: points // 2 + 1], points), rtol=0, atol=1e-2 * ARCSEC)
 
 
 @given(

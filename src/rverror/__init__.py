@@ -1,5 +1,6 @@
 """rverror: the output error of rotary vector (RV) reducers, from part errors to transmission error and back."""
 
+from rverror.batch import diagnose_folder
 from rverror.catalogue import CATALOGUE
 from rverror.compose import influence, transmission_error, transmission_error_by_effect
 from rverror.diagnose import Diagnosis, diagnose
@@ -31,6 +32,7 @@ __all__ = [
     "append_effects",
     "backlash",
     "diagnose",
+    "diagnose_folder",
     "effect",
     "equilibrium",
     "influence",

@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 import rverror
 from rverror import units
+from rverror.batch import SUMMARY, diagnose_folder, told
 from rverror.catalogue import CATALOGUE, Source, source
 from rverror.diagnose import Diagnosis, diagnose
 from rverror.equilibrium import NotConvergedError
@@ -24,7 +25,7 @@ from rverror.errors import InputError
 from rverror.measurement import Run, load_run, run_text, write_run
 from rverror.model import Effect, Model
 from rverror.model_file import append_effects, load_model
-from rverror.report import to_html, to_json, to_text
+from rverror.report import InputFile, input_files, to_html, to_json, to_text
 from rverror.simulate import DEFAULT_SEED, run_label, simulate_runs
 from rverror.textfile import write_bytes, write_text
 
@@ -118,6 +119,12 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
     command.set_defaults(run=_diagnose)
 
+    command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
+    command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and *.csv runs is a unit")
+    command.add_argument("--out", required=True, metavar="OUT", help="folder for UNIT.json of each and summary.csv")
+    command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
+    command.set_defaults(run=_diagnose_batch)
+
     command = commands.add_parser("sources", help="list the catalogue of error sources")
     command.add_argument("--json", metavar="OUT.json", help="write it for programs")
     command.set_defaults(run=_sources)
@@ -206,7 +213,37 @@ def _diagnose(options: argparse.Namespace) -> None:
     figure = _figure_maker() if options.plot else None
     result = _diagnose_with_progress(model, runs)
     print(to_text(result), end="")
-    _write_results(result, options, figure)
+    _write_results(result, options, figure, input_files(inputs))
+
+
+def _diagnose_batch(options: argparse.Namespace) -> None:
+    for name, path in (("FOLDER", options.folder), ("--out", options.out)):
+        if not path.strip():
+            raise InputError(f"{name}: {path!r} has no name; give a folder")
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
+    progress = _Progress()
+    try:
+        batch = diagnose_folder(options.folder, out=options.out, jobs=options.jobs, progress=progress)
+    finally:
+        progress.close()
+    for note in batch.notes:
+        _tell(note)
+    for outcome in batch.outcomes:
+        if outcome.state == "failed":
+            _tell(told(outcome))
+        else:
+            print(told(outcome))
+            if outcome.replaced:
+                _tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
+    counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
+    print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / SUMMARY}")
+    if failed := batch.of("failed"):
+        names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
+        raise InputError(
+            f"{len(failed)} of {len(batch.outcomes)} units could not be diagnosed ({names}); "
+            "correct them and start again, the others are kept"
+        )
 
 
 def _given_twice(paths: Sequence[str]) -> str | None:
@@ -215,10 +252,10 @@ def _given_twice(paths: Sequence[str]) -> str | None:
     return next((path for i, path in enumerate(paths) if real[i] in real[:i]), None)
 
 
-def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any) -> None:
+def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, files: Sequence[InputFile]) -> None:
     if options.json:
         _say_replaced(options.json)
-        write_text(options.json, json.dumps(to_json(result), indent=1) + "\n", overwrite=True)
+        write_text(options.json, json.dumps(to_json(result, files=files), indent=1) + "\n", overwrite=True)
     if options.plot:
         from rverror import plot
 
@@ -226,10 +263,11 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any) 
         write_bytes(options.plot, plot.to_bytes(figure(result), "png"), overwrite=True)
     if options.report:
         _say_replaced(options.report)
-        write_text(options.report, to_html(result, _svg(result)), overwrite=True)
+        write_text(options.report, to_html(result, files=files), overwrite=True)
     if options.save:
         _say_replaced(options.save)
-        effects = [_rounded(addition.effect) for addition in result.added]
+        # a ripple of the torque is no error of the output, and a model holds those only
+        effects = [_rounded(addition.effect) for addition in result.added if result.quantity == "angle"]
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
             _tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
@@ -255,16 +293,6 @@ def _figure_maker() -> Any:
 
     plot.new_figure()
     return plot.diagnosis_figure
-
-
-def _svg(result: Diagnosis) -> list[str]:
-    from rverror import plot
-
-    try:
-        return [plot.svg_element(plot.diagnosis_figure(result))]
-    except InputError as problem:
-        _tell(f"report without pictures: {problem}")
-        return []
 
 
 def _sources(options: argparse.Namespace) -> None:
@@ -329,7 +357,8 @@ def _demo(options: argparse.Namespace) -> None:
     print("\n" + to_text(result))
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
     _say_replaced(written[0])
-    write_text(written[0], json.dumps(to_json(result), indent=1) + "\n", overwrite=True)
+    files = input_files([str(path) for path in (model_path, *run_paths)])
+    write_text(written[0], json.dumps(to_json(result, files=files), indent=1) + "\n", overwrite=True)
     _say_replaced(written[1])
     append_effects(model_path, written[1], [_rounded(a.effect) for a in result.added], overwrite=True)
     try:

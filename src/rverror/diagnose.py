@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +13,23 @@ from scipy.stats import chi2
 from rverror.action_line import Array
 from rverror.catalogue import CATALOGUE, IndexValue, source
 from rverror.compose import effect_values, pose, source_matrix
+from rverror.diagnosis import Addition as Addition
+from rverror.diagnosis import Alike, Progress
+from rverror.diagnosis import Candidate as Candidate
+from rverror.diagnosis import Diagnosis as Diagnosis
+from rverror.diagnosis import Estimate as Estimate
+from rverror.diagnosis import Line as Line
+from rverror.diagnosis import Residual as Residual
+from rverror.diagnosis import Trace as Trace
+from rverror.diagnosis import describe as describe
+from rverror.drive_search import diagnose_drive
 from rverror.errors import InputError
 from rverror.fit import Fit, FitRun, coarse, fit_run, joint_fit, priors
 from rverror.kinematics import fundamental_orders, samples_needed, true_period
 from rverror.measurement import Run
 from rverror.model import Effect, Model
-from rverror.prediction import Conditions, contact_state, predict, repeats_with_crank, uses_equilibrium
-from rverror.reducer import Reducer
+from rverror.prediction import Conditions, Predictor, repeats_with_crank, uses_equilibrium
+from rverror.reducer import Drive, Reducer
 from rverror.spectrum import amplitude, frames_of_order, harmonics, noise_rms, revolutions
 from rverror.units import ARCSEC
 
@@ -28,139 +39,16 @@ _FALSE_ALARM = 1e-3  # chance that any candidate, or any order, passes by luck
 _MAX_ADDED = 4
 _SLOW = 6  # candidates fixed in the housing that are refitted at the load
 _REFITTED = 4
+_RESTARTED = 2  # of them
+_BEST_STARTS = 3
+_POOR = 4.0  # standard deviations of the noise's sum of squares: the fit may have ended in the wrong place
+_WORKSHOP = 0.2  # of the largest plausible size
+_PROMISING = 12  # candidates that are fitted further after two steps
 _HOPELESS = 2.0  # a candidate with so many times the best one's prospect is not refitted
 _CLOSE = 300.0  # of the coarse sums of squares within which candidates are compared on all angles
 _NEGLIGIBLE = 0.005  # of the leader's gain
 _NO_WORSE = 1.002  # declared sizes may have moved far to fit as well: then only they gain
-_COARSE = 512  # angles a period for the first fit of a candidate
-
-Progress = Callable[[str], None]
-Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
-
-
-@dataclass(frozen=True)
-class Residual:
-    """Size of measured minus predicted, rad, offset of each run removed.
-
-    `rms` and `peak_to_peak` over all samples; `heldout_rms` of revolutions that the fit did not see.
-    """
-
-    rms: float
-    peak_to_peak: float
-    heldout_rms: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Size of a parameter with its 95 % interval, core units; NaN bounds where the runs do not determine it."""
-
-    name: str
-    dimension: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One candidate with its score: what it takes off the left-out revolutions' weighted sum of squares."""
-
-    key: str
-    indices: Mapping[str, IndexValue]
-    heldout_gain: float
-
-
-@dataclass(frozen=True)
-class Addition:
-    """An effect that was added.
-
-    Attributes
-    ----------
-    effect : Effect
-        With its fitted size.
-    estimates : tuple of Estimate
-    indistinguishable : tuple of (str, mapping)
-        Keys and indices of effects that fit as well.
-    orders : tuple of float
-        Where its waveform shows, the strongest first.
-    heldout_rms : float
-        Of the residual of left-out revolutions once it was added, rad.
-    notes : tuple of str
-        Sizes that no workshop makes, and the like.
-    """
-
-    effect: Effect
-    estimates: tuple[Estimate, ...]
-    indistinguishable: Alike
-    orders: tuple[float, ...]
-    heldout_rms: float
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of the residual spectrum: order, amplitude with 95 % interval (rad), frames that it fits."""
-
-    order: float
-    amplitude: float
-    low: float
-    high: float
-    frames: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Trace:
-    """Averaged waveforms of one run for plots, rad, against nominal output angle."""
-
-    name: str
-    direction: float
-    theta: Array
-    measured: Array
-    before: Array
-    after: Array
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """Result of `diagnose`.
-
-    Attributes
-    ----------
-    verdict : str
-        ``explained``, ``nothing_missing`` or ``unexplained``.
-    noise_rms : float
-        Of what differs between revolutions, rad.
-    before, before_refitted, after : Residual
-        Declared model as printed, refitted within its uncertainty, and with what was added.
-    added : tuple of Addition
-    unexplained : tuple of Line
-        Significant lines that remain.
-    model : Model
-        The model with refitted sizes and what was added.
-    declared : Model
-        The model as given.
-    candidates : tuple of Candidate
-        Of the last round, the best first.
-    tried : int
-        Number of candidates.
-    traces : tuple of Trace
-    notes : tuple of str
-        What was dropped or noticed.
-    """
-
-    verdict: str
-    noise_rms: float
-    before: Residual
-    before_refitted: Residual
-    after: Residual
-    added: tuple[Addition, ...]
-    unexplained: tuple[Line, ...]
-    model: Model
-    declared: Model
-    candidates: tuple[Candidate, ...]
-    tried: int
-    traces: tuple[Trace, ...]
-    notes: tuple[str, ...]
+_COARSE = (512, 1024)  # angles a period for the first fit of a candidate
 
 
 def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = None) -> Diagnosis:
@@ -196,6 +84,8 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     its own.
     """
     tell = progress or (lambda text: None)
+    if isinstance(model.mechanism, Drive):
+        return diagnose_drive(model, runs, tell)
     declared = model
     fit_runs, notes = _prepare(declared, runs)
     model = replace(declared, effects=tuple(e for e in declared.effects if source(e.key).periodic))
@@ -232,6 +122,7 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
                 _centred(run.values.mean(axis=0)),
                 _centred(first.transmission_error),
                 _centred(last.transmission_error),
+                run.conditions.torque,
             )
             for run, first, last in zip(fit_runs, printed.predictions, fit.predictions, strict=True)
         ),
@@ -304,7 +195,7 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
             notes.append(f"{name}: samples are uneven; interpolated onto {cut.theta.size} even angles a period")
         torque = run.torque if run.torque else None
         conditions = Conditions(cut.theta, float(run.direction[0]), torque)
-        result.append(fit_run(name, conditions, cut.values))
+        result.append(fit_run(name, Predictor(model.mechanism, conditions), cut.values))
     return result, notes
 
 
@@ -340,6 +231,10 @@ class _Trial:
     unseen: float
     fit: Fit
 
+    def promise(self) -> float:
+        """Sum of squares that a fit of everything may reach: small is good."""
+        return self.fit.prospect + self.unseen
+
 
 @dataclass(frozen=True)
 class _Fold:
@@ -365,7 +260,7 @@ class _Search:
 
     def __init__(self, model: Model, runs: Sequence[FitRun], tell: Progress) -> None:
         self.model, self.runs, self.tell = model, runs, tell
-        self.coarse = [coarse(run, _COARSE) for run in runs]
+        self.levels = [*([coarse(run, points) for run in runs] for points in _COARSE), list(runs)]
         self.sets = [
             (key, indices)
             for key, entry in CATALOGUE.items()
@@ -384,7 +279,7 @@ class _Search:
         """Add effects one after another until none is significant, or the best one does not explain its own orders."""
         fit, state = refitted, printed
         added: list[Effect] = []
-        records: list[tuple[float, Alike]] = []
+        records: list[tuple[float, Alike, tuple[Candidate, ...]]] = []
         notes: list[str] = []
         while True:
             ranking = self.rank(state, added, fit)
@@ -405,10 +300,10 @@ class _Search:
                 break
             added = [*added, effect]
             fit = state = trial
-            records.append((self.residual(trial).heldout_rms, alike))
+            records.append((self.residual(trial).heldout_rms, alike, ranking[:20]))
             self.tell(f"added {describe(effect.key, effect.indices)}")
         count = len(self.model.effects)
-        additions = tuple(self.addition(fit, count + i, heldout, alike) for i, (heldout, alike) in enumerate(records))
+        additions = tuple(self.addition(fit, count + i, *record) for i, record in enumerate(records))
         return additions, fit, ranking[:20], tuple(notes)
 
     def rank(self, state: Fit, added: Sequence[Effect], fit: Fit) -> tuple[Candidate, ...]:
@@ -419,12 +314,12 @@ class _Search:
         blocks = [self._columns(run, state, sets) for run in self.runs]
         size = [len(source(key).parameters) for key, _ in sets]
         ends = np.cumsum(size)
-        gain = np.zeros(len(sets))
         sigma = priors(self.model.effects, added)
         free = sigma > 0
         declared = effect_values((*self.model.effects, *added))
         offset = declared - effect_values(state.model.effects)
         folds = max(run.periods for run in self.runs)
+        gains = np.zeros((folds, len(sets)))
         for fold in range(folds):
             train_rows, train_right, test_rows, test_right = [], [], [], []
             for run, block, prediction in zip(self.runs, blocks, state.predictions, strict=True):
@@ -448,12 +343,15 @@ class _Search:
             base = left_out.score(np.arange(first))
             for i, (end, count) in enumerate(zip(ends, size, strict=True)):
                 at = np.concatenate([np.arange(first), first + np.arange(end - count, end)])
-                gain[i] += base - left_out.score(at)
-        order = np.argsort(-gain, kind="stable")
-        return tuple(Candidate(sets[i][0], sets[i][1], float(gain[i])) for i in order)
+                gains[fold, i] = base - left_out.score(at)
+        total = gains.sum(axis=0)
+        order = np.argsort(-total, kind="stable")
+        return tuple(
+            Candidate(sets[i][0], sets[i][1], float(total[i]), tuple(float(g) for g in gains[:, i])) for i in order
+        )
 
     def _columns(self, run: FitRun, state: Fit, sets: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> Array:
-        motion, forces = contact_state(state.model, run.conditions)
+        motion, forces = run.predictor.contact_state(state.model)
         rows = [source_matrix(motion, forces, key, indices) for key, indices in sets]
         return np.concatenate(rows)
 
@@ -468,7 +366,7 @@ class _Search:
         joint = self._together(self._alone(self._shortlist(worthy), added, state), added)
         if not joint:
             return None
-        joint.sort(key=lambda f: f.chi2)
+        joint.sort(key=lambda f: f.chi2 + 2 * len(f.model.effects[-1].values))  # a larger block fits better by chance
         winner = joint[0]
         effect = winner.model.effects[-1]
         needed = chi2.isf(_FALSE_ALARM / self.tried, len(effect.values)) * scale
@@ -484,30 +382,58 @@ class _Search:
         return effect, winner, others
 
     def _alone(self, shortlist: Sequence[Candidate], added: Sequence[Effect], state: Fit) -> list[_Trial]:
-        """Fit each candidate with everything else held, the most promising first."""
+        """Fit each candidate with everything else held: two steps each, then more for the most promising."""
         start = effect_values(state.model.effects)
-        sums = [joint_fit(self.model, added, runs, start=start, most_steps=0).chi2 for runs in (self.runs, self.coarse)]
+        base = [joint_fit(self.model, added, runs, start=start, most_steps=0) for runs in self.levels]
+
         trials = []
         for at, candidate in enumerate(shortlist):
             name = describe(candidate.key, candidate.indices)
             self.tell(f"refitting candidate {at + 1} of {len(shortlist)}: {name}")
             zero = Effect(candidate.key, candidate.indices, (0.0,) * len(source(candidate.key).parameters))
-            low = self._fits_coarse(zero)
-            runs, unseen = (self.coarse, sums[0] - sums[1]) if low else (self.runs, 0.0)
-            values = np.concatenate([start, zero.values])
-            fit = joint_fit(self.model, [*added, zero], runs, start=values, vary_last_only=True, most_steps=6)
-            trials.append(_Trial(zero, runs, unseen, fit))
-        return sorted(trials, key=lambda trial: trial.fit.prospect + trial.unseen)
+            level = self._level(zero)
+            begun = _Trial(zero, self.levels[level], base[-1].chi2 - base[level].chi2, base[level])
+            trials.append(self._fitted(begun, added, np.concatenate([start, zero.values]), 2))
+        trials.sort(key=_Trial.promise)
+        trials = [self._fitted(t, added, effect_values(t.fit.model.effects), 4) for t in trials[:_PROMISING]]
+        trials.sort(key=_Trial.promise)
+        trials[:_RESTARTED] = [self._restarted(trial, added) for trial in trials[:_RESTARTED]]
+        return sorted(trials, key=_Trial.promise)
+
+    def _fitted(self, trial: _Trial, added: Sequence[Effect], values: Array, steps: int) -> _Trial:
+        """Fit the effect of a trial from these sizes with everything else held."""
+        effects, near = [*added, trial.effect], trial.fit.predictions
+        fit = joint_fit(self.model, effects, trial.runs, start=values, near=near, vary_last_only=True, most_steps=steps)
+        return replace(trial, fit=fit)
+
+    def _restarted(self, trial: _Trial, added: Sequence[Effect]) -> _Trial:
+        """Start again from workshop sizes in several directions where the fit is far from the noise.
+
+        Pins that open and close make a wave look like another one of the opposite sign: a fit from nothing can end
+        there.
+        """
+        expected = sum(2 * run.noise.size for run in trial.runs)
+        poor = expected + _POOR * math.sqrt(2 * expected)
+        if trial.fit.prospect < poor or not trial.effect.key.startswith("cycloid."):
+            return trial
+        self.tell(f"starting again with {describe(trial.effect.key, trial.effect.indices)}")
+        reach = np.array([p.plausible for p in source(trial.effect.key).parameters]) * _WORKSHOP
+        held = effect_values(trial.fit.model.effects)[: -reach.size]
+        sizes = [sign * reach * axis for axis in np.eye(reach.size) for sign in (1, -1)]
+        starts = [self._fitted(trial, added, np.concatenate([held, size]), 0) for size in sizes]
+        starts.sort(key=lambda start: start.fit.chi2)
+        again = [self._fitted(s, added, effect_values(s.fit.model.effects), 8) for s in starts[:_BEST_STARTS]]
+        return min([trial, *again], key=lambda found: found.fit.chi2)
 
     def _together(self, trials: Sequence[_Trial], added: Sequence[Effect]) -> list[Fit]:
         """Fit the most promising candidates jointly with everything; those that come close, on all angles."""
         joint: list[_Trial] = []
         for trial in trials[:_REFITTED]:
-            if trial.fit.prospect + trial.unseen > _HOPELESS * (trials[0].fit.prospect + trials[0].unseen):
+            if trial.promise() > _HOPELESS * trials[0].promise():
                 break
             self.tell(f"refitting everything with {describe(trial.effect.key, trial.effect.indices)}")
-            start = effect_values(trial.fit.model.effects)
-            fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, most_steps=12)
+            start, near = effect_values(trial.fit.model.effects), trial.fit.predictions
+            fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, near=near, most_steps=12)
             if _exists(fit.model.effects[-1]):
                 joint.append(replace(trial, fit=fit))
         least = min((trial.fit.chi2 + trial.unseen for trial in joint), default=0.0)
@@ -518,18 +444,20 @@ class _Search:
                 fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, most_steps=12))
         return fits
 
-    def _fits_coarse(self, effect: Effect) -> bool:
-        """Tell whether the coarse runs hold the orders that the effect leads with."""
+    def _level(self, effect: Effect) -> int:
+        """Which of `levels` is the coarsest that holds the orders with which the effect leads."""
         orders = source(effect.key).orders(self.model.mechanism, effect.indices)
-        return max(orders, default=0.0) * true_period(self.model.mechanism) < 0.45 * _COARSE
+        highest = max(orders, default=0.0) * true_period(self.model.mechanism)
+        return next((i for i, points in enumerate(_COARSE) if highest < 0.45 * points), len(_COARSE))
 
     def _shortlist(self, worthy: Sequence[Candidate]) -> list[Candidate]:
         """All that one repeat of the crank can predict, quickly, and the leaders of what needs a whole turn.
 
         Linear waveforms rank parts of one frame at random where contacts open, so those are not cut by rank.
         """
-        slow = [c for c in worthy if not repeats_with_crank(c.key)][:_SLOW]
-        return [c for c in worthy if repeats_with_crank(c.key) or c in slow]
+        quick = [repeats_with_crank(self.model.mechanism, c.key, c.indices) for c in worthy]
+        slow = [c for c, repeats in zip(worthy, quick, strict=True) if not repeats][:_SLOW]
+        return [c for c, repeats in zip(worthy, quick, strict=True) if repeats or c in slow]
 
     def _whitened(self, fit: Fit) -> list[Array]:
         """Residual of each run's mean period in standard deviations, shape (2, m) each."""
@@ -573,9 +501,10 @@ class _Search:
         return tuple(sorted(lines, key=lambda line: -line.amplitude))
 
     def own_lines(self, effect: Effect, fit: Fit) -> list[Line]:
-        """Significant lines that the effect should have explained: multiples of its frame's order, or its own."""
+        """Significant lines that the last effect should have explained: of its frame, or where it shows."""
         entry, unit = source(effect.key), self.model.mechanism
-        claimed, base = entry.orders(unit, effect.indices), 0.0
+        claimed = (*entry.orders(unit, effect.indices), *self._orders(fit, len(fit.model.effects) - 1))
+        base = 0.0
         if isinstance(unit, Reducer) and not effect.key.startswith("sensor."):
             base = fundamental_orders(unit).get(entry.frame, 0.0)
         return [
@@ -621,7 +550,7 @@ class _Search:
                 squares += float(((rest[fold] - rest[keep].mean()) ** 2).sum())
         return Residual(float(np.sqrt(total / samples)), peak, float(np.sqrt(squares / samples)))
 
-    def addition(self, fit: Fit, at: int, heldout: float, alike: Alike) -> Addition:
+    def addition(self, fit: Fit, at: int, heldout: float, alike: Alike, ranking: tuple[Candidate, ...]) -> Addition:
         """Describe the effect at a place of the fitted model."""
         effect = fit.model.effects[at]
         first = sum(len(e.values) for e in fit.model.effects[:at])
@@ -636,14 +565,15 @@ class _Search:
                 )
         origin = "found by rverror diagnose in " + ", ".join(run.name for run in self.runs)
         effect = replace(effect, origin=origin)
-        return Addition(effect, tuple(estimates), alike, self._orders(fit, at), heldout, tuple(notes))
+        orders = self._orders(fit, at)
+        return Addition(effect, tuple(estimates), alike, orders, heldout, tuple(notes), candidates=ranking)
 
     def _orders(self, fit: Fit, at: int) -> tuple[float, ...]:
         """Orders at which an effect changes the prediction, the strongest first."""
         effects = fit.model.effects
         without = replace(fit.model, effects=effects[:at] + effects[at + 1 :])
         run, prediction = self.runs[0], fit.predictions[0]
-        wave = prediction.transmission_error - predict(without, run.conditions).transmission_error
+        wave = prediction.transmission_error - run.predictor.predict(without).transmission_error
         size = amplitude(harmonics(wave), wave.size)
         strong = np.flatnonzero(size > 0.3 * size.max())
         turns = true_period(self.model.mechanism)
@@ -654,12 +584,6 @@ def _exists(effect: Effect) -> bool:
     """Tell whether every size can exist: no clearance is negative."""
     parameters = source(effect.key).parameters
     return all(value >= p.least for value, p in zip(effect.values, parameters, strict=True))
-
-
-def describe(key: str, indices: Mapping[str, IndexValue]) -> str:
-    """Name of an effect for people, as ``crank.eccentricity (crank 0, disc 1)``."""
-    inside = ", ".join(f"{name} {value}" for name, value in indices.items())
-    return f"{key} ({inside})" if inside else key
 
 
 def _solve(gram: Array, moment: Array) -> Array:

@@ -13,7 +13,7 @@ from rverror.catalogue import source
 from rverror.compose import effect_values
 from rverror.equilibrium import NotConvergedError
 from rverror.model import Effect, Model
-from rverror.prediction import Conditions, Prediction, predict
+from rverror.prediction import Conditions, Prediction, Predictor
 from rverror.spectrum import harmonics, noise_spectrum
 
 _LONGEST_STEP = 0.5  # of the size that a workshop can make
@@ -27,7 +27,7 @@ class FitRun:
     Attributes
     ----------
     name : str
-    conditions : Conditions
+    predictor : Predictor
         At the samples of one period.
     values : ndarray, shape (periods, n)
         Measured transmission error of each period, rad.
@@ -36,9 +36,14 @@ class FitRun:
     """
 
     name: str
-    conditions: Conditions
+    predictor: Predictor
     values: Array
     noise: Array
+
+    @property
+    def conditions(self) -> Conditions:
+        """Where and how the run was measured."""
+        return self.predictor.conditions
 
     @property
     def periods(self) -> int:
@@ -79,14 +84,15 @@ def coarse(run: FitRun, points: int) -> FitRun:
     conditions = replace(
         run.conditions, theta=run.conditions.theta[::stride], time=None if time is None else time[::stride]
     )
-    return FitRun(run.name, conditions, values, run.noise[: (kept - 1) // 2] / stride)
+    predictor = Predictor(run.predictor.mechanism, conditions)
+    return FitRun(run.name, predictor, values, run.noise[: (kept - 1) // 2] / stride)
 
 
-def fit_run(name: str, conditions: Conditions, values: Array) -> FitRun:
+def fit_run(name: str, predictor: Predictor, values: Array) -> FitRun:
     """Make a `FitRun` and take its noise from what differs between the periods."""
     noise = noise_spectrum(values)
     least = max(float(noise.mean()) * 1e-6, 1e-30)  # noise-free simulated runs have no spread at all
-    return FitRun(name, conditions, values, np.maximum(noise, least))
+    return FitRun(name, predictor, values, np.maximum(noise, least))
 
 
 @dataclass(frozen=True)
@@ -141,6 +147,7 @@ def joint_fit(
     runs: Sequence[FitRun],
     *,
     start: Array | None = None,
+    near: Sequence[Prediction | None] = (),
     vary_last_only: bool = False,
     most_steps: int = 25,
 ) -> Fit:
@@ -158,9 +165,12 @@ def joint_fit(
     start : ndarray, shape (parameters,), optional
         Sizes to start from; those of the effects where left out.  The declared sizes stay the centre of their
         uncertainty.
+    near : sequence of Prediction, optional
+        Of a similar model, one per run: the equilibrium starts from there.
     vary_last_only : bool
         Hold everything but the last added effect.  Parts of one frame look alike to first order, so a new effect
         that is fitted at once with all others can lodge them in a false minimum; fitted alone first, it does not.
+        It is then held to sizes that a workshop can make, as by a measurement of that uncertainty.
     most_steps : int
         Steps after which the fit gives up as not converged.
 
@@ -176,20 +186,24 @@ def joint_fit(
         varied[: -len(added[-1].values)] = False
     declared = effect_values(effects)
     prior_weight = np.where(np.isfinite(sigma) & free, 1 / np.where(free, sigma, 1.0), 0.0)
+    plausible = np.array([p.plausible for e in effects for p in source(e.key).parameters])
+    if vary_last_only:  # or parameters that act alike run away from each other
+        last = slice(-len(added[-1].values), None)
+        declared[last], prior_weight[last] = 0.0, 1 / plausible[last]
     measured = np.concatenate([run.whiten(run.values.mean(axis=0), run.periods) for run in runs])
-    reach = np.array([p.plausible for e in effects for p in source(e.key).parameters]) * _LONGEST_STEP
+    reach = plausible * _LONGEST_STEP
 
-    def state(values: Array) -> _State:
+    def state(values: Array, near: Sequence[Prediction | None]) -> _State:
         trial = replace(model, effects=with_values(effects, values))
-        predictions = tuple(predict(trial, run.conditions) for run in runs)
+        predictions = tuple(run.predictor.predict(trial, start) for run, start in zip(runs, near, strict=True))
         pairs = list(zip(runs, predictions, strict=True))
         residual = measured - np.concatenate([r.whiten(p.transmission_error, r.periods) for r, p in pairs])
         matrix = np.concatenate([r.whiten(p.matrix, r.periods) for r, p in pairs], axis=1).T
         residual = np.concatenate([residual, (declared - values) * prior_weight])
         return _State(predictions, residual, np.concatenate([matrix, np.diag(prior_weight)]))
 
-    values, damping, converged = (declared if start is None else start).copy(), 0.0, not varied.any()
-    now = state(values)
+    values, damping, converged = (effect_values(effects) if start is None else start).copy(), 0.0, not varied.any()
+    now = state(values, near or [None] * len(runs))
     for _ in range(most_steps):
         if converged:
             break
@@ -200,7 +214,7 @@ def joint_fit(
             converged = True
             break
         try:
-            trial = state(values + step)
+            trial = state(values + step, now.predictions)
         except NotConvergedError:
             trial = None
         if trial is not None and trial.chi2 < now.chi2:

@@ -34,6 +34,7 @@ _HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
 _DIRECTIONS = {"forward": 1.0, "reverse": -1.0, "mixed": 0.0}
 _HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
 _COLUMN = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
+_TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
 # Angles beyond this are no reading of an encoder, and their products overflow.
 _LARGEST = 1e15
 
@@ -112,8 +113,7 @@ class Run:
         value = _ratio(ratio)
         if self.input_angle is None:
             assert self.output_angle is not None  # checked when the run was made
-            assert self.te_column is not None
-            return self.output_angle - self.te_column
+            return self.output_angle if self.te_column is None else self.output_angle - self.te_column
         self._check_ratio(value)
         return self.input_angle / value
 
@@ -136,6 +136,12 @@ class Run:
             If the ratio contradicts the run.
         """
         theta = self.nominal_angle(ratio)
+        if self.te_column is None and (self.output_angle is None or self.input_angle is None):
+            _refuse(
+                self.path,
+                "a torque record holds one angle, so it has no transmission error; only a [drive] model is diagnosed "
+                "from it",
+            )
         if self.te_column is None:
             assert self.output_angle is not None  # checked when the run was made
             return self.output_angle - theta
@@ -529,9 +535,24 @@ def _columns(path: str, line: str, number: int) -> tuple[list[str], list[str | N
     return names, dimensions, factors
 
 
+def torque_column(names: Iterable[str]) -> str | None:
+    """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of columns, with units.
+
+    Returns
+    -------
+    str or None
+    """
+    return next((name for name in names if _TORQUE.fullmatch(name)), None)
+
+
 def _check_needed(path: str, where: str, names: Sequence[str]) -> None:
     have = [name for name in names if name in _COLUMNS and name != "time"]
-    if len(have) >= 2:
+    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
     hint = ""
@@ -639,7 +660,7 @@ def _assemble(
     notes: list[str],
     ratio: Reducer | Drive | Model | float | None,
 ) -> Run:
-    _check_needed(path, "columns", list(columns))
+    _check_needed(path, "columns", [*columns, *extra])
     usable = np.logical_and.reduce([np.abs(values) < _LARGEST for values in columns.values()])  # false for NaN
     dropped = int(np.count_nonzero(~usable))
     if dropped:

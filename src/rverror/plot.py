@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rverror.action_line import Array
+from rverror.by_order import residual_spectrum, turns_of
 from rverror.compose import transmission_error_by_effect
-from rverror.diagnose import Diagnosis, Trace, describe
+from rverror.diagnosis import Diagnosis, Trace, describe
 from rverror.errors import InputError
 from rverror.model import Model
-from rverror.spectrum import amplitude, frames_of_order, harmonics
+from rverror.spectrum import frames_of_order
 from rverror.units import ARCSEC
 
 if TYPE_CHECKING:
@@ -103,11 +104,8 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     """
     ax = ax or new_figure()[1][0]
     trace = diagnosis.traces[run]
-    n = trace.theta.size
-    turns = round(float(trace.theta[-1] - trace.theta[0] + trace.theta[1] - trace.theta[0]) / (2 * np.pi))
-    before = amplitude(harmonics(trace.measured - trace.before), n) / ARCSEC
-    after = amplitude(harmonics(trace.measured - trace.after), n) / ARCSEC
-    order = (np.arange(before.size) + 1) / turns
+    found, turns = residual_spectrum(trace), turns_of(trace)
+    order, before, after = found.order, found.before / ARCSEC, found.after / ARCSEC
     shown = order <= (highest or 260)
     bottom = max(float(np.median(after)) / 30, 1e-5)
     ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.action_line import Array, ContactForces
-from rverror.catalogue import source
+from rverror.catalogue import IndexValue, Mechanism, source
 from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose, source_matrix
-from rverror.equilibrium import linearise
+from rverror.equilibrium import Statics, statics_of
 from rverror.kinematics import Pose, fundamental_orders
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
 
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
 _CARRIER_SIDE = {"carrier", "disc", "crank", "planet", "bearing", "direction"}
-_POINTS_PER_REPEAT = 256
+_ALIKE_AT_ALL_PINS = {("cycloid.pin_radius", ("pin", "all")), ("cycloid.pin_circle", ("harmonic", 0))}
+_FEWEST_PER_REPEAT = 128
 
 
 @dataclass(frozen=True)
@@ -44,40 +48,26 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predicted output error, shape (n,), rad, and its change per parameter of each effect, shape (parameters, n)."""
+    """What is predicted, and its change with the model.
+
+    Attributes
+    ----------
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrix : ndarray, shape (parameters, n)
+        Change per parameter of each effect.
+    poses : ndarray, shape (angles, unknowns), optional
+        Where the equilibrium predicts: poses at the angles at which it was solved.
+    """
 
     transmission_error: Array
     matrix: Array
+    poses: Array | None = None
 
 
 def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
     """Tell whether the loaded equilibrium predicts, as it does for a reducer under a known torque."""
     return isinstance(model.mechanism, Reducer) and bool(conditions.torque)
-
-
-def contact_state(model: Model, conditions: Conditions) -> tuple[Pose, ContactForces]:
-    """Motion and contact forces per unit torque at every sample, for the influence of any source.
-
-    Parameters
-    ----------
-    model : Model
-    conditions : Conditions
-
-    Returns
-    -------
-    Pose, mapping of str to ndarray
-    """
-    if uses_equilibrium(model, conditions):
-        loaded = linearise(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
-        return replace(loaded.motion, time=conditions.time), loaded.forces
-    motion = pose(
-        model.mechanism,
-        conditions.theta,
-        direction=conditions.direction,
-        time=conditions.time,
-        torque=conditions.torque,
-    )
-    return motion, closed_form_forces(motion)
 
 
 def predict(model: Model, conditions: Conditions) -> Prediction:
@@ -96,54 +86,146 @@ def predict(model: Model, conditions: Conditions) -> Prediction:
     ------
     NotConvergedError
         If the equilibrium was not reached at some angle.
+    """
+    return Predictor(model.mechanism, conditions).predict(model)
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Predictions for one mechanism under one set of conditions, prepared once for many models.
+
+    Attributes
+    ----------
+    mechanism : Reducer or Drive
+    conditions : Conditions
 
     Notes
     -----
     What is not fixed in the housing repeats with every turn of the crank against the carrier, 40 times a turn for the
     RV-40E; then the equilibrium is solved over one repeat and carried over by its Fourier series.
     """
-    if not uses_equilibrium(model, conditions):
-        motion, forces = contact_state(model, conditions)
-        matrix = effect_matrix(motion, forces, model.effects)
-        return Prediction(effect_values(model.effects) @ matrix, matrix)
-    gears = tuple(e for e in model.effects if not _is_reading(e))
-    geared = replace(model, effects=gears)
-    if all(repeats_with_crank(e.key) for e in gears):
-        loaded = _predict_by_repeat(geared, conditions)
-    else:
-        loaded = _predict_loaded(geared, conditions)
-    return _with_readings(model, conditions, loaded)
+
+    mechanism: Mechanism
+    conditions: Conditions
+
+    def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
+        """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+        near : Prediction, optional
+
+        Returns
+        -------
+        Prediction
+        """
+        if not uses_equilibrium(model, self.conditions):
+            motion, forces = self.contact_state(model)
+            matrix = effect_matrix(motion, forces, model.effects)
+            return Prediction(effect_values(model.effects) @ matrix, matrix)
+        gears = tuple(e for e in model.effects if not _is_reading(e))
+        repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
+        loaded = _loaded(self._repeat if repeats else self._whole, gears, near)
+        return _with_readings(model, self.conditions, self._carried_over(loaded) if repeats else loaded)
+
+    def contact_state(self, model: Model) -> tuple[Pose, ContactForces]:
+        """Motion and contact forces per unit torque at every sample, for the influence of any source.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+
+        Returns
+        -------
+        Pose, mapping of str to ndarray
+        """
+        conditions = self.conditions
+        if uses_equilibrium(model, conditions):
+            loaded = self._whole.linearise(model.effects)
+            return replace(loaded.motion, time=conditions.time), loaded.forces
+        motion = pose(
+            self.mechanism,
+            conditions.theta,
+            direction=conditions.direction,
+            time=conditions.time,
+            torque=conditions.torque,
+        )
+        return motion, closed_form_forces(motion)
+
+    @cached_property
+    def _whole(self) -> Statics:
+        return self._statics(self.conditions.theta)
+
+    @cached_property
+    def _repeat(self) -> Statics:
+        """Over one repeat, with four angles for each that the samples hold."""
+        period = 2 * math.pi / self._repeat_order
+        sampled = period / self._step if self.conditions.theta.size > 1 else 1.0
+        points = max(2 ** math.ceil(math.log2(4 * sampled)), _FEWEST_PER_REPEAT)
+        return self._statics(self.conditions.theta[0] + period / points * np.arange(points))
+
+    @cached_property
+    def _waves(self) -> npt.NDArray[np.complex128]:
+        """Harmonics of the repeat at all samples; without those that would fold onto lower orders."""
+        count = self._repeat.motion.theta.size // 2
+        if self.conditions.theta.size > 2:
+            count = min(count, math.ceil(math.pi / self._step / self._repeat_order))
+        turned = self.conditions.theta - self.conditions.theta[0]
+        return np.asarray(np.exp(1j * self._repeat_order * np.outer(np.arange(count), turned)))
+
+    @property
+    def _repeat_order(self) -> float:
+        assert isinstance(self.mechanism, Reducer)
+        return fundamental_orders(self.mechanism)["crank"]
+
+    @property
+    def _step(self) -> float:
+        return abs(float(self.conditions.theta[1] - self.conditions.theta[0]))
+
+    def _statics(self, theta: Array) -> Statics:
+        return statics_of(self.mechanism, theta, torque=self.conditions.torque, direction=self.conditions.direction)
+
+    def _carried_over(self, one: Prediction) -> Prediction:
+        points = one.transmission_error.size
+        lines = np.fft.rfft(np.vstack([one.transmission_error, one.matrix]), axis=1)[:, : len(self._waves)] / points
+        lines[:, 1:] *= 2
+        rows = (lines @ self._waves).real
+        return Prediction(rows[0], rows[1:], one.poses)
 
 
-def repeats_with_crank(key: str) -> bool:
-    """Tell whether a source's effect on the gear train repeats with every turn of the crank against the carrier."""
-    return key.startswith("sensor.") or source(key).frame in _CARRIER_SIDE
+def repeats_with_crank(mechanism: Mechanism, key: str, indices: Mapping[str, IndexValue]) -> bool:
+    """Tell whether a source's effect on the gear train repeats with every turn of the crank against the carrier.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    key : str
+    indices : mapping
+
+    Returns
+    -------
+    bool
+        True for what turns with the carrier, the cranks or nothing, and for what is alike at all pins, because the
+        carrier moves on by one pin meanwhile.  The sun turns z2/z1 times, so it depends.
+    """
+    frame = source(key).frame
+    if key.startswith("sensor.") or frame in _CARRIER_SIDE or (key, *indices.items()) in _ALIKE_AT_ALL_PINS:
+        return True
+    return frame == "sun" and isinstance(mechanism, Reducer) and mechanism.planet_teeth % mechanism.sun_teeth == 0
 
 
 def _is_reading(effect: Effect) -> bool:
     return effect.key.startswith("sensor.")
 
 
-def _predict_loaded(model: Model, conditions: Conditions) -> Prediction:
-    loaded = linearise(model, conditions.theta, torque=conditions.torque, direction=conditions.direction)
-    matrix = effect_matrix(loaded.motion, loaded.forces, model.effects)
-    return Prediction(loaded.state.transmission_error, matrix)
-
-
-def _predict_by_repeat(model: Model, conditions: Conditions) -> Prediction:
-    assert isinstance(model.mechanism, Reducer)
-    order = fundamental_orders(model.mechanism)["crank"]
-    start = conditions.theta[0]
-    theta = start + 2 * math.pi / order / _POINTS_PER_REPEAT * np.arange(_POINTS_PER_REPEAT)
-    one = _predict_loaded(model, replace(conditions, theta=theta, time=None))
-    lines = np.fft.rfft(np.vstack([one.transmission_error, one.matrix]), axis=1)[:, :-1] / _POINTS_PER_REPEAT
-    lines[:, 1:] *= 2
-    if conditions.theta.size > 2:  # what the angles asked for could not hold would fold onto lower orders
-        highest = math.pi / abs(float(conditions.theta[1] - conditions.theta[0])) / order
-        lines[:, math.ceil(highest) :] = 0
-    phase = np.exp(1j * order * np.outer(np.arange(lines.shape[1]), conditions.theta - start))
-    rows = (lines @ phase).real
-    return Prediction(rows[0], rows[1:])
+def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | None) -> Prediction:
+    """Prediction at the angles of the statics, from the poses of `near` where it was solved at these."""
+    start = near.poses if near and near.poses is not None else None
+    fits = start is not None and len(start) == statics.motion.theta.size
+    return Prediction(*statics.predict(effects, start if fits else None))
 
 
 def _with_readings(model: Model, conditions: Conditions, loaded: Prediction) -> Prediction:
@@ -165,4 +247,4 @@ def _with_readings(model: Model, conditions: Conditions, loaded: Prediction) -> 
             matrix, at = loaded.matrix[at : at + count], at + count
         rows.append(matrix)
     matrix = np.concatenate(rows) if rows else np.zeros((0, conditions.theta.size))
-    return Prediction(error, np.asarray(matrix, dtype=np.float64))
+    return Prediction(error, np.asarray(matrix, dtype=np.float64), loaded.poses)
