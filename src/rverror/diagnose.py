@@ -39,6 +39,7 @@ _FALSE_ALARM = 1e-3  # chance that any candidate, or any order, passes by luck
 _MAX_ADDED = 4
 _SLOW = 6  # candidates fixed in the housing that are refitted at the load
 _REFITTED = 4
+_SIBLINGS = 3  # of the best candidate's source
 _RESTARTED = 2  # of them
 _BEST_STARTS = 3
 _POOR = 4.0  # standard deviations of the noise's sum of squares: the fit may have ended in the wrong place
@@ -426,16 +427,16 @@ class _Search:
         return min([trial, *again], key=lambda found: found.fit.chi2)
 
     def _together(self, trials: Sequence[_Trial], added: Sequence[Effect]) -> list[Fit]:
-        """Fit the most promising candidates jointly with everything; those that come close, on all angles."""
-        joint: list[_Trial] = []
-        for trial in trials[:_REFITTED]:
-            if trial.promise() > _HOPELESS * trials[0].promise():
-                break
-            self.tell(f"refitting everything with {describe(trial.effect.key, trial.effect.indices)}")
-            start, near = effect_values(trial.fit.model.effects), trial.fit.predictions
-            fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, near=near, most_steps=12)
-            if _exists(fit.model.effects[-1]):
-                joint.append(replace(trial, fit=fit))
+        """Fit the most promising candidates jointly with everything; those that come close, on all angles.
+
+        The same source elsewhere comes along with the best of them: which crank or disc it is, contact alone tells.
+        """
+        first = [t for t in trials[:_REFITTED] if t.promise() <= _HOPELESS * trials[0].promise()]
+        joint = [found for trial in first if (found := self._jointly(trial, added)) is not None]
+        if joint:
+            key = min(joint, key=lambda trial: trial.fit.chi2 + trial.unseen).effect.key
+            others = [t for t in trials if t.effect.key == key and t not in first][:_SIBLINGS]
+            joint += [found for trial in others if (found := self._jointly(trial, added)) is not None]
         least = min((trial.fit.chi2 + trial.unseen for trial in joint), default=0.0)
         fits = []
         for trial in joint:
@@ -443,6 +444,13 @@ class _Search:
                 start, effect = effect_values(trial.fit.model.effects), trial.fit.model.effects[-1]
                 fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, most_steps=12))
         return fits
+
+    def _jointly(self, trial: _Trial, added: Sequence[Effect]) -> _Trial | None:
+        """Fit the effect of a trial and everything else together; None where it comes to a size that cannot exist."""
+        self.tell(f"refitting everything with {describe(trial.effect.key, trial.effect.indices)}")
+        start, near = effect_values(trial.fit.model.effects), trial.fit.predictions
+        fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, near=near, most_steps=12)
+        return replace(trial, fit=fit) if _exists(fit.model.effects[-1]) else None
 
     def _level(self, effect: Effect) -> int:
         """Which of `levels` is the coarsest that holds the orders with which the effect leads."""
