@@ -108,6 +108,11 @@ class Source:
             if not isinstance(value, (numbers.Integral, str)) or isinstance(value, bool) or value not in allowed:
                 raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
 
+    @property
+    def at_output(self) -> bool:
+        """Whether it moves or misreads the output beyond the gear train, whose contacts do not feel it."""
+        return self.key.partition(".")[0] in ("sensor", "shaft", "load")
+
     def applies_to(self, mechanism: Mechanism) -> bool:
         """Tell whether the source can act in this kind of mechanism."""
         family = self.key.partition(".")[0]

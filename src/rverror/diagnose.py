@@ -85,18 +85,19 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     its own.
     """
     tell = progress or (lambda text: None)
-    if isinstance(model.mechanism, Drive):
+    unit = model.mechanism
+    if isinstance(unit, Drive):
         return diagnose_drive(model, runs, tell)
     declared = model
     fit_runs, notes = _prepare(declared, runs)
     model = replace(declared, effects=tuple(e for e in declared.effects if source(e.key).periodic))
-    notes += _condition_notes(model, fit_runs)
+    notes += _condition_notes(model, unit, fit_runs)
     tell("predicting the declared model")
     fixed = replace(model, effects=tuple(replace(e, uncertainty=None) for e in model.effects))
     printed = joint_fit(fixed, (), fit_runs)
     tell("refitting declared sizes within their uncertainty")
     refitted = joint_fit(model, (), fit_runs)
-    search = _Search(model, fit_runs, tell)
+    search = _Search(model, unit, fit_runs, tell)
     added, fit, candidates, rejected = search.run(printed, refitted)
     lines = search.significant_lines(fit)
     settled = "explained" if added else "nothing_missing"
@@ -200,24 +201,22 @@ def _prepare(model: Model, runs: Sequence[Run]) -> tuple[list[FitRun], list[str]
     return result, notes
 
 
-def _condition_notes(model: Model, runs: Sequence[FitRun]) -> list[str]:
+def _condition_notes(model: Model, unit: Reducer, runs: Sequence[FitRun]) -> list[str]:
     notes = []
-    unit = model.mechanism
-    if isinstance(unit, Reducer):
-        needed = samples_needed(unit)
-        for run in runs:
-            count = run.conditions.theta.size / true_period(unit)
-            mesh = {name: fundamental_orders(unit)[name] for name in ("gear mesh", "cycloid mesh")}
-            folded = [f"{name} {order:g}" for name, order in mesh.items() if order > count / 2]
-            if folded:
-                notes.append(
-                    f"{run.name}: {count:g} samples a turn fold {' and '.join(folded)} onto lower orders; {needed} or "
-                    "more keep them apart"
-                )
-            if not uses_equilibrium(model, run.conditions):
-                notes.append(
-                    f"{run.name}: no output_torque; predicted by the closed form (rigid, all loaded pins in contact)"
-                )
+    needed = samples_needed(unit)
+    for run in runs:
+        count = run.conditions.theta.size / true_period(unit)
+        mesh = {name: fundamental_orders(unit)[name] for name in ("gear mesh", "cycloid mesh")}
+        folded = [f"{name} {order:g}" for name, order in mesh.items() if order > count / 2]
+        if folded:
+            notes.append(
+                f"{run.name}: {count:g} samples a turn fold {' and '.join(folded)} onto lower orders; {needed} or "
+                "more keep them apart"
+            )
+        if not uses_equilibrium(model, run.conditions):
+            notes.append(
+                f"{run.name}: no output_torque; predicted by the closed form (rigid, all loaded pins in contact)"
+            )
     if len({run.conditions.direction for run in runs}) == 1:
         notes.append("runs in one direction only: causes that share an order cannot be told apart; add a reverse run")
     return notes
@@ -259,20 +258,19 @@ class _Fold:
 class _Search:
     """One diagnosis: candidates, scores and what was decided."""
 
-    def __init__(self, model: Model, runs: Sequence[FitRun], tell: Progress) -> None:
-        self.model, self.runs, self.tell = model, runs, tell
+    def __init__(self, model: Model, unit: Reducer, runs: Sequence[FitRun], tell: Progress) -> None:
+        self.model, self.unit, self.runs, self.tell = model, unit, runs, tell
         self.levels = [*([coarse(run, points) for run in runs] for points in _COARSE), list(runs)]
         self.sets = [
             (key, indices)
             for key, entry in CATALOGUE.items()
-            if entry.applies_to(model.mechanism) and entry.periodic and entry.tried and not self._lacks_data(key)
-            for indices in entry.candidates(model.mechanism)
+            if entry.applies_to(unit) and entry.periodic and entry.tried and not self._lacks_data(key)
+            for indices in entry.candidates(unit)
         ]
         self.tried = len(self.sets)
 
     def _lacks_data(self, key: str) -> bool:
-        unit = self.model.mechanism
-        return key == "involute.spline_clearance" and isinstance(unit, Reducer) and unit.spline_radius is None
+        return key == "involute.spline_clearance" and self.unit.spline_radius is None
 
     def run(
         self, printed: Fit, refitted: Fit
@@ -454,8 +452,8 @@ class _Search:
 
     def _level(self, effect: Effect) -> int:
         """Which of `levels` is the coarsest that holds the orders with which the effect leads."""
-        orders = source(effect.key).orders(self.model.mechanism, effect.indices)
-        highest = max(orders, default=0.0) * true_period(self.model.mechanism)
+        orders = source(effect.key).orders(self.unit, effect.indices)
+        highest = max(orders, default=0.0) * true_period(self.unit)
         return next((i for i, points in enumerate(_COARSE) if highest < 0.45 * points), len(_COARSE))
 
     def _shortlist(self, worthy: Sequence[Candidate]) -> list[Candidate]:
@@ -463,7 +461,7 @@ class _Search:
 
         Linear waveforms rank parts of one frame at random where contacts open, so those are not cut by rank.
         """
-        quick = [repeats_with_crank(self.model.mechanism, c.key, c.indices) for c in worthy]
+        quick = [repeats_with_crank(self.unit, c.key, c.indices) for c in worthy]
         slow = [c for c, repeats in zip(worthy, quick, strict=True) if not repeats][:_SLOW]
         return [c for c, repeats in zip(worthy, quick, strict=True) if repeats or c in slow]
 
@@ -494,7 +492,7 @@ class _Search:
             spreads.append((run.noise / run.periods * 2 / n)[:count])
         size = np.mean(sizes, axis=0)
         spread = 1.96 * np.sqrt(np.sum(spreads, axis=0)) / len(spreads)
-        turns = true_period(self.model.mechanism)
+        turns = true_period(self.unit)
         found = np.flatnonzero((power > limit) & (size > MODEL_ACCURACY))
         lines = [
             Line(
@@ -502,7 +500,7 @@ class _Search:
                 float(size[h]),
                 float(max(size[h] - spread[h], 0.0)),
                 float(size[h] + spread[h]),
-                tuple(frames_of_order(self.model.mechanism, (h + 1) / turns)),
+                tuple(frames_of_order(self.unit, (h + 1) / turns)),
             )
             for h in found
         ]
@@ -510,11 +508,9 @@ class _Search:
 
     def own_lines(self, effect: Effect, fit: Fit) -> list[Line]:
         """Significant lines that the last effect should have explained: of its frame, or where it shows."""
-        entry, unit = source(effect.key), self.model.mechanism
-        claimed = (*entry.orders(unit, effect.indices), *self._orders(fit, len(fit.model.effects) - 1))
-        base = 0.0
-        if isinstance(unit, Reducer) and not effect.key.startswith("sensor."):
-            base = fundamental_orders(unit).get(entry.frame, 0.0)
+        entry = source(effect.key)
+        claimed = (*entry.orders(self.unit, effect.indices), *self._orders(fit, len(fit.model.effects) - 1))
+        base = 0.0 if entry.at_output else fundamental_orders(self.unit).get(entry.frame, 0.0)
         return [
             line
             for line in self.significant_lines(fit)
@@ -584,7 +580,7 @@ class _Search:
         wave = prediction.transmission_error - run.predictor.predict(without).transmission_error
         size = amplitude(harmonics(wave), wave.size)
         strong = np.flatnonzero(size > 0.3 * size.max())
-        turns = true_period(self.model.mechanism)
+        turns = true_period(self.unit)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -42,9 +41,10 @@ from rverror.diagnosis import (
 )
 from rverror.errors import InputError
 from rverror.kinematics import true_period
-from rverror.measurement import Run
+from rverror.measurement import Run, torque_column
 from rverror.model import Effect, Model
 from rverror.reducer import Drive
+from rverror.sensor import slope
 from rverror.spectrum import frames_of_order
 from rverror.units import ARCSEC
 
@@ -61,10 +61,8 @@ _SHARE = 0.5  # of an implausible candidate's gain that lets a plausible one go 
 _PEAKS = 6
 _LEAST_SAMPLES = 4.0
 _TRACE_POINTS = 2048
-_SPEED_SAMPLES = 5  # on each side, for a speed from angles and times that jitter
 _SMEARED = 6.0  # cycles a run between a strong line and what it may be mistaken for
 _LEAST_CYCLES = 1.5  # less of a wave is no line but a slope or a bow
-_TORQUE_COLUMN = re.compile(r"torque\s*\[([^\[\]]+)\]", re.IGNORECASE)
 
 _OFFSET, _DECLARED, _EFFECT, _NUISANCE, _LINE = "offset", "declared", "effect", "nuisance", "line"
 _BESIDE = "beside a drift"
@@ -277,18 +275,17 @@ def _gather(model: Model, runs: Sequence[Run]) -> tuple[_Data, list[str]]:
 
 def _is_torque_record(run: Run) -> bool:
     angles = sum(column is not None for column in (run.input_angle, run.output_angle))
-    return run.te_column is None and angles == 1 and any(_TORQUE_COLUMN.fullmatch(name) for name in run.extra)
+    return run.te_column is None and angles == 1 and torque_column(run.extra) is not None
 
 
 def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Array, int]:
     """Nominal output angle and the signal of a run, and how many samples at its start are no steady motion."""
     if quantity == "angle":
         return run.nominal_angle(drive), run.error(drive), 0
-    column = next(c for c in run.extra if _TORQUE_COLUMN.fullmatch(c))
-    match = _TORQUE_COLUMN.fullmatch(column)
-    assert match is not None
+    column = torque_column(run.extra)
+    assert column is not None
     try:
-        factor = units.unit_factor(match[1], "torque")
+        factor = units.unit_factor(column.partition("[")[2].rstrip("]"), "torque")
     except ValueError as problem:
         raise InputError(f"{name}: {column}: {problem}") from problem
     values = run.extra[column] * factor
@@ -304,53 +301,8 @@ def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Ar
     return theta, values, min(2 * first, theta.size // 4)
 
 
-def slope(values: Array, clock: Array) -> Array:
-    """Rate of change from straight lines through neighbouring samples.
-
-    Differences of single samples would carry the jitter of angle and time, and the size of an effect that is
-    proportional to the speed would come out too small (the attenuation of a regressor with errors).
-
-    Parameters
-    ----------
-    values, clock : ndarray, shape (n,)
-        Times may repeat.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Examples
-    --------
-    >>> slope(np.array([0.0, 1.0, 2.0, 2.0]), np.array([0.0, 0.5, 1.0, 1.0]))
-    array([2., 2., 2., 2.])
-    """
-    near, far = (_line_slope(values, clock, reach) for reach in (_SPEED_SAMPLES, 2 * _SPEED_SAMPLES))
-    # what bends within the samples makes an error that grows with the square of their number
-    return np.asarray(near + (near - far) / 3, dtype=np.float64)
-
-
-def _line_slope(values: Array, clock: Array, reach: int) -> Array:
-    """Slope of the straight line through so many neighbours on each side."""
-    at = np.arange(values.size)
-    reach_here = np.minimum(reach, np.minimum(at, values.size - 1 - at))
-    reach_here = np.maximum(reach_here, min(reach, 2))
-    low, high = np.maximum(at - reach_here, 0), np.minimum(at + reach_here + 1, values.size)
-    time, angle = clock - clock.mean(), values - values.mean()
-
-    def mean(row: Array) -> Array:
-        total = np.concatenate([[0.0], np.cumsum(row)])
-        return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
-
-    spread = mean(time * time) - mean(time) ** 2
-    moved = spread > 1e-12 * float(np.ptp(clock)) ** 2
-    product = mean(time * angle) - mean(time) * mean(angle)
-    return np.where(moved, product / np.where(moved, spread, 1.0), 0.0)
-
-
 def _rows(run: Run, drive: Drive, theta: Array, key: str, indices: Mapping[str, IndexValue]) -> Array:
     """Influence of one source in one run, shape (terms, n)."""
-    if key == "sensor.time_offset" and run.time is not None:
-        return slope(theta, run.time)[None]
     motion = pose(drive, theta, direction=run.direction, time=run.time)
     return source_matrix(motion, {"output": np.ones((1, theta.size))}, key, indices)
 
@@ -967,7 +919,8 @@ def _trace(data: _Data, name: str, at: slice, sense: float, declared: Array, aft
     period = next((p for p in (period, _TURN) if travel > p * (1 - 1e-6)), travel)
     passes = max(travel / period, 1.0) * max(1.0, float(np.abs(np.diff(theta)).sum()) / max(travel, 1e-300))
     points = int(np.clip(round(n / passes), 16, _TRACE_POINTS))
-    cell = np.round((theta - theta.min()) / period * points).astype(np.intp) % points
+    cell = np.round((theta - theta.min()) / period * points).astype(np.intp)
+    cell = np.minimum(cell, points - 1) if period == travel else cell % points  # a part of a turn does not close
     count = np.bincount(cell, minlength=points)
     grid = np.arange(points)
 

@@ -61,10 +61,7 @@ class Errors:
 
 
 def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
-    """Sum the error vectors of all effects at their contacts and project them onto the action lines.
-
-    What is only read at the output closes no contact.
-    """
+    """Sum the error vectors of effects at the contacts of the gear train and project them onto the action lines."""
     motion = contacts.motion
     reducer, n = motion.reducer, motion.theta.size
     total = {
@@ -82,8 +79,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
             continue
         for part in error if isinstance(error, tuple) else (error,):
             for value, term in zip(effect.values, part.vector, strict=True):
-                if part.contact in total:
-                    total[part.contact][part.at] += value * term
+                total[part.contact][part.at] += value * term
     flank = dot(total["mesh"], motion.mesh_normal)
     # a crank that leads its planet holds the planet back on the line of action
     flank -= flank_lever(reducer)[:, None] * total["spline"][:, :, 0]
@@ -371,7 +367,7 @@ def geometry(motion: Contacts) -> Geometry:
     )
 
 
-def system(contacts: Geometry, errors: Errors, torque: float) -> System:
+def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
     """Energy of a reducer with errors, under a torque that resists its motion."""
     reducer, n = contacts.motion.reducer, contacts.motion.theta.size
     cams, k, floats = reducer.discs * reducer.cranks, joint_stiffness(reducer), errors.clearance > 0

@@ -10,7 +10,7 @@ sharply curved.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -33,14 +33,15 @@ from rverror.energy import (
     flank_lever,
     geometry,
     joint_stiffness,
+    loaded_system,
     minimise,
     refined,
-    system,
 )
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
+_MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
 
@@ -237,29 +238,34 @@ class Statics:
     torque: float
 
     @cached_property
-    def stretches(self) -> tuple[Geometry, ...]:
-        """Contact geometry of one stretch of angles after another; together they would take too much memory."""
-        n, unit = self.motion.theta.size, self.motion.reducer
-        if n <= _AT_ONCE:
-            return (geometry(self.motion),)
-        parts = [slice(first, first + _AT_ONCE) for first in range(0, n, _AT_ONCE)]
-        motions = [
-            pose(unit, self.motion.theta[p], direction=self.motion.direction[p], torque=self.torque) for p in parts
-        ]
-        return tuple(geometry(motion) for motion in motions if isinstance(motion, Contacts))
+    def _kept(self) -> tuple[Geometry, ...]:
+        return tuple(self._made())
+
+    def _made(self) -> Iterator[Geometry]:
+        unit, theta, direction = self.motion.reducer, self.motion.theta, self.motion.direction
+        for first in range(0, theta.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            motion = pose(unit, theta[part], direction=direction[part], torque=self.torque)
+            assert isinstance(motion, Contacts)
+            yield geometry(motion)
+
+    def stretches(self) -> Iterable[Geometry]:
+        """Contact geometry of one stretch of angles after another; that of few angles is kept for the next errors."""
+        return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
 
     def solutions(self, effects: tuple[Effect, ...], start: Array | None = None) -> Iterator[_Solution]:
         """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near."""
         unit, first = self.motion.reducer, 0
         trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
-        for stretch in self.stretches:
+        felt = tuple(e for e in effects if not source(e.key).at_output)
+        for stretch in self.stretches():
             last = first + stretch.motion.theta.size
-            solution = _settle(stretch, effects, self.torque or trace, None if start is None else start[first:last])
+            solution = _settle(stretch, felt, self.torque or trace, None if start is None else start[first:last])
             yield solution if self.torque else solution.unloaded()
             first = last
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> tuple[Array, Array, Array]:
-        """Turn of the output (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
+        """Turn of the carrier (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
         errors, rows, poses = [], [], []
         for part in self.solutions(effects, start):
             n, forces = len(part.x), part.forces_per_torque()
@@ -269,19 +275,19 @@ class Statics:
             poses.append(part.x)
         return np.concatenate(errors), np.concatenate(rows, axis=1), np.concatenate(poses)
 
-    def reading(self, effects: tuple[Effect, ...]) -> Array:
-        """What the measuring chain reads on top, rad; along the whole row, as some errors grow along it."""
+    def beyond(self, effects: tuple[Effect, ...]) -> Array:
+        """What is added to the turn of the carrier, rad; over the whole row, as some errors grow along it."""
         total = np.zeros(self.motion.theta.size)
         for effect in effects:
-            error = source(effect.key).vector(self.motion, **effect.indices)
-            if isinstance(error, ErrorVector) and error.contact == "output":
-                total += np.einsum("t,tn->n", effect.values, error.vector[:, 0])
+            if source(effect.key).at_output:
+                error = source(effect.key).vector(self.motion, **effect.indices)
+                assert isinstance(error, ErrorVector)
+                total += effect.values @ error.vector[:, 0]
         return total
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        state = _joined([part.equilibrium() for part in self.solutions(effects)])
-        return replace(state, transmission_error=state.transmission_error + self.reading(effects))
+        return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
 
     def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
         """`linearise` for these errors."""
@@ -290,15 +296,18 @@ class Statics:
             solved.append(part.equilibrium())
             forces.append(part.forces_per_torque())
         joined = {key: np.concatenate([f[key] for f in forces], axis=-1) for key in forces[0]}
-        state = _joined(solved)
-        state = replace(state, transmission_error=state.transmission_error + self.reading(effects))
-        return Linearisation(state, self.motion, joined)
+        return Linearisation(self._read(solved, effects), self.motion, joined)
+
+    def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
+        """States of all stretches as one, as they are read."""
+        state = _joined(parts)
+        return replace(state, transmission_error=state.transmission_error + self.beyond(effects))
 
 
 def _settle(stretch: Geometry, effects: tuple[Effect, ...], torque: float, start: Array | None) -> _Solution:
     motion = stretch.motion
     errors = error_closing(stretch, effects)
-    energy = system(stretch, errors, torque)
+    energy = loaded_system(stretch, errors, torque)
     x, steps, found = minimise(energy, torque, start)
     if not found.all():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in motion.theta[~found][:5])

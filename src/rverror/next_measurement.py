@@ -24,7 +24,6 @@ from rverror.units import to_display
 
 #: Share of a waveform, rms, below which another one is as good as the same.
 ALIKE = 0.05
-_GEARS = frozenset({"housing", "carrier", "disc", "crank", "planet", "sun", "bearing", "direction"})
 _LONGEST_PERIOD = 12  # output turns over which waveforms are compared
 _GRID = 2048  # angles a turn for the comparison; orders above half of it fold alike for all
 
@@ -194,7 +193,7 @@ def _waveforms(states: Sequence[tuple[Pose, ContactForces]], cause: Cause, toget
 
 
 def _in_gears(entry: Source) -> bool:
-    return entry.frame in _GEARS and not entry.key.startswith(("sensor.", "shaft."))
+    return not entry.at_output
 
 
 def _has(*dimensions: str) -> Callable[[Source], bool]:

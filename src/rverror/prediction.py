@@ -125,10 +125,10 @@ class Predictor:
             motion, forces = self.contact_state(model)
             matrix = effect_matrix(motion, forces, model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
-        gears = tuple(e for e in model.effects if not _is_reading(e))
+        gears = tuple(e for e in model.effects if not source(e.key).at_output)
         repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
         loaded = _loaded(self._repeat if repeats else self._whole, gears, near)
-        return _with_readings(model, self.conditions, self._carried_over(loaded) if repeats else loaded)
+        return _as_read(model, self.conditions, self._carried_over(loaded) if repeats else loaded)
 
     def contact_state(self, model: Model) -> tuple[Pose, ContactForces]:
         """Motion and contact forces per unit torque at every sample, for the influence of any source.
@@ -212,13 +212,9 @@ def repeats_with_crank(mechanism: Mechanism, key: str, indices: Mapping[str, Ind
         carrier moves on by one pin meanwhile.  The sun turns z2/z1 times, so it depends.
     """
     frame = source(key).frame
-    if key.startswith("sensor.") or frame in _CARRIER_SIDE or (key, *indices.items()) in _ALIKE_AT_ALL_PINS:
+    if source(key).at_output or frame in _CARRIER_SIDE or (key, *indices.items()) in _ALIKE_AT_ALL_PINS:
         return True
     return frame == "sun" and isinstance(mechanism, Reducer) and mechanism.planet_teeth % mechanism.sun_teeth == 0
-
-
-def _is_reading(effect: Effect) -> bool:
-    return effect.key.startswith("sensor.")
 
 
 def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | None) -> Prediction:
@@ -228,19 +224,20 @@ def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | No
     return Prediction(*statics.predict(effects, start if fits else None))
 
 
-def _with_readings(model: Model, conditions: Conditions, loaded: Prediction) -> Prediction:
-    """Put the readings of the measuring chain back among the gear train's effects, in the model's order."""
+def _as_read(model: Model, conditions: Conditions, loaded: Prediction) -> Prediction:
+    """Put what acts beyond the gear train back among its effects, in the model's order."""
     motion = Pose(
         ratio=model.mechanism.ratio,
         theta=conditions.theta,
         direction=np.full_like(conditions.theta, conditions.direction),
         time=conditions.time,
+        torque=conditions.torque,
     )
     reading = closed_form_forces(motion)
     error, rows, at = loaded.transmission_error.copy(), [], 0
     for effect in model.effects:
         count = len(effect.values)
-        if _is_reading(effect):
+        if source(effect.key).at_output:
             matrix = source_matrix(motion, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix
         else:

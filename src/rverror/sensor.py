@@ -7,6 +7,8 @@ import numpy as np
 from rverror.action_line import Array, ErrorVector
 from rverror.kinematics import Pose
 
+_SPEED_SAMPLES = 5  # on each side, for a speed from angles and times that jitter
+
 
 def encoder_eccentricity(pose: Pose) -> ErrorVector:
     """Eccentric output encoder or coupling: c cos(theta) + s sin(theta) in the reading of the output.
@@ -108,14 +110,62 @@ def time_offset(pose: Pose) -> ErrorVector:
     ------
     ValueError
         If the pose has no time.
+
+    Notes
+    -----
+    The speed is that of `slope`.
     """
     if pose.time is None:
         raise ValueError("sensor.time_offset needs time; give time, or a run file with a time[s] column")
-    unique, first = np.unique(pose.time, return_index=True)
-    if unique.size < 2:
+    if not np.ptp(pose.time) > 0:
         raise ValueError("sensor.time_offset needs at least two different times")
-    speed = np.gradient(pose.theta[first], unique)
-    return _reading(np.interp(pose.time, unique, speed)[None])
+    order = np.argsort(pose.time, kind="stable")
+    speed = np.empty_like(pose.theta)
+    speed[order] = slope(pose.theta[order], pose.time[order])
+    return _reading(speed[None])
+
+
+def slope(values: Array, clock: Array) -> Array:
+    """Rate of change from straight lines through neighbouring samples.
+
+    Differences of single samples would carry the jitter of angle and time, and the size of an effect that is
+    proportional to the speed would come out too small (the attenuation of a regressor with errors).
+
+    Parameters
+    ----------
+    values, clock : ndarray, shape (n,)
+        Times may repeat.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> slope(np.array([0.0, 1.0, 2.0, 2.0]), np.array([0.0, 0.5, 1.0, 1.0]))
+    array([2., 2., 2., 2.])
+    """
+    near, far = (_line_slope(values, clock, reach) for reach in (_SPEED_SAMPLES, 2 * _SPEED_SAMPLES))
+    # what bends within the samples makes an error that grows with the square of their number
+    return np.asarray(near + (near - far) / 3, dtype=np.float64)
+
+
+def _line_slope(values: Array, clock: Array, reach: int) -> Array:
+    """Slope of the straight line through so many neighbours on each side."""
+    at = np.arange(values.size)
+    reach_here = np.minimum(reach, np.minimum(at, values.size - 1 - at))
+    reach_here = np.maximum(reach_here, min(reach, 2))
+    low, high = np.maximum(at - reach_here, 0), np.minimum(at + reach_here + 1, values.size)
+    time, angle = clock - clock.mean(), values - values.mean()
+
+    def mean(row: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(row)])
+        return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
+
+    spread = mean(time * time) - mean(time) ** 2
+    moved = spread > 1e-12 * float(np.ptp(clock)) ** 2
+    product = mean(time * angle) - mean(time) * mean(angle)
+    return np.where(moved, product / np.where(moved, spread, 1.0), 0.0)
 
 
 def _waves(angle: Array) -> Array:
