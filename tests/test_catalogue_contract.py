@@ -12,7 +12,7 @@ import pytest
 
 import rverror
 from rverror import CATALOGUE, Drive, Effect, Model, Reducer
-from rverror.action_line import CONTACT_AXES, Clearance, Contacts
+from rverror.action_line import CONTACT_AXES, Clearance, Contacts, ErrorVector
 from rverror.catalogue import Mechanism, Source, source
 from rverror.compose import closed_form_forces, pose, source_matrix
 from rverror.kinematics import samples_needed, true_period
@@ -246,6 +246,18 @@ def test_key_is_module_and_function(key: str, entry: Source) -> None:
     assert "Returns\n" in text
     for parameter in entry.parameters:
         assert parameter.name in text or {"cos", "sin"} >= {parameter.name}, parameter.name
+
+
+@pytest.mark.parametrize(("key", "entry"), ENTRIES)
+def test_what_is_at_the_output_is_what_no_contact_feels(key: str, entry: Source) -> None:
+    unit = next(unit for unit in MECHANISMS.values() if entry.applies_to(unit))
+    theta = np.linspace(0, 1, 5)
+    motion = pose(unit, theta, time=theta, torque=TORQUE)
+    error = entry.vector(motion, **index_sets(entry, unit)[0])
+    parts = error if isinstance(error, tuple) else (error,)
+    felt = {part.contact for part in parts if isinstance(part, ErrorVector)}
+    assert entry.at_output == (felt == {"output"})
+    assert entry.at_output or "output" not in felt
 
 
 @pytest.mark.parametrize(("key", "entry"), ENTRIES)

@@ -496,3 +496,23 @@ def test_what_did_not_converge_is_named(monkeypatch: pytest.MonkeyPatch) -> None
     model = model_of(rverror.reducer("RV-40E"), SEVERAL)
     with pytest.raises(NotConvergedError, match=rf"of {ANGLES.size} angles \(theta = [-0-9., ]+ deg"):
         rverror.equilibrium(model, ANGLES, torque=20e3, direction=1)
+
+
+def test_errors_that_grow_along_a_run_grow_over_all_angles() -> None:
+    unit, points = rverror.reducer("RV-40E"), 1500  # more than are solved together
+    theta = 2 * np.pi * np.arange(points) / points
+    time = 2 * theta + 0.1 * theta**2  # the output slows down
+    gears = model_of(unit, SEVERAL[:3])
+    beyond = (
+        rverror.effect("sensor.drift", total="30 arcsec"),
+        rverror.effect("sensor.time_offset", offset="2 ms"),
+        rverror.effect("load.torsion", compliance="2 arcsec/(N*m)"),
+    )
+    alone = rverror.equilibrium(gears, theta, torque=20e3, time=time)
+    every = dataclasses.replace(gears, effects=(*gears.effects, *beyond))
+    read = rverror.equilibrium(every, theta, torque=20e3, time=time)
+    inner = slice(40, -40)  # the speed is that of neighbours on both sides
+    expected = 30 * ARCSEC * time / time[-1] + 2e-3 / (2 + 0.2 * theta) - 40 * ARCSEC
+    np.testing.assert_allclose(
+        (read.transmission_error - alone.transmission_error)[inner], expected[inner], rtol=0, atol=1e-4 * ARCSEC
+    )

@@ -179,6 +179,18 @@ def test_readings_are_added_exactly(gears: tuple[Effect, ...], torque: float | N
     np.testing.assert_allclose(found.matrix[len(without.matrix)], np.cos(theta), rtol=0, atol=1e-15)
 
 
+@pytest.mark.parametrize("gears", [CARRIER_SIDE, PINS], ids=["by repeat", "at every angle"])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_torsion_holds_the_output_back_against_its_motion(gears: tuple[Effect, ...], direction: float) -> None:
+    unit = rverror.reducer("RV-40E")
+    conditions = Conditions(turn(101), direction, 20e3)
+    without = predict(rverror.Model(unit, gears), conditions)
+    found = predict(rverror.Model(unit, (effect("load.torsion", compliance="3 arcsec/(N*m)"), *gears)), conditions)
+    wound = found.transmission_error - without.transmission_error
+    np.testing.assert_allclose(wound, -direction * 60 * ARCSEC, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.matrix[1:], without.matrix, rtol=0, atol=1e-15)
+
+
 def test_without_torque_the_closed_form_predicts() -> None:
     model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + READINGS + PINS)
     theta = turn(64)
