@@ -209,6 +209,19 @@ def test_faults_and_lost_workers_stop_no_other_unit(plant: Path, monkeypatch: py
     assert "ZeroDivisionError" in result.outcomes[0].error
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no such names there")
+def test_names_that_cannot_be_printed_fail_one_unit_and_show_as_escapes(plant: Path) -> None:
+    """A control character in a name could clear a terminal or forge a line of the summary."""
+    forward = plant / "b-complete" / "forward.csv"
+    forward.rename(forward.with_name("for\x1bward.csv"))
+    (plant / "c-broken").rename(plant / "c\nbroken")
+    result, _ = done(plant)
+    assert states(result) == {"a-idler": "diagnosed", "b-complete": "failed", "'c\\nbroken'": "failed"}
+    for outcome in result.outcomes[1:]:
+        assert "holds characters that cannot be printed; rename the file" in outcome.error
+        assert outcome.error.isprintable()
+
+
 def test_folders_that_are_no_units(plant: Path) -> None:
     (plant / "notes").mkdir()
     (plant / "loose").mkdir()

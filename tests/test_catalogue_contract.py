@@ -47,10 +47,12 @@ NAMES = {
     "sensor.encoder_eccentricity": ("", "cos sin"),
     "sensor.encoder_ellipticity": ("", "cos sin"),
     "sensor.input_coupling": ("harmonic", "cos sin"),
+    "sensor.index_offset": ("", "offset"),
     "sensor.ratio_error": ("", "slope"),
     "sensor.drift": ("", "total"),
     "sensor.time_offset": ("", "offset"),
     "shaft.eccentricity": ("shaft harmonic", "cos sin"),
+    "empirical.order": ("frame harmonic", "cos sin"),
 }
 #: Neither constant nor periodic: they grow along the run.
 RAMPS = ("sensor.ratio_error", "sensor.drift")

@@ -29,7 +29,12 @@ from test_influence_oracle import CASES as ORACLE_CASES
 PRESETS = pytest.mark.parametrize("name", ["RV-40E", "RV-003"])
 SENSES = pytest.mark.parametrize("sense", [1, -1], ids=["forward", "reverse"])
 #: What acts in a reducer.
-KEYS = [key for key, entry in CATALOGUE.items() if entry.applies_to(rverror.reducer("RV-40E"))]
+#: Less the one that has no error of its own and turns all others, the windup's ripple too.
+KEYS = [
+    key
+    for key, entry in CATALOGUE.items()
+    if entry.applies_to(rverror.reducer("RV-40E")) and key != "sensor.index_offset"
+]
 #: Golden-ratio steps: irregular against every order, and the same each time.
 ANGLES = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(16), 1)
 RATED = 412e3

@@ -2,20 +2,17 @@
 
 import json
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rverror
-from rverror.diagnose import Diagnosis, _Fold
+from recordings import bench
+from rverror.diagnose import Diagnosis
+from rverror.reducer_search import _Fold
 from rverror.units import ARCSEC
-
-DATA = Path(os.environ.get("RVERROR_DATA") or Path(__file__).parents[2] / "shared" / "data")
-BENCH = DATA.parent / "bench"
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +21,7 @@ def diagnosed() -> Any:
     done: dict[int, Diagnosis] = {}
 
     def unit(number: int) -> Diagnosis:
-        folder = BENCH / f"train-{number}"
-        if not folder.is_dir():
-            pytest.skip("no data")
+        folder = bench(f"train-{number}")
         if number not in done:
             model = rverror.load_model(folder / "model.toml")
             runs = [rverror.load_run(folder / f"{name}.csv", model) for name in ("forward", "reverse")]
@@ -37,7 +32,7 @@ def diagnosed() -> Any:
 
 
 def truth(number: int) -> dict[str, Any]:
-    text = (BENCH / f"train-{number}" / "truth.json").read_text(encoding="utf-8")
+    text = bench(f"train-{number}", "truth.json").read_text(encoding="utf-8")
     return dict(json.loads(text))
 
 

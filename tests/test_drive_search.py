@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,16 @@ import pytest
 from scipy.signal import lfilter
 
 import rverror
+from recordings import recording
 from rverror import cli
 from rverror.coloured import burg, kept_share, normal, orthonormal, whiten
-from rverror.drive_search import diagnose_drive, line_spectrum, slope
+from rverror.drive_lines import line_spectrum
+from rverror.drive_search import diagnose_drive
 from rverror.measurement import Run, load_run
 from rverror.model_file import load_model
+from rverror.sensor import slope
 from rverror.units import ARCSEC
 
-DATA = Path(os.environ.get("RVERROR_DATA") or Path(__file__).parents[2] / "shared" / "data")
 ARCMIN = 60 * ARCSEC
 DRIVE = rverror.Model(rverror.Drive(ratio=20.0, shafts={"motor": 20.0, "idler": 7.0}))
 
@@ -162,7 +163,7 @@ def test_a_size_that_no_workshop_makes_gives_way_to_a_plausible_cause() -> None:
     assert keys(found)[0] in ("sensor.ratio_error", "sensor.drift")
     assert any("larger than a workshop makes" in note for note in found.added[0].notes)
     assert "sensor.encoder_eccentricity" in [key for key, _ in found.added[0].indistinguishable]
-    assert any("whole output turn" in text for text in found.added[0].separate)
+    assert "a run over a whole output turn or more: over 39.6 deg" in rverror.to_text(found)
 
 
 def test_runs_are_weighted_by_their_own_noise() -> None:
@@ -274,13 +275,6 @@ def test_kept_share_is_the_squared_sine_of_the_angle() -> None:
 # --- recordings -------------------------------------------------------------------------------------------------------
 
 
-def recording(name: str) -> Path:
-    folder = DATA / name
-    if not folder.is_dir():
-        pytest.skip("no data")
-    return folder
-
-
 def on_the_command_line(name: str, tmp_path: Path) -> dict[str, Any]:
     folder = recording(name)
     out = tmp_path / "found.json"
@@ -312,8 +306,11 @@ def test_planetary_actuator(tmp_path: Path) -> None:
 def test_planetary_actuator_says_what_would_separate_its_ratio_from_its_encoder() -> None:
     folder = recording("planetary-14to1")
     model = load_model(folder / "model.toml")
-    ratio = diagnose_drive(model, [load_run(folder / "run.csv", model)]).added[0]
-    assert any("a whole output turn or more" in text and "39.9 deg" in text for text in ratio.separate)
+    found = diagnose_drive(model, [load_run(folder / "run.csv", model)])
+    ratio = found.added[0]
+    (step,) = (step for step in rverror.to_json(found)["next_measurements"] if step["name"] == "whole turn")
+    assert "over 40 deg sensor.ratio_error cannot be told from sensor.encoder_eccentricity" in step["why"]
+    assert step["about"]["key"] == "sensor.ratio_error"
     assert any("sensor.encoder_eccentricity would have to be" in note for note in ratio.notes)
 
 

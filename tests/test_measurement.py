@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recordings import bench, recording
 from rverror import Drive, Model, reducer
 from rverror.errors import InputError
 from rverror.kinematics import motion_direction
@@ -24,16 +25,6 @@ from rverror.units import ARCSEC
 HEAD = "# direction: forward\n# output_torque: 20 N*m\n"
 COLUMNS = "input_angle[deg],output_angle[deg]\n"
 N = 40
-
-
-def data(*parts: str) -> Path:
-    """Path below the shared data; skips where there are none."""
-    given = os.environ.get("RVERROR_DATA")
-    root = Path(given).parent if given else Path(__file__).parents[2] / "shared"
-    path = root.joinpath(*parts)
-    if not path.exists():
-        pytest.skip("no data")
-    return path
 
 
 def rows(n: int = N, *, ratio: float = 100.0, error: float = 0.01, back: bool = False) -> list[str]:
@@ -658,7 +649,7 @@ def test_a_hundred_thousand_rows_are_read_in_half_a_second(tmp_path: Path) -> No
 @pytest.mark.parametrize("unit", range(1, 7))
 @pytest.mark.parametrize("way", ["forward", "reverse"])
 def test_bench_runs(unit: int, way: str) -> None:
-    run = load_run(data("bench", f"train-{unit}", f"{way}.csv"), reducer("RV-40E"))
+    run = load_run(bench(f"train-{unit}", f"{way}.csv"), reducer("RV-40E"))
     assert run.size == 3 * 2048
     assert run.notes == ()
     assert run.torque == pytest.approx(20e3)
@@ -671,7 +662,7 @@ def test_bench_runs(unit: int, way: str) -> None:
 
 def test_planetary_data() -> None:
     """The known facts: ratio about -13.16, residual about 7.3 arcmin with it, ten periods of 2 s, repeated stamps."""
-    run = load_run(data("data", "planetary-14to1", "run.csv"), Drive(ratio=-14.0))
+    run = load_run(recording("planetary-14to1", "run.csv"), Drive(ratio=-14.0))
     assert run.torque == 0
     assert any("22 repeated time stamps" in note for note in run.notes)
     assert run.time is not None
@@ -686,7 +677,7 @@ def test_planetary_data() -> None:
 
 @pytest.mark.parametrize(("wheel", "period", "turns"), [(225, 382.95, 5.7), (360, 239.34, 6.6)])
 def test_worm_data(wheel: int, period: float, turns: float) -> None:
-    run = load_run(data("data", f"worm-{wheel}", "run.csv"), Drive(ratio=float(wheel)))
+    run = load_run(recording(f"worm-{wheel}", "run.csv"), Drive(ratio=float(wheel)))
     assert (run.direction == 1).all()
     assert run.metadata["reference"] == "star"
     assert run.time is not None
@@ -698,7 +689,7 @@ def test_worm_data(wheel: int, period: float, turns: float) -> None:
 
 def test_cycloidal_data_are_a_torque_record() -> None:
     """One angle and a torque: no transmission error can be had from it."""
-    run = load_run(data("data", "cycloidal-13to1", "run.csv"))
+    run = load_run(recording("cycloidal-13to1", "run.csv"))
     assert run.input_angle is None
     assert run.te_column is None
     with pytest.raises(InputError, match=r"torque record holds one angle.*only a \[drive\] model"):

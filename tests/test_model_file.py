@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recordings import bench, recording
 from rverror import CATALOGUE, Drive, Effect, Model, Reducer, Stiffness, effect, reducer
 from rverror.errors import InputError
 from rverror.model_file import _COUNTS, _QUANTITIES, append_effects, load_model, save_model
@@ -82,16 +83,6 @@ def load(tmp_path: Path, content: str | bytes) -> Model:
     file = tmp_path / "model.toml"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     return load_model(file)
-
-
-def data(*parts: str) -> Path:
-    """Path below the shared data; skips where there are none."""
-    given = os.environ.get("RVERROR_DATA")
-    root = Path(given).parent if given else Path(__file__).parents[2] / "shared"
-    path = root.joinpath(*parts)
-    if not path.exists():
-        pytest.skip("no data")
-    return path
 
 
 # --- what is read -----------------------------------------------------------------------------------------------------
@@ -502,7 +493,7 @@ def test_append_to_any_model(tmp_path_factory: pytest.TempPathFactory, model: Mo
 
 @pytest.mark.parametrize("unit", range(1, 7))
 def test_bench_models(tmp_path: Path, unit: int) -> None:
-    path = data("bench", f"train-{unit}", "model.toml")
+    path = bench(f"train-{unit}", "model.toml")
     model = load_model(path)
     assert model.mechanism == reducer("RV-40E")  # the file states the defaults
     assert model.name == f"unit {100 + unit} as declared"
@@ -527,5 +518,5 @@ def test_bench_models(tmp_path: Path, unit: int) -> None:
     ],
 )
 def test_data_models(folder: str, ratio: float, shafts: dict[str, float]) -> None:
-    model = load_model(data("data", folder, "model.toml"))
+    model = load_model(recording(folder, "model.toml"))
     assert model == Model(Drive(ratio=ratio, shafts=shafts), (), folder)

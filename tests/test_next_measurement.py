@@ -6,10 +6,12 @@ leave 11 to 99 % of each other over both directions; another crank or disc of th
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import permutations
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rverror import CATALOGUE, Drive, Effect, effect, reducer
@@ -39,7 +41,7 @@ def sized(key: str, indices: dict[str, Any]) -> Effect:
 
 @pytest.mark.parametrize(("first", "second"), list(permutations(ORDER_40, 2)))
 def test_both_directions_tell_sources_of_order_40_apart_and_one_does_not(first: Any, second: Any) -> None:
-    pair = Pair(UNIT, sized(*first), second, ONE_WAY, STATES)
+    pair = Pair(UNIT, sized(*first), second, ONE_WAY, STATES, STATES)
     assert pair.now < 0.03
     assert 0.1 < pair.both < 0.995
     steps = to_separate(UNIT, sized(*first), [second], ONE_WAY)
@@ -57,7 +59,7 @@ def test_the_missing_direction_is_asked_for() -> None:
 @pytest.mark.parametrize("other", [{"crank": 1, "disc": 0}, {"crank": 0, "disc": 1}])
 @pytest.mark.parametrize("bench", [ONE_WAY, BOTH])
 def test_which_crank_or_disc_needs_light_load(bench: Bench, other: dict[str, int]) -> None:
-    pair = Pair(UNIT, CRANK, ("crank.eccentricity", other), bench, STATES)
+    pair = Pair(UNIT, CRANK, ("crank.eccentricity", other), bench, STATES, STATES)
     assert pair.both < 0.01
     steps = to_separate(UNIT, CRANK, [("crank.eccentricity", other)], bench)
     assert steps[0].name == "light load"
@@ -86,7 +88,7 @@ def test_no_load_beyond_the_rated_one_is_asked_for() -> None:
     [
         ("sensor.encoder_eccentricity", ("cycloid.pin_position", {"pin": 3}), "encoder"),
         ("cycloid.pin_position", ("sensor.encoder_eccentricity", {}), "encoder"),
-        ("sensor.encoder_eccentricity", ("sensor.ratio_error", {}), "whole turn"),
+        ("sensor.encoder_eccentricity", ("sensor.ratio_error", {}), "encoder"),
         ("sensor.input_coupling", ("involute.sun_pitch", {"harmonic": 2}), "input coupling"),
         ("sensor.ratio_error", ("sensor.time_offset", {}), "speed"),
         ("sensor.ratio_error", ("sensor.drift", {}), "return"),
@@ -147,6 +149,87 @@ def test_a_lone_cause_of_the_measuring_chain_can_be_proved() -> None:
     (proof,) = to_separate(UNIT, effect("sensor.encoder_eccentricity", cos="4 arcsec"), [], BOTH)
     assert "remounted by 90 degrees" in proof.what
     assert to_separate(UNIT, CRANK, [], BOTH) == ()
+
+
+# --- geared drives, whose runs may cover a part of a turn -------------------------------------------------------------
+
+DRIVE = Drive(ratio=14.0, shafts={"motor": 14.0, "idler": 14.0, "stage": 15.0, "output": 1.0})
+SHORT = Bench(directions=frozenset({1.0}), samples_per_turn=math.inf, travel=(1.0, 1.7))
+TURNS = replace(SHORT, travel=None)
+ECCENTRIC, RATIO, DRIFT, DELAY, COUPLING, MOTOR, IDLER, STAGE, OUTPUT = (
+    ("sensor.encoder_eccentricity", {}),
+    ("sensor.ratio_error", {}),
+    ("sensor.drift", {}),
+    ("sensor.time_offset", {}),
+    ("sensor.input_coupling", {"harmonic": 1}),
+    *(("shaft.eccentricity", {"shaft": name, "harmonic": 1}) for name in ("motor", "idler", "stage", "output")),
+)
+
+
+def pair_of(effect: Effect, other: Any, bench: Bench) -> Pair:
+    return Pair(DRIVE, effect, other, bench, closed_form_states(DRIVE, bench.travel), closed_form_states(DRIVE))
+
+
+@pytest.mark.parametrize("half", [0.2, 0.35, 1.0])
+def test_how_much_of_a_slope_an_encoder_makes_over_a_part_of_a_turn(half: float) -> None:
+    """By the integrals over -a to a: x sin x to 2 (sin a - a cos a), x^2 to 2 a^3/3, sin^2 x to a - sin a cos a."""
+
+    def left(a: float) -> float:
+        product = 2 * (math.sin(a) - a * math.cos(a))
+        return math.sqrt(1 - product**2 / (2 * a**3 / 3 * (a - math.sin(a) * math.cos(a))))
+
+    pair = pair_of(sized(*RATIO), ECCENTRIC, replace(SHORT, travel=(2.0 - half, 2.0 + half)))
+    assert pair.now == pytest.approx(left(half), rel=0.01)
+    assert pair.whole == pytest.approx(left(math.pi), rel=0.01)
+
+
+def test_a_slope_makes_an_encoder_s_flank_and_not_its_crest() -> None:
+    """Where the wave is steep it is nearly straight; about its crest it is even, which a slope is not."""
+    steep = Effect("sensor.encoder_eccentricity", {}, (0.0, 0.01))
+    flank, crest = (replace(SHORT, travel=(at - 0.35, at + 0.35)) for at in (0.0, math.pi / 2))
+    assert pair_of(steep, RATIO, flank).now < 0.03
+    assert pair_of(steep, RATIO, crest).now == pytest.approx(1.0, abs=0.01)
+    assert names(to_separate(DRIVE, steep, [RATIO], flank)) == ["whole turn", "encoder"]
+    assert names(to_separate(DRIVE, steep, [RATIO], crest)) == ["encoder", "longer"]
+
+
+@pytest.mark.parametrize(
+    ("named", "other", "over_a_part", "over_turns"),
+    [
+        (RATIO, ECCENTRIC, ["whole turn", "encoder"], ["encoder", "longer"]),
+        (DRIFT, ECCENTRIC, ["whole turn", "return", "encoder"], ["return", "encoder", "longer"]),
+        (DRIFT, RATIO, ["return"], ["return"]),
+        (RATIO, DRIFT, ["return"], ["return"]),
+        (RATIO, DELAY, ["speed"], ["speed"]),
+        (DELAY, RATIO, ["speed"], ["speed"]),
+        (DRIFT, DELAY, ["return", "speed"], ["return", "speed"]),
+        (MOTOR, COUPLING, ["input coupling"], ["input coupling"]),
+        (COUPLING, MOTOR, ["input coupling"], ["input coupling"]),
+        (ECCENTRIC, OUTPUT, ["encoder"], ["encoder"]),
+        (MOTOR, IDLER, ["parts"], ["parts"]),
+        (MOTOR, STAGE, ["whole turn", "longer"], ["longer"]),
+    ],
+)
+def test_each_pair_of_a_drive_has_its_measurement(
+    named: Any, other: Any, over_a_part: list[str], over_turns: list[str]
+) -> None:
+    """No longer run tells two of one waveform apart, and none asks for a whole turn where the runs have it."""
+    assert names(to_separate(DRIVE, sized(*named), [other], SHORT)) == over_a_part
+    assert names(to_separate(DRIVE, sized(*named), [other], TURNS)) == over_turns
+
+
+def test_what_a_part_of_a_turn_hides_is_said_with_its_angle() -> None:
+    (step, *_) = to_separate(DRIVE, sized(*RATIO), [ECCENTRIC, ("sensor.encoder_ellipticity", {})], SHORT)
+    assert step.what == "a run over a whole output turn or more"
+    assert f"over {np.degrees(0.7):.3g} deg sensor.ratio_error cannot be told from sensor.encoder_ecc" in step.why
+    assert [key for key, _ in step.separates] == ["sensor.encoder_eccentricity", "sensor.encoder_ellipticity"]
+
+
+def test_the_speed_and_the_direction_that_are_missing_are_asked_for() -> None:
+    (one_way,) = to_separate(DRIVE, sized(*RATIO), [DELAY], SHORT)
+    (both,) = to_separate(DRIVE, sized(*RATIO), [DELAY], replace(SHORT, directions=frozenset({1.0, -1.0})))
+    assert one_way.what == "a run at another speed, and one in reverse"
+    assert both.what == "a run at another speed"
 
 
 # --- lines that nothing explains --------------------------------------------------------------------------------------

@@ -188,7 +188,7 @@ def test_a_period_of_several_turns_has_broken_orders(ax: Axes, found: Diagnosis)
 
 
 def test_a_model_that_is_right_leaves_nothing_to_draw_but_axes(found: Diagnosis, ax: Axes) -> None:
-    exact = tuple(replace(t, before=t.measured, after=t.measured) for t in found.traces)
+    exact = tuple(replace(t, before=t.measured, after=t.measured, left_out=None) for t in found.traces)
     order_spectrum(replace(found, traces=exact), ax=ax)
     low, high = ax.get_ylim()
     assert 0 < low < high

@@ -505,6 +505,7 @@ def test_over_a_part_of_a_turn_the_orders_are_still_found(result: Outcome) -> No
     theta = np.radians(np.linspace(3, 43, 2000, endpoint=False))
     wave, ramp = 20 * ARCSEC * np.cos(28 * theta + 0.4), 0.1 * theta
     trace = replace(result.diagnosis.traces[0], theta=theta, measured=wave + ramp, before=0 * theta, after=ramp)
+    trace = replace(trace, left_out=None)
     drive = Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0}))
     part = replace(result.diagnosis, traces=(trace,), declared=drive, model=drive, added=())
     rows = {row["order"]: row for row in to_json(part)["by_order"]}
@@ -515,14 +516,23 @@ def test_over_a_part_of_a_turn_the_orders_are_still_found(result: Outcome) -> No
     assert_self_contained(to_html(part))
 
 
-def test_what_the_search_says_to_measure_is_said_once(result: Outcome) -> None:
+def test_over_a_part_of_a_turn_a_whole_one_is_asked_for(result: Outcome) -> None:
     (added,) = result.diagnosis.added
     twins = (("sensor.drift", {}), ("sensor.ratio_error", {}))
-    told = ("a whole turn: it and sensor.drift look alike", "a whole turn: it and sensor.ratio_error look alike")
-    found = replace(result.diagnosis, added=(replace(added, indistinguishable=twins, separate=told),))
-    (step,) = to_json(found)["next_measurements"]
-    assert (step["what"], step["about"]["key"]) == ("a whole turn", added.effect.key)
-    assert [cause["key"] for cause in step["separates"]] == ["sensor.drift", "sensor.ratio_error"]
+    theta = np.radians(np.linspace(3, 43, result.diagnosis.traces[0].theta.size, endpoint=False))
+    part, turn = (replace(result.diagnosis.traces[0], theta=angles) for angles in (theta, 9 * theta))
+    for traces, wanted in (((part,), True), ((part, turn), False)):
+        found = replace(
+            result.diagnosis,
+            added=(replace(added, indistinguishable=twins),),
+            declared=Model(rverror.Drive(ratio=14.0)),
+            traces=traces,
+        )
+        steps = [step for step in to_json(found)["next_measurements"] if step["name"] == "whole turn"]
+        assert bool(steps) is wanted
+        for step in steps:
+            assert f"over 40 deg {added.effect.key} cannot be told from sensor.drift" in step["why"]
+            assert [cause["key"] for cause in step["separates"]] == ["sensor.drift", "sensor.ratio_error"]
 
 
 def test_score_differences_have_the_standard_errors_of_paired_folds(result: Outcome) -> None:
@@ -605,7 +615,7 @@ def test_names_cannot_break_out_of_the_page(result: Outcome, name: str) -> None:
 def test_no_name_changes_what_the_page_is_made_of(result: Outcome, name: str) -> None:
     """The same tags and attributes as with a plain name, and no character that is not to be printed."""
     small = tuple(
-        replace(t, **{key: getattr(t, key)[:64] for key in ("theta", "measured", "before", "after")})
+        replace(t, left_out=None, **{key: getattr(t, key)[:64] for key in ("theta", "measured", "before", "after")})
         for t in result.diagnosis.traces
     )
     found = replace(result.diagnosis, traces=small)

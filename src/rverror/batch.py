@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import signal
 import time
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -24,7 +23,7 @@ from rverror.errors import InputError
 from rverror.measurement import load_run
 from rverror.model_file import load_model
 from rverror.report import input_files, to_json
-from rverror.textfile import PathLike, read_text, write_text
+from rverror.textfile import PathLike, check_name, is_printable, read_text, write_text
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
@@ -222,11 +221,7 @@ def _units(root: Path, out: Path) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
 
 
 def _printable(name: str) -> str:
-    return ascii(name) if _unprintable(name) else name
-
-
-def _unprintable(text: str) -> bool:
-    return any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
+    return name if is_printable(name) else ascii(name)
 
 
 def _make_output(out: Path, units: Sequence[_Unit]) -> None:
@@ -283,8 +278,7 @@ def _diagnose_unit(model_path: str, run_paths: Sequence[str]) -> _Answer:
         if not run_paths:
             raise InputError(f"{Path(model_path).parent}: no run beside the model; add one or more *.csv")
         for path in (model_path, *run_paths):
-            if _unprintable(path):
-                raise InputError(f"{path!a}: the file name holds characters that cannot be printed; rename the file")
+            check_name(path)
         # Hashed before they are read: a file that changes meanwhile leaves a hash that no longer fits, and is redone.
         files = input_files([model_path, *run_paths])
         model = load_model(model_path)

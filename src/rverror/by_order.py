@@ -70,7 +70,7 @@ def samples_per_turn(diagnosis: Diagnosis) -> float:
 
 
 def residual_spectrum(trace: Trace) -> RunSpectrum:
-    """Amplitude of each order of measured less predicted, mean of all revolutions.
+    """Amplitude of each order of measured less predicted; mean of revolutions left out of the fit, where there are any.
 
     Parameters
     ----------
@@ -87,14 +87,13 @@ def residual_spectrum(trace: Trace) -> RunSpectrum:
     """
     turns = turns_of(trace)
     if turns != round(turns):
-        rest = [_windowed(values) for values in (trace.measured - trace.before, trace.measured - trace.after)]
+        rest = [_windowed(values) for values in trace.residual]
         n = trace.theta.size  # padded to twice that, bins lie half a travel's order apart
         bins = np.arange(4, int(0.8 * n))
         before, after = (np.abs(np.fft.rfft(values, 2 * n))[bins] for values in rest)
         return RunSpectrum(bins / (2 * turns), before, after)
     n = trace.theta.size
-    before = amplitude(harmonics(trace.measured - trace.before), n)
-    after = amplitude(harmonics(trace.measured - trace.after), n)
+    before, after = (amplitude(harmonics(values), n) for values in trace.residual)
     order = np.arange(1, before.size + 1, dtype=np.float64) / turns_of(trace)
     return RunSpectrum(order, before, after)
 
@@ -188,8 +187,7 @@ def _known_orders(diagnosis: Diagnosis) -> Array:
 
 
 def _at_known(trace: Trace, order: Array) -> RunSpectrum:
-    rest = (trace.measured - trace.before, trace.measured - trace.after)
-    return RunSpectrum(order, *(windowed_amplitude(trace.theta, values, order) for values in rest))
+    return RunSpectrum(order, *(windowed_amplitude(trace.theta, values, order) for values in trace.residual))
 
 
 def _at_orders(spectrum: RunSpectrum, order: Array) -> Array:

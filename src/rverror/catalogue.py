@@ -1,7 +1,8 @@
 """The registry: every error source once.
 
 To add a source, write one function that returns its `ErrorVector` in the module of its sub-assembly, and one `Source`
-entry below.  The contract test, the command line, files and diagnosis pick it up from here.
+entry below.  The contract test, the command line, files and diagnosis pick it up from here.  A source of your own that
+stays outside the package is added for the length of a block by `extended`.
 """
 
 from __future__ import annotations
@@ -9,12 +10,14 @@ from __future__ import annotations
 import difflib
 import math
 import numbers
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from types import MappingProxyType
 
-from rverror import coupling, crank, cycloid, involute, load, sensor, shaft, thermal
+from rverror import coupling, crank, cycloid, empirical, involute, load, sensor, shaft, thermal
 from rverror.action_line import SourceVector
 from rverror.kinematics import fundamental_orders
 from rverror.reducer import Drive, Reducer
@@ -111,12 +114,14 @@ class Source:
     @property
     def at_output(self) -> bool:
         """Whether it moves or misreads the output beyond the gear train, whose contacts do not feel it."""
-        return self.key.partition(".")[0] in ("sensor", "shaft", "load")
+        return self.key.partition(".")[0] in ("sensor", "shaft", "load", "empirical")
 
     def applies_to(self, mechanism: Mechanism) -> bool:
         """Tell whether the source can act in this kind of mechanism."""
         family = self.key.partition(".")[0]
-        return family in ("sensor", "shaft") if isinstance(mechanism, Drive) else family != "shaft"
+        if isinstance(mechanism, Drive):
+            return family in ("sensor", "shaft") and self.key != "sensor.index_offset"  # it has no marks
+        return family != "shaft"
 
     def check_mechanism(self, mechanism: Mechanism) -> None:
         """Check that the source can act in this kind of mechanism.
@@ -169,6 +174,7 @@ DISC = _all(lambda m: range(_rv(m).discs), "disc")
 PIN = _all(lambda m: range(_rv(m).pins), "pin")
 PIN_OR_ALL = Index("pin", lambda m: [*range(_rv(m).pins), "all"], lambda m: [*range(_rv(m).pins), "all"])
 MEMBER = _all(lambda m: ("sun", "planet"), "member")
+FRAME = _all(lambda m: tuple(fundamental_orders(_rv(m))), "frame")
 SHAFT = _all(lambda m: sorted(m.shafts) if isinstance(m, Drive) else (), "shaft")
 
 _UM = 1e-3
@@ -255,6 +261,10 @@ def _pin_circle_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, .
 def _all_pins_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """What is alike at all pins ripples as pins enter and leave the loaded half."""
     return _pin_circle_orders(mechanism, {"harmonic": 0})
+
+
+def _empirical_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (int(indices["harmonic"]) * fundamental_orders(_rv(mechanism))[str(indices["frame"])],)
 
 
 def _fixed(*orders: float) -> Callable[[Mechanism, Indices], tuple[float, ...]]:
@@ -369,7 +379,7 @@ _SOURCES = (
         "load.torsion", load.torsion, (),
         (Parameter("compliance", "compliance", 20 * _ARCSEC / 1e3, least=0.0),),
         "direction", _constant, "000 and 001, named as missing; 003, outlook",
-        "compliance of the output side beyond the contacts", tried=False,
+        "compliance of the output side beyond the contacts",
     ),
     Source(
         "sensor.encoder_eccentricity", sensor.encoder_eccentricity, (), _angles(300, "cos", "sin"),
@@ -382,6 +392,11 @@ _SOURCES = (
     Source(
         "sensor.input_coupling", sensor.input_coupling, (_harmonic(1, 2),), _angles(7200, "cos", "sin"),
         "sun", _coupling_orders, "measuring chain", "input coupling or encoder, an angle of the input shaft",
+    ),
+    Source(
+        "sensor.index_offset", sensor.index_offset, (), _angles(3600, "offset"),
+        "output", _constant, "measuring chain",
+        "gear's marks ahead of the bench's zero; turns the waveform of all other gear errors", tried=False,
     ),
     Source(
         "sensor.ratio_error", sensor.ratio_error, (), (Parameter("slope", "slope", 0.1),),
@@ -399,10 +414,75 @@ _SOURCES = (
         "shaft.eccentricity", shaft.eccentricity, (SHAFT, _harmonic(1, 4)), _angles(36000, "cos", "sin"),
         "shaft", _shaft_orders, "any drive", "a named shaft of a [drive] model",
     ),
+    Source(
+        "empirical.order", empirical.order, (FRAME, _harmonic(1, 1)), _angles(60, "cos", "sin"),
+        "output", _empirical_orders, "none: what was measured",
+        "an order as measured, in a frame; describes and does not explain: no size of a part follows from it",
+        tried=False,
+    ),
 )  # fmt: skip
 
+_OWN: Mapping[str, Source] = MappingProxyType({source.key: source for source in _SOURCES})
+_ADDED: ContextVar[Mapping[str, Source]] = ContextVar("sources added by `extended`", default=MappingProxyType({}))
+
+
+class _Catalogue(Mapping[str, Source]):
+    """The package's own sources, then those of the `extended` blocks around the call."""
+
+    def __getitem__(self, key: str) -> Source:
+        return _OWN[key] if key in _OWN else _ADDED.get()[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(_OWN, _ADDED.get())
+
+    def __len__(self) -> int:
+        return len(_OWN) + len(_ADDED.get())
+
+
 #: Every error source by key.
-CATALOGUE: Mapping[str, Source] = MappingProxyType({source.key: source for source in _SOURCES})
+CATALOGUE: Mapping[str, Source] = _Catalogue()
+
+
+@contextmanager
+def extended(*sources: Source) -> Iterator[None]:
+    """Add sources to the catalogue within a ``with`` block: models, files and diagnosis know them there.
+
+    Parameters
+    ----------
+    *sources : Source
+        A key is ``family.name``.  The family says where the source acts: one of ``sensor``, ``load`` and ``empirical``
+        beyond the gear train, with its vector at the contact ``output``; any other at the contacts of the gear train.
+
+    Raises
+    ------
+    ValueError
+        If a key is taken.
+
+    Notes
+    -----
+    Nothing stays behind: after the block, and in other threads and processes, the catalogue is as it was.  docs page
+    ``adding-an-effect.md``.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> mine = replace(source("sensor.encoder_eccentricity"), key="sensor.coupling_offset")
+    >>> with extended(mine):
+    ...     source("sensor.coupling_offset").frame
+    'output'
+    >>> "sensor.coupling_offset" in CATALOGUE
+    False
+    """
+    added = dict(_ADDED.get())
+    for entry in sources:
+        if entry.key in _OWN or entry.key in added:
+            raise ValueError(f"{entry.key}: the catalogue has a source of this key; give yours another")
+        added[entry.key] = entry
+    token = _ADDED.set(MappingProxyType(added))
+    try:
+        yield
+    finally:
+        _ADDED.reset(token)
 
 
 def source(key: str) -> Source:

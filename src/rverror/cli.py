@@ -8,7 +8,6 @@ import json
 import os
 import sys
 import time
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -27,7 +26,7 @@ from rverror.model import Effect, Model
 from rverror.model_file import append_effects, load_model
 from rverror.report import InputFile, input_files, to_html, to_json, to_text
 from rverror.simulate import DEFAULT_SEED, run_label, simulate_runs
-from rverror.textfile import write_bytes, write_text
+from rverror.textfile import check_name, write_bytes, write_text
 
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
@@ -205,9 +204,8 @@ def _diagnose(options: argparse.Namespace) -> None:
         raise InputError(f"{twice}: two outputs share this name; give each its own")
     if (twice := _given_twice(options.runs)) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once")
-    for path in inputs:  # the report and the new model quote it
-        if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in path):
-            raise InputError(f"{path!a}: the file name holds characters that cannot be printed; rename the file")
+    for path in inputs:
+        check_name(path)
     model = load_model(options.model)
     runs = [load_run(path, model) for path in options.runs]
     figure = _figure_maker() if options.plot else None
@@ -266,8 +264,7 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
         write_text(options.report, to_html(result, files=files), overwrite=True)
     if options.save:
         _say_replaced(options.save)
-        # a ripple of the torque is no error of the output, and a model holds those only
-        effects = [_rounded(addition.effect) for addition in result.added if result.quantity == "angle"]
+        effects = _beyond_declared(result)
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
             _tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
@@ -276,6 +273,16 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
                 f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
                 "their uncertainty"
             )
+
+
+def _beyond_declared(result: Diagnosis) -> list[Effect]:
+    """Effects that the new model has beyond the declared ones: what was found, and where the gear's marks are.
+
+    None for a torque record: its ripple is no error of the output, and a model holds those only.
+    """
+    origins = {(a.effect.key, a.effect.values): a.effect for a in result.added}
+    found = result.model.effects[len(result.declared.effects) :]
+    return [_rounded(origins.get((effect.key, effect.values), effect)) for effect in found]
 
 
 def _rounded(effect: Effect) -> Effect:

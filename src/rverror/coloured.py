@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.fft import next_fast_len, rfft
-from scipy.signal import lfilter
-from scipy.stats import f as f_distribution
 
 from rverror.action_line import Array
+from rverror.chance import variance_ratio
 
 Labels = npt.NDArray[np.intp]
 
@@ -53,6 +52,7 @@ def burg(residual: Array, *, floor: float = 0.0) -> Noise:
 
     Examples
     --------
+    >>> from scipy.signal import lfilter
     >>> white = np.random.default_rng(0).normal(size=4000)
     >>> red = lfilter([1.0], [1.0, -0.9], white)
     >>> [bool(abs(c - 0.9) < 0.02) for c in burg(red).coefficients]
@@ -79,8 +79,8 @@ def burg(residual: Array, *, floor: float = 0.0) -> Noise:
 
 def whiten(row: Array, noise: Noise) -> Array:
     """Filter a row of one run so that its noise becomes white of variance 1; the first samples, which lack lags, go."""
-    result = lfilter(np.concatenate([[1.0], -noise.coefficients]), [1.0], row) / noise.sigma
-    return np.asarray(result[noise.coefficients.size :], dtype=np.float64)
+    result = np.convolve(row, np.concatenate([[1.0], -noise.coefficients]), "valid") / noise.sigma
+    return np.asarray(result, dtype=np.float64)
 
 
 def smooth_spectrum(error: Array) -> Array:
@@ -204,7 +204,7 @@ def significant(values: Array, covariance: Array, accepted: float, samples: floa
 
     `samples` is the number of independent ones from which their noise is known: few where it is slow.
     """
-    return distance(values, covariance) > values.size * float(f_distribution.isf(accepted, values.size, samples))
+    return distance(values, covariance) > values.size * variance_ratio(accepted, values.size, samples)
 
 
 def orthonormal(rows: Array) -> Array:

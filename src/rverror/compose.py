@@ -285,9 +285,8 @@ def transmission_error(
     >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
     True
     """
-    motion = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
-    matrix = effect_matrix(motion, closed_form_forces(motion) if forces is None else forces, model.effects)
-    return np.asarray(effect_values(model.effects) @ matrix, dtype=np.float64)
+    rows = _influences(model, theta, direction=direction, time=time, torque=torque, forces=forces)
+    return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
 
 
 def transmission_error_by_effect(
@@ -314,7 +313,34 @@ def transmission_error_by_effect(
     ndarray, shape (effects, n)
         rad.
     """
+    rows = _influences(model, theta, direction=direction, time=time, torque=torque, forces=forces)
+    parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
+    return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])
+
+
+def _influences(
+    model: Model,
+    theta: Any,
+    *,
+    direction: Any | None,
+    time: Any | None,
+    torque: Any | None,
+    forces: ContactForces | None,
+) -> list[Array]:
+    """Influence matrix of each effect, after one without rows.
+
+    The gear train stands at its marks, the measuring chain at the bench's zero.
+    """
     motion = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
-    used = closed_form_forces(motion) if forces is None else forces
-    rows = [np.array(e.values) @ source_matrix(motion, used, e.key, e.indices) for e in model.effects]
-    return np.array(rows, dtype=np.float64).reshape(len(rows), motion.theta.size)
+    gears = motion
+    if model.index_offset:
+        turned = motion.theta + model.index_offset
+        gears = pose(model.mechanism, turned, direction=motion.direction, time=time, torque=torque)
+    used = closed_form_forces(gears) if forces is None else forces
+    return [
+        np.zeros((0, motion.theta.size)),
+        *(
+            source_matrix(motion if source(effect.key).at_output else gears, used, effect.key, effect.indices)
+            for effect in model.effects
+        ),
+    ]

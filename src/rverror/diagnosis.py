@@ -66,8 +66,6 @@ class Addition:
         Of the residual of left-out revolutions once it was added, rad.
     notes : tuple of str
         Sizes that no workshop makes, and the like.
-    separate : tuple of str
-        What to measure to tell it from the indistinguishable ones.
     candidates : tuple of Candidate
         Of the round that chose it, the best first.
     """
@@ -78,7 +76,6 @@ class Addition:
     orders: tuple[float, ...]
     heldout_rms: float
     notes: tuple[str, ...]
-    separate: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
 
 
@@ -95,7 +92,24 @@ class Line:
 
 @dataclass(frozen=True)
 class Trace:
-    """Averaged waveforms of one run for plots, rad, against nominal output angle; `torque` is the run's, N*mm."""
+    """Averaged waveforms of one run for plots.
+
+    Attributes
+    ----------
+    name : str
+    direction : float
+        +1 forward, -1 reverse.
+    theta : ndarray, shape (n,)
+        Nominal output angle, rad.
+    measured, before, after : ndarray, shape (n,)
+        Measured, declared and fitted error, rad.
+    torque : float, optional
+        Size of the output torque, N*mm.
+    index : str
+        Label of the run's zero, as the run file has it.
+    left_out : tuple of two ndarray, shape (n,), optional
+        Residual before and after, mean of revolutions each of which its own fit did not see.
+    """
 
     name: str
     direction: float
@@ -104,6 +118,13 @@ class Trace:
     before: Array
     after: Array
     torque: float | None = None
+    index: str = ""
+    left_out: tuple[Array, Array] | None = None
+
+    @property
+    def residual(self) -> tuple[Array, Array]:
+        """Residual before and after: of revolutions left out, where the run has them."""
+        return self.left_out or (self.measured - self.before, self.measured - self.after)
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def equilibrium(
     >>> bool((state.loaded_pins < 20).all())  # at most the half of the pins that drives
     True
     """
-    statics = statics_of(model.mechanism, theta, torque=torque, direction=direction, time=time)
+    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
     return statics.equilibrium(model.effects)
 
 
@@ -176,8 +176,20 @@ def linearise(
     >>> pin.matrix.shape
     (2, 2)
     """
-    statics = statics_of(model.mechanism, theta, torque=torque, direction=direction, time=time)
+    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
     return statics.linearise(model.effects)
+
+
+def _statics_of(model: Model, theta: Any, *, torque: Any, direction: Any | None, time: Any | None) -> Statics:
+    """Statics where the gear train stands when the bench reads theta."""
+    read = pose(model.mechanism, theta, direction=direction, time=time)
+    turned = replace(
+        statics_of(
+            model.mechanism, read.theta + model.index_offset, torque=torque, direction=read.direction, time=read.time
+        ),
+        read_at=read.theta,
+    )
+    return turned
 
 
 def _joined(parts: list[Equilibrium]) -> Equilibrium:
@@ -232,10 +244,13 @@ class Statics:
     motion : Contacts
     torque : float
         Size of the output torque, N*mm.
+    read_at : ndarray, shape (n,), optional
+        Angles of the bench where they are not the gear's, rad.
     """
 
     motion: Contacts
     torque: float
+    read_at: Array | None = None
 
     @cached_property
     def _kept(self) -> tuple[Geometry, ...]:
@@ -278,9 +293,10 @@ class Statics:
     def beyond(self, effects: tuple[Effect, ...]) -> Array:
         """What is added to the turn of the carrier, rad; over the whole row, as some errors grow along it."""
         total = np.zeros(self.motion.theta.size)
+        motion = self.motion if self.read_at is None else replace(self.motion, theta=self.read_at)
         for effect in effects:
             if source(effect.key).at_output:
-                error = source(effect.key).vector(self.motion, **effect.indices)
+                error = source(effect.key).vector(motion, **effect.indices)
                 assert isinstance(error, ErrorVector)
                 total += effect.values @ error.vector[:, 0]
         return total

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +19,11 @@ from rverror.prediction import Conditions, Prediction, Predictor
 from rverror.spectrum import harmonics, noise_spectrum
 
 _LONGEST_STEP = 0.5  # of the size that a workshop can make
+_CHANCE = 5.0  # standard deviations of the noise's sum of squares
+_REWEIGHTED = 6
+_SEEN = 1e-3  # standard deviations of the data that a plausible size changes at least
 _NO_GAIN = 0.02  # of the sum of squares: a seventh of a standard deviation
+_NO_STEP = 2e-4  # that one more step promises
 
 
 @dataclass(frozen=True)
@@ -33,12 +39,18 @@ class FitRun:
         Measured transmission error of each period, rad.
     noise : ndarray, shape (m,)
         Variance of one harmonic coefficient of one period, rad^2.
+    zero : str
+        Label of the index; runs of one label share their zero, so the difference of their means counts.
+    mean_variance : float
+        Variance of the mean of one period against another run's of the same zero, rad^2.
     """
 
     name: str
     predictor: Predictor
     values: Array
     noise: Array
+    zero: str = ""
+    mean_variance: float = np.inf
 
     @property
     def conditions(self) -> Conditions:
@@ -58,6 +70,39 @@ class FitRun:
         """Harmonics of rows over one period, in standard deviations of a mean of that many, shape (..., 2 m)."""
         scaled = harmonics(values) * self.weight(periods)
         return scaled.reshape(*scaled.shape[:-2], 2 * scaled.shape[-1])
+
+
+def whitened(runs: Sequence[FitRun], rows: Sequence[Array], periods: Sequence[int]) -> Array:
+    """What runs tell, in standard deviations: the harmonics of each, then differences of means that share a zero.
+
+    Parameters
+    ----------
+    runs : sequence of FitRun
+    rows : sequence of ndarray, shape (..., n)
+        Of each run, over one period.
+    periods : sequence of int
+        Of whose mean the rows are known.
+
+    Returns
+    -------
+    ndarray, shape (..., values)
+    """
+    parts = [run.whiten(row, count) for run, row, count in zip(runs, rows, periods, strict=True)]
+    for label in sorted({run.zero for run in runs if run.zero}):
+        group = [i for i, run in enumerate(runs) if run.zero == label]
+        if len(group) < 2:
+            continue
+        means = np.stack([rows[i].mean(axis=-1) for i in group], axis=-1)
+        variance = np.array([runs[i].mean_variance / periods[i] for i in group])
+        against_first = np.diag(variance[1:]) + variance[0]
+        parts.append(_divided(means[..., 1:] - means[..., :1], against_first))
+    return np.concatenate(parts, axis=-1)
+
+
+def _divided(rows: Array, covariance: Array) -> Array:
+    """Rows (..., k) in standard deviations."""
+    root = np.linalg.cholesky(covariance)
+    return np.asarray(np.linalg.solve(root, rows[..., None])[..., 0], dtype=np.float64)
 
 
 def coarse(run: FitRun, points: int) -> FitRun:
@@ -82,10 +127,13 @@ def coarse(run: FitRun, points: int) -> FitRun:
     values = np.fft.irfft(lines, kept, axis=1)
     time = run.conditions.time
     conditions = replace(
-        run.conditions, theta=run.conditions.theta[::stride], time=None if time is None else time[::stride]
+        run.conditions,
+        theta=run.conditions.theta[::stride],
+        time=None if time is None else time[::stride],
+        folds=False,
     )
     predictor = Predictor(run.predictor.mechanism, conditions)
-    return FitRun(run.name, predictor, values, run.noise[: (kept - 1) // 2] / stride)
+    return replace(run, predictor=predictor, values=values, noise=run.noise[: (kept - 1) // 2] / stride)
 
 
 def fit_run(name: str, predictor: Predictor, values: Array) -> FitRun:
@@ -93,6 +141,34 @@ def fit_run(name: str, predictor: Predictor, values: Array) -> FitRun:
     noise = noise_spectrum(values)
     least = max(float(noise.mean()) * 1e-6, 1e-30)  # noise-free simulated runs have no spread at all
     return FitRun(name, predictor, values, np.maximum(noise, least))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Weighted squares of the residual harmonics and of the declared sizes' changes, and the number of harmonics."""
+
+    data: float
+    prior: float
+    count: int
+
+    @property
+    def by_chance(self) -> float:
+        """Sum of squares that noise alone hardly exceeds."""
+        return self.count + _CHANCE * math.sqrt(2 * self.count)
+
+    @property
+    def scale(self) -> float:
+        """How many times more than noise alone the residual has; 1 where it may be noise."""
+        return max(1.0, self.data / self.by_chance)
+
+    @property
+    def objective(self) -> float:
+        """Twice the negative logarithm of the likelihood, the residual's variance being the noise's or more.
+
+        What is not explained yet is noise too: as plain squares it would drive declared sizes away by many times their
+        uncertainty, to make up for what the model lacks.
+        """
+        return self.data / self.scale + self.by_chance * math.log(self.scale) + self.prior
 
 
 @dataclass(frozen=True)
@@ -107,10 +183,9 @@ class Fit:
         Which parameters were varied; the others were declared without uncertainty.
     covariance : ndarray, shape (parameters, parameters)
         Zero for fixed parameters, infinite on the diagonal for those that the runs do not determine.
-    chi2 : float
-        Weighted sum of squares of the residual harmonics, plus that of the declared sizes' changes.
-    prospect : float
-        Sum of squares that one linear step of all free parameters would leave: what a fit of all of them may reach.
+    misfit : Misfit
+    prospect : Misfit
+        What one linear step of all free parameters would leave: what a fit of all of them may reach.
     predictions : tuple of Prediction
         One per run.
     converged : bool
@@ -119,10 +194,15 @@ class Fit:
     model: Model
     free: npt.NDArray[np.bool_]
     covariance: Array
-    chi2: float
-    prospect: float
+    misfit: Misfit
+    prospect: Misfit
     predictions: tuple[Prediction, ...]
     converged: bool
+
+    @property
+    def objective(self) -> float:
+        """That of the misfit: the less, the better."""
+        return self.misfit.objective
 
 
 def with_values(effects: Sequence[Effect], values: Array) -> tuple[Effect, ...]:
@@ -148,12 +228,13 @@ def joint_fit(
     *,
     start: Array | None = None,
     near: Sequence[Prediction | None] = (),
-    vary_last_only: bool = False,
+    vary_last: int | None = None,
     most_steps: int = 25,
 ) -> Fit:
     """Fit added effects freely, and declared ones within their uncertainty, to all runs at once.
 
-    Levenberg-Marquardt steps on harmonics in units of their noise; the offset of each run drops out with its mean.
+    Levenberg-Marquardt steps on harmonics in units of their noise; the offset of a run drops out with its mean, but for
+    runs that share a zero.
 
     Parameters
     ----------
@@ -167,10 +248,10 @@ def joint_fit(
         uncertainty.
     near : sequence of Prediction, optional
         Of a similar model, one per run: the equilibrium starts from there.
-    vary_last_only : bool
-        Hold everything but the last added effect.  Parts of one frame look alike to first order, so a new effect
-        that is fitted at once with all others can lodge them in a false minimum; fitted alone first, it does not.
-        It is then held to sizes that a workshop can make, as by a measurement of that uncertainty.
+    vary_last : int, optional
+        Hold everything but so many of the last added effects.  Parts of one frame look alike to first order, so a new
+        effect that is fitted at once with all others can lodge them in a false minimum; fitted alone first, it does
+        not.  It is then held to sizes that a workshop can make, as by a measurement of that uncertainty.
     most_steps : int
         Steps after which the fit gives up as not converged.
 
@@ -181,44 +262,42 @@ def joint_fit(
     effects = (*model.effects, *added)
     sigma = priors(model.effects, added)
     varied = free = sigma > 0
-    if vary_last_only:
-        varied = free.copy()
-        varied[: -len(added[-1].values)] = False
+    last = slice(sum(len(e.values) for e in effects[: len(effects) - (vary_last or 0)]), None)
+    if vary_last is not None:
+        varied = np.zeros_like(free)
+        varied[last] = free[last]
     declared = effect_values(effects)
     prior_weight = np.where(np.isfinite(sigma) & free, 1 / np.where(free, sigma, 1.0), 0.0)
     plausible = np.array([p.plausible for e in effects for p in source(e.key).parameters])
-    if vary_last_only:  # or parameters that act alike run away from each other
-        last = slice(-len(added[-1].values), None)
+    if vary_last is not None:  # or parameters that act alike run away from each other
         declared[last], prior_weight[last] = 0.0, 1 / plausible[last]
-    measured = np.concatenate([run.whiten(run.values.mean(axis=0), run.periods) for run in runs])
+    periods = [run.periods for run in runs]
+    measured = whitened(runs, [run.values.mean(axis=0) for run in runs], periods)
     reach = plausible * _LONGEST_STEP
 
     def state(values: Array, near: Sequence[Prediction | None]) -> _State:
         trial = replace(model, effects=with_values(effects, values))
         predictions = tuple(run.predictor.predict(trial, start) for run, start in zip(runs, near, strict=True))
-        pairs = list(zip(runs, predictions, strict=True))
-        residual = measured - np.concatenate([r.whiten(p.transmission_error, r.periods) for r, p in pairs])
-        matrix = np.concatenate([r.whiten(p.matrix, r.periods) for r, p in pairs], axis=1).T
-        residual = np.concatenate([residual, (declared - values) * prior_weight])
-        return _State(predictions, residual, np.concatenate([matrix, np.diag(prior_weight)]))
+        residual = measured - whitened(runs, [p.transmission_error for p in predictions], periods)
+        matrix = whitened(runs, [p.matrix for p in predictions], periods).T
+        return _State(predictions, residual, matrix, declared - values, prior_weight, plausible)
 
     values, damping, converged = (effect_values(effects) if start is None else start).copy(), 0.0, not varied.any()
     now = state(values, near or [None] * len(runs))
     for _ in range(most_steps):
         if converged:
             break
-        step = np.zeros(values.size)
-        step[varied] = _damped_step(now.matrix[:, varied], now.residual, damping)
+        step = now.step(varied, damping)
         step *= min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
-        if now.chi2 - float(((now.residual - now.matrix @ step) ** 2).sum()) < _NO_GAIN:
+        if now.misfit.objective - now.after(step).objective < _NO_STEP:
             converged = True
             break
         try:
             trial = state(values + step, now.predictions)
         except NotConvergedError:
             trial = None
-        if trial is not None and trial.chi2 < now.chi2:
-            converged = now.chi2 - trial.chi2 < _NO_GAIN
+        if trial is not None and trial.misfit.objective < now.misfit.objective:
+            converged = now.misfit.objective - trial.misfit.objective < _NO_GAIN
             values, now = values + step, trial
             damping = damping / 10 if damping > 1e-6 else 0.0
         else:
@@ -226,26 +305,57 @@ def joint_fit(
             if damping > 1e4:
                 break
     covariance = np.zeros((values.size, values.size))
-    left = now.chi2
     if free.any():
-        covariance[np.ix_(free, free)] = covariance_of(now.matrix[:, free], reach[free] / _LONGEST_STEP)
-        step = _damped_step(now.matrix[:, free], now.residual, 0.0)
-        left = float(((now.residual - now.matrix[:, free] @ step) ** 2).sum())
+        matrix, _ = now.weighted(now.misfit.scale)
+        covariance[np.ix_(free, free)] = covariance_of(matrix[:, free], reach[free] / _LONGEST_STEP)
     fitted = replace(model, effects=with_values(effects, values))
-    return Fit(fitted, free, covariance, now.chi2, left, now.predictions, converged)
+    prospect = now.after(now.step(free, 0.0))
+    return Fit(fitted, free, covariance, now.misfit, prospect, now.predictions, converged)
 
 
 @dataclass(frozen=True)
 class _State:
-    """Predictions, residual and its change with the parameters, in standard deviations; the last rows are priors."""
+    """Predictions, residual and its change with the parameters, in standard deviations; apart for data and priors."""
 
     predictions: tuple[Prediction, ...]
     residual: Array
-    matrix: Array
+    matrix: Array  # (values, parameters)
+    change: Array  # of each parameter from where it was declared
+    weight: Array  # of it
+    plausible: Array  # size of each parameter
 
-    @property
-    def chi2(self) -> float:
-        return float(self.residual @ self.residual)
+    @cached_property
+    def misfit(self) -> Misfit:
+        return self.after(np.zeros(self.change.size))
+
+    def after(self, step: Array) -> Misfit:
+        """Misfit that a step leaves, as far as the predictions are linear."""
+        left, change = self.residual - self.matrix @ step, (self.change - step) * self.weight
+        return Misfit(float(left @ left), float(change @ change), self.residual.size)
+
+    def step(self, varied: npt.NDArray[np.bool_], damping: float) -> Array:
+        """Change of the varied parameters that lowers the objective most, as far as the predictions are linear."""
+        step, scale = np.zeros(self.change.size), self.misfit.scale
+        # what shows in nothing would take any size
+        seen = np.hypot(np.linalg.norm(self.matrix, axis=0), self.weight) * self.plausible > _SEEN
+        varied = varied & seen
+        if not varied.any():
+            return step
+        for _ in range(_REWEIGHTED):  # what the step explains is noise no more
+            matrix, residual = self.weighted(scale)
+            step[varied] = _damped_step(matrix[:, varied], residual, damping)
+            before, scale = scale, self.after(step).scale
+            if scale > 0.99 * before:
+                break
+        return step
+
+    def weighted(self, scale: float) -> tuple[Array, Array]:
+        """Matrix and residual of least squares with so many times the noise's variance."""
+        root = math.sqrt(scale)
+        return (
+            np.concatenate([self.matrix / root, np.diag(self.weight)]),
+            np.concatenate([self.residual / root, self.change * self.weight]),
+        )
 
 
 def _damped_step(matrix: Array, residual: Array, damping: float) -> Array:
@@ -262,7 +372,7 @@ def covariance_of(matrix: Array, plausible: Array | float = 1.0) -> Array:
     That is where a size that a workshop can make changes the data by less than a thousandth of their noise.
     """
     scale = np.linalg.norm(matrix, axis=0)
-    known = scale * plausible > 1e-3
+    known = scale * plausible > _SEEN
     covariance = np.zeros((scale.size, scale.size))
     covariance[~known, ~known] = np.inf
     if known.any():

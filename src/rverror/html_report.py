@@ -332,8 +332,9 @@ def _orders(data: Data) -> str:
     return (
         "<h3>By order</h3>\n"
         + table(heads, rows, numbers=(0, *range(2, 4 + len(runs))))
-        + f'<p class="soft">Amplitudes of the mean of all revolutions, {escaped(data["unit"])}; before and after '
-        "are the root mean square over the runs. Several frames at one order: the order alone does not decide.</p>"
+        + f'<p class="soft">Amplitudes, {escaped(data["unit"])}, of the mean of revolutions that were each left out of '
+        "the fit; before and after are the root mean square over the runs. Several frames at one order: the order "
+        "alone does not decide.</p>"
     )
 
 

@@ -65,6 +65,11 @@ class Model:
         for item in self.effects:
             source(item.key).check_indices(self.mechanism, item.indices)
 
+    @property
+    def index_offset(self) -> float:
+        """Angle by which the gear's marks are ahead of the bench's zero, rad, of all ``sensor.index_offset``."""
+        return sum((e.values[0] for e in self.effects if e.key == "sensor.index_offset"), 0.0)
+
     def with_effects(self, *effects: Effect) -> Model:
         """Copy of the model with effects appended."""
         return Model(self.mechanism, (*self.effects, *effects), self.name)

@@ -16,6 +16,7 @@ import numpy as np
 from rverror.action_line import Array, ContactForces
 from rverror.catalogue import IndexValue, Mechanism, Source, source
 from rverror.compose import closed_form_forces, pose, source_matrix
+from rverror.diagnosis import describe
 from rverror.kinematics import Pose, folded_order, samples_needed, true_period
 from rverror.model import Effect
 from rverror.reducer import Drive, Reducer
@@ -47,6 +48,8 @@ class Bench:
         Whether the bench's zero lies on the gear's marks.
     shared_zero : bool
         Whether runs in both directions share one zero.
+    travel : (float, float), optional
+        Lowest and highest nominal output angle of the longest run where it covers a part of a turn only, rad.
     """
 
     directions: frozenset[float]
@@ -54,6 +57,7 @@ class Bench:
     torques: frozenset[float] = frozenset()
     marks: bool = True
     shared_zero: bool = False
+    travel: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,8 @@ class Fold:
 class Pair:
     """The named cause and one that explains the runs as well.
 
+    Waveforms are compared at constant speed, at which a delay between the encoders has none: nothing is said of it.
+
     Attributes
     ----------
     mechanism : Reducer or Drive
@@ -97,15 +103,17 @@ class Pair:
         The named cause with its size.
     other : tuple of str and mapping
     bench : Bench
-    states : mapping of float to (Pose, mapping)
-        Motion and closed-form forces in each direction, from `closed_form_states`.
+    seen, whole_turns : mapping of float to (Pose, mapping)
+        Motion and closed-form forces in each direction, from `closed_form_states`: over what the runs cover, and over
+        whole turns.
     """
 
     mechanism: Mechanism
     effect: Effect
     other: Cause
     bench: Bench
-    states: States
+    seen: States
+    whole_turns: States
 
     @cached_property
     def entries(self) -> tuple[Source, Source]:
@@ -115,17 +123,22 @@ class Pair:
     @cached_property
     def now(self) -> float:
         """Share of the named cause's waveform that the other cannot make, in the directions that were run."""
-        return self._left(self.bench.directions, together=self.bench.shared_zero)
+        return self._left(self.seen, self.bench.directions, together=self.bench.shared_zero)
+
+    @cached_property
+    def whole(self) -> float:
+        """The same over whole turns."""
+        return self._left(self.whole_turns, self.bench.directions, together=self.bench.shared_zero)
 
     @cached_property
     def both(self) -> float:
-        """The same in both directions, each with an offset of its own."""
-        return self._left(frozenset({1.0, -1.0}), together=False)
+        """What the other cannot make in both directions over these angles, each with an offset of its own."""
+        return self._left(self.seen, frozenset({1.0, -1.0}), together=False)
 
     @cached_property
     def zero(self) -> float:
         """The same in both directions from one zero, so that lost motion counts."""
-        return self._left(frozenset({1.0, -1.0}), together=True)
+        return self._left(self.seen, frozenset({1.0, -1.0}), together=True)
 
     def one_of(self, test: Callable[[Source], bool]) -> bool:
         """Tell whether exactly one of the two passes a test."""
@@ -151,8 +164,10 @@ class Pair:
         seen = [{round(folded_order(o, self.bench.samples_per_turn), 3) for o in orders} for orders in (first, second)]
         return bool(first and second) and not first & second and bool(seen[0] & seen[1])
 
-    def _left(self, directions: frozenset[float], *, together: bool) -> float:
-        states = [self.states[way] for way in sorted(directions)]
+    def _left(self, over: States, directions: frozenset[float], *, together: bool) -> float:
+        if self.either(_is_delay):
+            return 0.0
+        states = [over[way] for way in sorted(directions)]
         wave = np.array(self.effect.values) @ _waveforms(states, (self.effect.key, self.effect.indices), together)
         span = _waveforms(states, self.other, together)
         size, scale = float(np.linalg.norm(wave)), np.linalg.norm(span, axis=1)
@@ -166,19 +181,23 @@ class Pair:
         return float(np.linalg.norm(wave - (rows @ wave) @ rows) / size)
 
 
-def closed_form_states(mechanism: Mechanism) -> States:
-    """Motion and contact forces forward and reverse, over whole periods where those are short.
+def closed_form_states(mechanism: Mechanism, travel: tuple[float, float] | None = None) -> States:
+    """Motion and contact forces forward and reverse at constant speed.
 
     Parameters
     ----------
     mechanism : Reducer or Drive
+    travel : (float, float), optional
+        Lowest and highest output angle, rad; whole periods of the drive where left out, or turns if those are long.
 
     Returns
     -------
     mapping of float to (Pose, mapping)
         By direction, +1 and -1.
     """
-    theta = 2 * math.pi / _GRID * np.arange(min(true_period(mechanism), _LONGEST_PERIOD) * _GRID)
+    turns = min(true_period(mechanism), _LONGEST_PERIOD)
+    low, high = travel or (0.0, 2 * math.pi * turns)
+    theta = np.linspace(low, high, _GRID if travel else turns * _GRID, endpoint=False)
     motions = {way: pose(mechanism, theta, direction=way, time=way * theta, torque=1.0) for way in (1.0, -1.0)}
     return {way: (motion, closed_form_forces(motion)) for way, motion in motions.items()}
 
@@ -198,6 +217,14 @@ def _in_gears(entry: Source) -> bool:
 
 def _has(*dimensions: str) -> Callable[[Source], bool]:
     return lambda entry: any(parameter.dimension in dimensions for parameter in entry.parameters)
+
+
+def _is_delay(entry: Source) -> bool:
+    return entry.key == "sensor.time_offset"
+
+
+def _is_drift(entry: Source) -> bool:
+    return entry.key == "sensor.drift"
 
 
 def _is_reading(entry: Source) -> bool:
@@ -239,6 +266,22 @@ def _other_direction(bench: Bench) -> str:
     return "in reverse" if bench.directions == {1.0} else "forward"
 
 
+def _another_speed(bench: Bench) -> str:
+    one_way = len(bench.directions) == 1
+    return "a run at another speed" + (f", and one {_other_direction(bench)}" if one_way else "")
+
+
+def _alike_over_a_part(pairs: Sequence[Pair]) -> str:
+    """That a part of a turn hides what whole turns show."""
+    low, high = pairs[0].bench.travel or (0.0, 2 * math.pi)
+    named, others = pairs[0].effect, " or ".join(describe(*pair.other) for pair in pairs)
+    return (
+        f"over {math.degrees(high - low):.3g} deg {describe(named.key, named.indices)} cannot be told from {others} "
+        f"({_percent([p.now for p in pairs])} of the waveform differs), over whole turns "
+        f"{_percent([p.whole for p in pairs])} does"
+    )
+
+
 @dataclass(frozen=True)
 class _Rule:
     """When a measurement separates a pair, and how to say it."""
@@ -273,7 +316,9 @@ _RULES = (
     ),
     _Rule(
         "reverse",
-        lambda p: len(p.bench.directions) == 1 and p.both > ALIKE and p.both > p.now + ALIKE,
+        lambda p: (
+            len(p.bench.directions) == 1 and p.both > ALIKE and p.both > p.now + ALIKE and not p.either(_is_drift)
+        ),
         lambda bench, mechanism: f"a run {_other_direction(bench)} at the same load",
         lambda pairs: (
             f"in one direction another leaves {_percent([p.now for p in pairs])} of the waveform, in both "
@@ -281,34 +326,34 @@ _RULES = (
         ),
     ),
     _Rule(
+        "whole turn",
+        lambda p: p.bench.travel is not None and p.whole > p.now + ALIKE,
+        _plain("a run over a whole output turn or more"),
+        _alike_over_a_part,
+    ),
+    _Rule(
+        "return",
+        lambda p: p.one_of(_is_drift),
+        _plain("a run there and back over the same angles at once"),
+        _always("a drift goes on with the time; what follows the angle retraces its way, what the speed changes sign"),
+    ),
+    _Rule(
+        "speed",
+        lambda p: p.one_of(_is_delay),
+        lambda bench, mechanism: _another_speed(bench),
+        _always("a delay shifts the reading in proportion to the speed; nothing else does"),
+    ),
+    _Rule(
         "encoder",
         lambda p: p.one_of(_is_reading),
         _plain("the same runs with the output encoder remounted by 90 degrees"),
-        _always("the encoder's own error turns with it, the gear's does not"),
+        _always("the encoder's own error turns with it, nothing else does"),
     ),
     _Rule(
         "input coupling",
         lambda p: p.one_of(_is_input_coupling),
-        _plain("the same runs with the input coupling turned by 90 degrees on its shaft"),
-        _always("the coupling's own error turns with it, the gear's does not"),
-    ),
-    _Rule(
-        "whole turn",
-        lambda p: p.one_of(lambda entry: entry.periodic) and p.either(_is_reading),
-        _plain("a run over a whole output turn or more"),
-        _always("what grows along a run and what repeats every turn look alike over a part of a turn"),
-    ),
-    _Rule(
-        "speed",
-        lambda p: p.one_of(_has("time")),
-        _plain("a run at another speed, and one in the other direction"),
-        _always("a delay shifts the reading in proportion to the speed; nothing else does"),
-    ),
-    _Rule(
-        "return",
-        lambda p: p.both_are(lambda entry: not entry.periodic) and not p.either(_has("time")),
-        _plain("a run that goes back over the same angles at once"),
-        _always("a drift goes on with time, an error of the ratio retraces its way"),
+        _plain("the same runs with the input encoder or its coupling remounted by 90 degrees on the input shaft"),
+        _always("an error of encoder or coupling turns with it, one inside the drive does not"),
     ),
     _Rule(
         "temperature",
@@ -343,7 +388,7 @@ _RULES = (
     _Rule(
         "longer",
         lambda p: p.now > ALIKE,
-        _plain("more revolutions: four times as many halve what noise leaves open"),
+        _plain("a longer run: four times as many revolutions, or cycles of the motion, halve what noise leaves open"),
         lambda pairs: f"their waveforms differ by {_percent([p.now for p in pairs])}, less than the noise resolves",
     ),
     _Rule(
@@ -407,8 +452,9 @@ def to_separate(mechanism: Mechanism, effect: Effect, others: Sequence[Cause], b
         return tuple(
             Measurement(rule.name, rule.what(bench, mechanism), rule.why(())) for rule in _RULES if rule.name in proofs
         )
-    states = closed_form_states(mechanism)
-    pairs = [Pair(mechanism, effect, other, bench, states) for other in others]
+    whole = closed_form_states(mechanism)
+    seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
+    pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
     helped = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
     stuck = [pair for pair in pairs if not any(pair in settled for _, settled in helped)]
     chosen = [(rule, settled) for rule, settled in [*helped, (_LAST, stuck)] if settled]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from rverror.action_line import Array, ContactForces
+from rverror.action_line import Array, ContactForces, Contacts
 from rverror.catalogue import IndexValue, Mechanism, source
 from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose, source_matrix
 from rverror.equilibrium import Statics, statics_of
-from rverror.kinematics import Pose, fundamental_orders
+from rverror.kinematics import Pose, fundamental_orders, true_period
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
 
@@ -38,12 +38,15 @@ class Conditions:
         Size of the output torque, N*mm; without one the closed form predicts.
     time : ndarray, shape (n,), optional
         Time, s.
+    folds : bool
+        Whether the samples were read at instants, so that orders above their Nyquist order fold onto lower ones.
     """
 
     theta: Array
     direction: float
     torque: float | None = None
     time: Array | None = None
+    folds: bool = False
 
 
 @dataclass(frozen=True)
@@ -121,17 +124,45 @@ class Predictor:
         -------
         Prediction
         """
+        gears = tuple(e for e in model.effects if not source(e.key).at_output)
         if not uses_equilibrium(model, self.conditions):
             motion, forces = self.contact_state(model)
+            if any(e.key == "sensor.index_offset" for e in model.effects):
+                matrix = effect_matrix(motion, forces, gears)
+                return _as_read(model, motion, Prediction(effect_values(gears) @ matrix, matrix))
             matrix = effect_matrix(motion, forces, model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
-        gears = tuple(e for e in model.effects if not source(e.key).at_output)
         repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
         loaded = _loaded(self._repeat if repeats else self._whole, gears, near)
-        return _as_read(model, self.conditions, self._carried_over(loaded) if repeats else loaded)
+        return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
+
+    def influences(self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> Array:
+        """Influence of sources on the output error of a model, with the contacts as they are closed in it.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+        sources : sequence of (str, mapping)
+            Keys and indices.
+
+        Returns
+        -------
+        ndarray, shape (parameters, n)
+            rad per mm or rad, one row per parameter of each source.
+        """
+        motion, forces = self.contact_state(model)
+        rows = [source_matrix(motion, forces, key, indices) for key, indices in sources]
+        if model.index_offset:
+            read = [source(key).at_output for key, _ in sources]
+            rows = [
+                part if fixed else _turned(part, motion, model.index_offset)
+                for part, fixed in zip(rows, read, strict=True)
+            ]
+        return np.concatenate(rows)
 
     def contact_state(self, model: Model) -> tuple[Pose, ContactForces]:
-        """Motion and contact forces per unit torque at every sample, for the influence of any source.
+        """Motion and contact forces per unit torque with the gear's marks at every sample's angle.
 
         Parameters
         ----------
@@ -155,6 +186,11 @@ class Predictor:
         )
         return motion, closed_form_forces(motion)
 
+    @property
+    def _motion(self) -> Contacts:
+        """Motion at every sample, as what is read at the output needs it."""
+        return replace(self._whole.motion, time=self.conditions.time)
+
     @cached_property
     def _whole(self) -> Statics:
         return self._statics(self.conditions.theta)
@@ -169,12 +205,18 @@ class Predictor:
 
     @cached_property
     def _waves(self) -> npt.NDArray[np.complex128]:
-        """Harmonics of the repeat at all samples; without those that would fold onto lower orders."""
-        count = self._repeat.motion.theta.size // 2
-        if self.conditions.theta.size > 2:
-            count = min(count, math.ceil(math.pi / self._step / self._repeat_order))
+        """Harmonics of the repeat at all samples."""
         turned = self.conditions.theta - self.conditions.theta[0]
+        count = self._repeat.motion.theta.size // 2 if self.conditions.folds else self._unfolded
         return np.asarray(np.exp(1j * self._repeat_order * np.outer(np.arange(count), turned)))
+
+    @property
+    def _unfolded(self) -> int:
+        """Number of harmonics of the repeat that do not fold onto lower orders at the samples."""
+        most = self._repeat.motion.theta.size // 2
+        if self.conditions.theta.size < 3:
+            return most
+        return min(most, math.ceil(math.pi / self._step / self._repeat_order))
 
     @property
     def _repeat_order(self) -> float:
@@ -189,9 +231,14 @@ class Predictor:
         return statics_of(self.mechanism, theta, torque=self.conditions.torque, direction=self.conditions.direction)
 
     def _carried_over(self, one: Prediction) -> Prediction:
+        """Prediction at all samples from one repeat.
+
+        Folded orders move with every jitter of the sampling, so the error has them but no size is drawn from them.
+        """
         points = one.transmission_error.size
         lines = np.fft.rfft(np.vstack([one.transmission_error, one.matrix]), axis=1)[:, : len(self._waves)] / points
         lines[:, 1:] *= 2
+        lines[1:, self._unfolded :] = 0
         rows = (lines @ self._waves).real
         return Prediction(rows[0], rows[1:], one.poses)
 
@@ -217,6 +264,13 @@ def repeats_with_crank(mechanism: Mechanism, key: str, indices: Mapping[str, Ind
     return frame == "sun" and isinstance(mechanism, Reducer) and mechanism.planet_teeth % mechanism.sun_teeth == 0
 
 
+def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
+    step = np.diff(theta)
+    periods = theta.size * float(step.mean()) / (2 * math.pi * true_period(mechanism)) if step.size else 0.0
+    if not step.size or np.ptp(step) > 1e-6 * abs(step.mean()) or abs(periods - round(periods)) > 1e-6 or not periods:
+        raise ValueError("sensor.index_offset is predicted over even angles of whole periods; cut the run into them")
+
+
 def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | None) -> Prediction:
     """Prediction at the angles of the statics, from the poses of `near` where it was solved at these."""
     start = near.poses if near and near.poses is not None else None
@@ -224,24 +278,36 @@ def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | No
     return Prediction(*statics.predict(effects, start if fits else None))
 
 
-def _as_read(model: Model, conditions: Conditions, loaded: Prediction) -> Prediction:
-    """Put what acts beyond the gear train back among its effects, in the model's order."""
-    motion = Pose(
-        ratio=model.mechanism.ratio,
-        theta=conditions.theta,
-        direction=np.full_like(conditions.theta, conditions.direction),
-        time=conditions.time,
-        torque=conditions.torque,
-    )
-    reading = closed_form_forces(motion)
+def _turned(rows: Array, motion: Pose, angle: float, *, derivative: bool = False) -> Array:
+    """Rows over whole periods, or their derivative, where the gear train is ahead by an angle: by Fourier series."""
+    n, step = motion.theta.size, float(motion.theta[1] - motion.theta[0])
+    wave_numbers = 2 * np.pi * np.fft.rfftfreq(n, step)
+    factor = np.exp(1j * wave_numbers * angle) * (1j * wave_numbers if derivative else 1.0)
+    return np.asarray(np.fft.irfft(np.fft.rfft(rows, axis=-1) * factor, n, axis=-1), dtype=np.float64)
+
+
+def _as_read(model: Model, motion: Pose, loaded: Prediction) -> Prediction:
+    """Put what acts beyond the gear train back among its effects, in the model's order, and turn it to its marks."""
+    if any(effect.key == "sensor.index_offset" for effect in model.effects):
+        _check_whole_periods(model.mechanism, motion.theta)
+        offset = model.index_offset
+        ahead = _turned(loaded.transmission_error, motion, offset, derivative=True)
+        loaded = replace(
+            loaded,
+            transmission_error=_turned(loaded.transmission_error, motion, offset),
+            matrix=_turned(loaded.matrix, motion, offset),
+        )
+    reading = {"output": np.ones((1, motion.theta.size))}
     error, rows, at = loaded.transmission_error.copy(), [], 0
     for effect in model.effects:
         count = len(effect.values)
-        if source(effect.key).at_output:
+        if effect.key == "sensor.index_offset":
+            matrix = ahead[None]
+        elif source(effect.key).at_output:
             matrix = source_matrix(motion, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix
         else:
             matrix, at = loaded.matrix[at : at + count], at + count
         rows.append(matrix)
-    matrix = np.concatenate(rows) if rows else np.zeros((0, conditions.theta.size))
+    matrix = np.concatenate(rows) if rows else np.zeros((0, motion.theta.size))
     return Prediction(error, np.asarray(matrix, dtype=np.float64), loaded.poses)

@@ -171,10 +171,19 @@ def _torque(trace: Trace) -> float | None:
 def _bench(diagnosis: Diagnosis) -> Bench:
     """What the runs of a diagnosis cover."""
     torques = {torque for trace in diagnosis.traces if (torque := _torque(trace)) is not None}
+    longest = max(diagnosis.traces, key=turns_of, default=None)
+    part = longest.theta if longest is not None and turns_of(longest) < 1 else None
     return Bench(
         directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
         samples_per_turn=samples_per_turn(diagnosis),
         torques=frozenset(torques),
+        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
+        shared_zero=any(
+            one.index == other.index not in ("", "unknown") and one.direction != other.direction
+            for one in diagnosis.traces
+            for other in diagnosis.traces
+        ),
+        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
     )
 
 
@@ -183,26 +192,12 @@ def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
     bench, unit = _bench(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []
     for addition in diagnosis.added:
-        if addition.separate:  # found where the runs themselves are at hand
-            found += [(addition, step) for step in _told(addition)]
-        elif all(key in CATALOGUE for key in (addition.effect.key, *(key for key, _ in addition.indistinguishable))):
+        if all(key in CATALOGUE for key in (addition.effect.key, *(key for key, _ in addition.indistinguishable))):
             steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
             found += [(addition, step) for step in steps]
     steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
     reading = diagnosis.quantity == "angle"
     return found + [(None, step) for step in steps if reading or step.name != "encoder"]
-
-
-def _told(addition: Addition) -> list[Measurement]:
-    """The measurements that the search itself names, each once, with the causes that it speaks of."""
-    whys: dict[str, str] = {}
-    causes: dict[str, list[tuple[str, Mapping[str, IndexValue]]]] = {}
-    for text in addition.separate:
-        what, _, why = text.partition(": ")
-        whys.setdefault(what, why)
-        about = [cause for cause in addition.indistinguishable if cause[0] in why]
-        causes.setdefault(what, []).extend(about or addition.indistinguishable)
-    return [Measurement("runs", what, why, tuple(causes[what])) for what, why in whys.items()]
 
 
 def _next_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -62,6 +62,27 @@ def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
     return _reading(_waves(harmonic * pose.ratio * pose.theta) / pose.ratio)
 
 
+def index_offset(pose: Pose) -> ErrorVector:
+    """Angle by which the gear's marks are ahead of the bench's zero: the gear train stands at theta + offset.
+
+    Parameters
+    ----------
+    pose : Pose
+
+    Returns
+    -------
+    ErrorVector
+        Term offset.
+
+    Notes
+    -----
+    By itself it makes no error, so its influence is zero here; it turns the waveform of everything else in the gear
+    train, and the composers do that with `Model.index_offset`.  What the bench reads (encoders, couplings) keeps to
+    the bench's zero.
+    """
+    return _reading(np.zeros((1, pose.theta.size)))
+
+
 def ratio_error(pose: Pose) -> ErrorVector:
     """Error that grows with the output angle: a wrong nominal ratio or encoder scale.
 
@@ -145,9 +166,12 @@ def slope(values: Array, clock: Array) -> Array:
     >>> slope(np.array([0.0, 1.0, 2.0, 2.0]), np.array([0.0, 0.5, 1.0, 1.0]))
     array([2., 2., 2., 2.])
     """
-    near, far = (_line_slope(values, clock, reach) for reach in (_SPEED_SAMPLES, 2 * _SPEED_SAMPLES))
+    span = float(np.ptp(clock))
+    mean = float(values[np.argmax(clock)] - values[np.argmin(clock)]) / span if span > 0 else 0.0
+    rest = values - mean * clock  # so that a constant speed is exact
+    near, far = (_line_slope(rest, clock, reach) for reach in (_SPEED_SAMPLES, 2 * _SPEED_SAMPLES))
     # what bends within the samples makes an error that grows with the square of their number
-    return np.asarray(near + (near - far) / 3, dtype=np.float64)
+    return np.asarray(mean + near + (near - far) / 3, dtype=np.float64)
 
 
 def _line_slope(values: Array, clock: Array, reach: int) -> Array:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rverror import units
 from rverror.action_line import Array
@@ -250,6 +249,8 @@ def coloured_noise(count: int, *, rms: float, step: float, correlation: float, r
     An Ornstein-Uhlenbeck process, sampled: x_k = rho x_(k-1) + sqrt(1 - rho^2) rms e_k.  The first sample has the
     process's own spread, so there is nothing to settle.
     """
+    from scipy.signal import lfilter  # here, because it takes longer to load than all of rverror
+
     drawn = rms * random.standard_normal(count)
     if correlation == 0:
         return drawn
@@ -443,7 +444,7 @@ def _error(
     Readings of the measuring chain may drift from turn to turn, so they are added at all angles.
     """
     unit = model.mechanism
-    readings = tuple(e for e in model.effects if e.key.startswith("sensor."))
+    readings = tuple(e for e in model.effects if e.key.startswith("sensor.") and e.key != "sensor.index_offset")
     gears = replace(model, effects=tuple(e for e in model.effects if e not in readings))
     alike = isinstance(unit, Reducer) and unit.exact_ratio.denominator == 1
     wanted = theta[:points] if alike else theta

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import unicodedata
 import uuid
 from collections.abc import Iterable
 from contextlib import suppress
@@ -112,6 +113,27 @@ def write_bytes(path: PathLike, content: bytes, *, overwrite: bool) -> None:
             raise
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {_reason(error, 'write')}") from error
+
+
+def is_printable(name: PathLike) -> bool:
+    """Tell whether a name holds no control character and no byte that is no Unicode, so that a report can quote it."""
+    return all(unicodedata.category(letter) not in ("Cc", "Cs") for letter in os.fspath(name))
+
+
+def check_name(path: PathLike) -> None:
+    """Refuse a file whose name cannot be printed, for reports and models quote it.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Raises
+    ------
+    InputError
+        If the name holds control characters or bytes that are no Unicode.
+    """
+    if not is_printable(path):
+        raise InputError(f"{os.fspath(path)!a}: the file name holds characters that cannot be printed; rename the file")
 
 
 def shown(value: object, longest: int = 40) -> str:
