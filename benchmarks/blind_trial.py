@@ -7,6 +7,10 @@ each direction at 20 N*m, and coloured noise of 0.49 arcsec.  In turn it lacks n
 size from barely visible to large, two sources, or a wave of an order that no source has.  The runs come from the loaded
 equilibrium with contacts that open, not from the linear influences by which candidates are first ranked; but it is
 rverror's own equilibrium, so this trial says nothing on errors of the physics.  Simulated, not measured.
+
+Some effects look so like the declared ones that these make up for them within their uncertainty.  Where the true cause
+lowers the weighted sum of squares by less than 45 beside them, noise known, the unit is counted as hidden: what chance
+gives one of all candidates in a thousand units is 24, and a true one strays by twice its root.
 """
 
 from __future__ import annotations
@@ -31,12 +35,14 @@ from rverror.simulate import coloured_noise  # noqa: E402
 
 ARCSEC = math.pi / 648000
 POINTS, TURNS, TORQUE, NOISE = 2048, 3, 20e3, 0.49 * ARCSEC
+SLOW, WHITE, CORRELATION = 0.9, 0.44, 4.5  # parts of the noise, and samples over which the slow one forgets
+HIDDEN = 45.0
 UNCERTAINTY = 0.3e-3  # mm, 1 sigma of a declared component
 #: rms of the effect over the noise that is left in the mean of the revolutions of one run
 SIZES = (1.0, 2.0, 5.0, 20.0)
 DECLARED = (
     *(("cycloid.disc_pitch", {"disc": disc, "harmonic": 1}, 2e-3) for disc in (0, 1)),
-    *(("crank.eccentricity", {"crank": crank, "disc": disc}, 1e-3) for crank in (0, 1) for disc in (0, 1)),
+    *(("crank.eccentricity", {"crank": crank, "disc": disc}, 1e-3) for crank, disc in ((0, 0), (0, 1), (1, 0))),
     ("coupling.carrier_bore_position", {"crank": 0}, 1.5e-3),
 )
 
@@ -48,19 +54,21 @@ class Outcome:
     kind: str  # none, one, two, outside
     key: str
     size: float  # rms over the noise of the averaged run
+    hidden: bool  # in the uncertainty of the declared sizes
     result: str  # found, set, wrong, missed, clean, false
     inside: tuple[bool, ...]  # whether each true size lies in its 95 % interval
     seconds: float
 
 
 def visible(unit: Mechanism) -> list[tuple[str, dict]]:
-    """Every source with an index set whose waveform is more than a constant."""
+    """Every source with an index set whose waveform is more than a constant, and that is not declared."""
+    declared = [(key, indices) for key, indices, _ in DECLARED]
     return [
-        (key, indices)
+        (key, dict(indices))
         for key, entry in CATALOGUE.items()
         if entry.applies_to(unit) and entry.periodic and entry.tried
         for indices in entry.candidates(unit)
-        if entry.orders(unit, indices)
+        if entry.orders(unit, indices) and (key, dict(indices)) not in declared
     ]
 
 
@@ -89,6 +97,31 @@ def undeclared(rng: np.random.Generator, unit: Mechanism, true: tuple, choice: t
         scale = min(scale, 1.0 / float(np.abs(direction / [p.plausible for p in parameters]).max()))
     effect = rverror.Effect(key, indices, tuple(scale * direction))
     return effect, spread(waves(unit, (*true, effect)) - base) / (NOISE / math.sqrt(TURNS))
+
+
+def gain(unit: Mechanism, true: tuple, effect: rverror.Effect, directions: tuple) -> float:
+    """What an effect lowers the weighted squares by, where declared sizes may make up for it as far as uncertain."""
+    theta = 2 * np.pi * np.arange(POINTS) / POINTS
+    lines = np.arange(1, POINTS // 2)
+    rho = math.exp(-1 / CORRELATION)
+    slow = (1 - rho**2) / np.abs(1 - rho * np.exp(-2j * np.pi * lines / POINTS)) ** 2
+    scale = np.sqrt(2 / POINTS / ((SLOW**2 * slow + WHITE**2) * NOISE**2 / TURNS))
+
+    def whitened(rows: np.ndarray) -> np.ndarray:
+        part = np.fft.rfft(rows)[..., 1 : POINTS // 2] * scale
+        return np.concatenate([part.real, part.imag], axis=-1)
+
+    wave, rows = [], []
+    for direction, both in zip((1, -1), waves(unit, (*true, effect)) - waves(unit, true), strict=True):
+        if direction in directions:
+            state = rverror.linearise(rverror.Model(unit, true), theta, torque=TORQUE, direction=direction)
+            parts = [rverror.influence(unit, theta, e.key, direction=direction, forces=state.forces, **e.indices)
+                     for e in true]  # fmt: skip
+            wave.append(whitened(both))
+            rows.append(whitened(np.concatenate([part.matrix for part in parts])))
+    wave, rows = np.concatenate(wave), np.concatenate(rows, axis=1)
+    moment = rows @ wave
+    return float(wave @ wave - moment @ np.linalg.solve(rows @ rows.T + np.eye(len(rows)) / UNCERTAINTY**2, moment))
 
 
 def trial(job: tuple[int, int, bool]) -> Outcome:
@@ -120,8 +153,8 @@ def trial(job: tuple[int, int, bool]) -> Outcome:
         if forward_only and direction < 0:
             continue
         noise = coloured_noise(
-            TURNS * POINTS, rms=0.9 * NOISE, step=1.0, correlation=4.5, random=rng
-        ) + 0.44 * NOISE * rng.standard_normal(TURNS * POINTS)
+            TURNS * POINTS, rms=SLOW * NOISE, step=1.0, correlation=CORRELATION, random=rng
+        ) + WHITE * NOISE * rng.standard_normal(TURNS * POINTS)
         theta = 2 * np.pi * np.arange(TURNS * POINTS) / POINTS
         order = slice(None) if direction > 0 else slice(None, None, -1)
         runs.append(
@@ -136,7 +169,9 @@ def trial(job: tuple[int, int, bool]) -> Outcome:
     found = rverror.diagnose(rverror.Model(unit, tuple(declared)), runs)
     seconds = perf_counter() - start
     result, inside = judged(kind, missing, found)
-    return Outcome(kind, "+".join(e.key for e in missing), size, result, inside, seconds)
+    directions = (1,) if forward_only else (1, -1)
+    hidden = kind == "one" and gain(unit, true, missing[0], directions) < HIDDEN
+    return Outcome(kind, "+".join(e.key for e in missing), size, hidden, result, inside, seconds)
 
 
 def judged(kind: str, missing: list, found: rverror.Diagnosis) -> tuple[str, tuple[bool, ...]]:
@@ -160,6 +195,10 @@ def judged(kind: str, missing: list, found: rverror.Diagnosis) -> tuple[str, tup
     return ("set" if "set" in results else "found"), tuple(inside)
 
 
+def _traced(outcomes: list[Outcome]) -> int:
+    return sum(o.result in ("found", "set") for o in outcomes)
+
+
 def main() -> None:
     """Run the trial and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -174,7 +213,7 @@ def main() -> None:
         for number, outcome in enumerate(executor.map(trial, jobs)):
             outcomes.append(outcome)
             print(f"{number:4d} {outcome.kind:8s} {outcome.size:6.1f} {outcome.result:7s} {outcome.seconds:5.1f} s  "
-                  f"{outcome.key}", flush=True)  # fmt: skip
+                  f"{outcome.key}{', hidden' if outcome.hidden else ''}", flush=True)  # fmt: skip
     directions = "forward alone" if options.forward_only else "forward and reverse"
     print(f"\n{len(outcomes)} units, {directions}, {POINTS} points, {TURNS} revolutions, seed {options.seed}\n")
     table: dict[tuple[str, str], Counter] = defaultdict(Counter)
@@ -190,10 +229,12 @@ def main() -> None:
     for (key, band), counts in sorted(table.items()):
         print(f"{key:34s} {band:12s} " + " ".join(f"{counts[c] or '-':>6}" for c in columns))
     loud = [o for o in outcomes if o.kind == "one" and o.size >= 2]
-    traced = sum(o.result in ("found", "set") for o in loud)
+    hidden = [o for o in loud if o.hidden]
+    open_ = [o for o in loud if not o.hidden]
     quiet = [o for o in outcomes if o.kind == "none"]
     inside = [flag for o in outcomes for flag in o.inside]
-    print(f"\ntraced where the rms is twice the noise of the averaged run: {traced} of {len(loud)}; aim 95 %")
+    print(f"\ntraced where the rms is twice the noise of the averaged run or more: {_traced(open_)} of {len(open_)}; "
+          f"and {_traced(hidden)} of {len(hidden)} that hide in the declared uncertainty; aim 95 %")  # fmt: skip
     print(f"false effects in units that lack nothing: {sum(o.result == 'false' for o in quiet)} of {len(quiet)}")
     print(f"true sizes inside their 95 % interval: {sum(inside)} of {len(inside)}")
     seconds = np.array([o.seconds for o in outcomes])

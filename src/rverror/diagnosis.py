@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -81,13 +82,19 @@ class Addition:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the residual spectrum: order, amplitude with 95 % interval (rad), frames that it fits."""
+    """A line of the residual spectrum: order, amplitude with 95 % interval (rad), frames that it fits.
+
+    `cos` and `sin` of the order's multiple of the output angle are the mean of all runs; NaN where the runs have no one
+    zero.
+    """
 
     order: float
     amplitude: float
     low: float
     high: float
     frames: tuple[str, ...]
+    cos: float = math.nan
+    sin: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ Every number on the page is one of the JSON's, every text is escaped here.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -255,7 +256,32 @@ def _unexplained(data: Data) -> str:
         + table(heads, rows, numbers=(0, 1))
         + "<p>To add the effect once it is known: one function and one catalogue entry, written out with a worked "
         "example in <code>docs/adding-an-effect.md</code>; the fit, files and this report then take it up.</p>"
+        + _as_measured(lines[0]["as_effect"])
     )
+
+
+def _as_measured(effect: Data | None) -> str:
+    if effect is None:
+        return ""
+    return (
+        f"<p>To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:</p>\n"
+        f"<pre>{escaped(chr(10).join(effect_toml(effect)))}</pre>"
+    )
+
+
+def effect_toml(effect: Mapping[str, Any]) -> list[str]:
+    """Lines of a model file that declare an effect.
+
+    Parameters
+    ----------
+    effect : mapping
+        Key, indices and parameters by name, sizes with their unit.
+
+    Returns
+    -------
+    list of str
+    """
+    return ["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())]
 
 
 def _folds(found: Sequence[Data] | None) -> str:

@@ -311,26 +311,26 @@ class Search:
         free = sigma > 0
         declared = effect_values((*self.model.effects, *added))
         offset = declared - effect_values(state.model.effects)
+        first, known = int(free.sum()), np.isfinite(sigma[free])
+        change, weight = offset[free][known], state.misfit.scale * sigma[free][known] ** -2
+        pairs = zip(blocks, state.predictions, strict=True)
+        columns = [np.concatenate([prediction.matrix[free], block]) for block, prediction in pairs]
+        once, others = [1] * len(self.runs), [run.periods - 1 for run in self.runs]
+        train, test = whitened(self.runs, columns, others), whitened(self.runs, columns, once)
+        gram, test_gram = train @ train.T, test @ test.T
+        gram[np.arange(first)[known], np.arange(first)[known]] += weight
         folds = max(run.periods for run in self.runs)
         gains = np.zeros((folds, len(sets)))
         for fold in range(folds):
-            columns, kept, left = [], [], []
-            for run, block, prediction in zip(self.runs, blocks, state.predictions, strict=True):
-                columns.append(np.concatenate([prediction.matrix[free], block]))
+            kept, left = [], []
+            for run, prediction in zip(self.runs, state.predictions, strict=True):
                 rest = run.values - prediction.transmission_error
                 keep = np.arange(run.periods) != fold % run.periods
                 kept.append(rest[keep].mean(axis=0))
                 left.append(rest[~keep][0])
-            once, others = [1] * len(self.runs), [run.periods - 1 for run in self.runs]
-            train, right = whitened(self.runs, columns, others), whitened(self.runs, kept, others)
-            test, seen = whitened(self.runs, columns, once), whitened(self.runs, left, once)
-            gram, moment = train @ train.T, train @ right
-            test_gram, test_moment = test @ test.T, test @ seen
-            first = int(free.sum())
-            known = np.isfinite(sigma[free])
-            change, weight = offset[free][known], state.misfit.scale * sigma[free][known] ** -2
-            gram[np.arange(first)[known], np.arange(first)[known]] += weight
+            moment = train @ whitened(self.runs, kept, others)
             moment[:first][known] += weight * change
+            test_moment = test @ whitened(self.runs, left, once)
             left_out = _Fold(gram, moment, test_gram, test_moment, known, change, weight / folds)
             base = left_out.score(np.arange(first))
             for i, (end, count) in enumerate(zip(ends, size, strict=True)):
@@ -385,7 +385,10 @@ class Search:
         trials.sort(key=_Trial.promise)
         trials = [self._fitted(t, added, effect_values(t.fit.model.effects), 4) for t in trials[:_PROMISING]]
         trials.sort(key=_Trial.promise)
-        trials[:_RESTARTED] = [self._restarted(trial, added) for trial in trials[:_RESTARTED]]
+        for at, trial in enumerate(trials[:_RESTARTED]):
+            trials[at] = self._restarted(trial, added)
+            if not _is_poor(trials[at]):
+                break
         return sorted(trials, key=_Trial.promise)
 
     def _fitted(self, trial: _Trial, added: Sequence[Effect], values: Array, steps: int) -> _Trial:
@@ -400,9 +403,7 @@ class Search:
         Pins that open and close make a wave look like another one of the opposite sign: a fit from nothing can end
         there.
         """
-        expected = sum(2 * run.noise.size for run in trial.runs)
-        poor = expected + _POOR * math.sqrt(2 * expected)
-        if trial.fit.prospect.data < poor or not trial.effect.key.startswith("cycloid."):
+        if not _is_poor(trial) or not trial.effect.key.startswith("cycloid."):
             return trial
         self.tell(f"starting again with {describe(trial.effect.key, trial.effect.indices)}")
         reach = np.array([p.plausible for p in source(trial.effect.key).parameters]) * _WORKSHOP
@@ -538,27 +539,32 @@ class Search:
         count = min(w.shape[1] for w in whitened)
         power = sum((w[:, :count] ** 2).sum(axis=0) for w in whitened)
         limit = chi_square(_FALSE_ALARM / count, 2 * len(whitened)) * self._noise_scale(fit)
-        sizes, spreads = [], []
+        sizes, spreads, waves = [], [], []
+        turns = true_period(self.unit)
         for run, prediction in zip(self.runs, fit.predictions, strict=True):
             n = run.conditions.theta.size
-            rest = run.values.mean(axis=0) - prediction.transmission_error
-            sizes.append(amplitude(harmonics(rest), n)[:count])
+            lines = harmonics(run.values.mean(axis=0) - prediction.transmission_error)[:, :count]
+            sizes.append(amplitude(lines, n))
             spreads.append((run.noise / run.periods * 2 / n)[:count])
+            to_zero = np.exp(-1j * np.arange(1, count + 1) / turns * run.conditions.theta[0])
+            waves.append((lines[0] + 1j * lines[1]) * np.sqrt(2 / n) * to_zero)
+        wave = np.mean(waves, axis=0)  # of cos, and of -sin
         size = np.mean(sizes, axis=0)
         spread = 1.96 * np.sqrt(np.sum(spreads, axis=0)) / len(spreads)
-        turns = true_period(self.unit)
         found = np.flatnonzero((power > limit) & (size > MODEL_ACCURACY))
-        lines = [
+        significant = [
             Line(
                 float((h + 1) / turns),
                 float(size[h]),
                 float(max(size[h] - spread[h], 0.0)),
                 float(size[h] + spread[h]),
                 tuple(frames_of_order(self.unit, (h + 1) / turns)),
+                float(wave[h].real),
+                float(-wave[h].imag),
             )
             for h in found
         ]
-        return tuple(sorted(lines, key=lambda line: -line.amplitude))
+        return tuple(sorted(significant, key=lambda line: -line.amplitude))
 
     def own_lines(self, fit: Fit, added: Sequence[Effect]) -> list[Line]:
         """Significant lines that one of the added effects should have explained: of its frame, or where it shows."""
@@ -603,15 +609,16 @@ class Search:
         weight = fit.misfit.scale * sigma**-2
         change = (effect_values((*effects, *added)) - effect_values(fit.model.effects))[free]
         others = [run.periods - 1 for run in runs]
+        matrix = whitened(runs, [prediction.matrix[free] for prediction in fit.predictions], others)
+        gram = matrix @ matrix.T
+        gram[known, known] += weight[known]
         left = [np.zeros_like(run.values) for run in runs]
         for fold in range(max(run.periods for run in runs)):
             kept = []
             for run, prediction in zip(runs, fit.predictions, strict=True):
                 keep = np.arange(run.periods) != fold % run.periods
                 kept.append((run.values - prediction.transmission_error)[keep].mean(axis=0))
-            matrix = whitened(runs, [prediction.matrix[free] for prediction in fit.predictions], others)
-            gram, moment = matrix @ matrix.T, matrix @ whitened(runs, kept, others)
-            gram[known, known] += weight[known]
+            moment = matrix @ whitened(runs, kept, others)
             moment[known] += weight[known] * change[known]
             step = _solve(gram, moment)
             for out, run, prediction in zip(left, runs, fit.predictions, strict=True):
@@ -648,6 +655,12 @@ class Search:
         strong = np.flatnonzero(size > max(0.3 * size.max(), 1e-3 * MODEL_ACCURACY))
         turns = true_period(self.unit)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
+
+
+def _is_poor(trial: _Trial) -> bool:
+    """Tell whether a fit of everything would stay far above the noise."""
+    expected = sum(2 * run.noise.size for run in trial.runs)
+    return trial.fit.prospect.data > expected + _POOR * math.sqrt(2 * expected)
 
 
 def _exists(effect: Effect) -> bool:

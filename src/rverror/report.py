@@ -15,12 +15,13 @@ import numpy as np
 import rverror
 from rverror import html_report, svg, units
 from rverror.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, turns_of
-from rverror.catalogue import CATALOGUE, IndexValue
-from rverror.diagnosis import Addition, Candidate, Diagnosis, Residual, Trace, describe
+from rverror.catalogue import CATALOGUE, IndexValue, Mechanism, source
+from rverror.diagnosis import Addition, Candidate, Diagnosis, Line, Residual, Trace, describe
 from rverror.errors import InputError
+from rverror.html_report import effect_toml
 from rverror.model import Effect
 from rverror.next_measurement import Bench, Measurement, folds, to_place, to_separate
-from rverror.reducer import Reducer
+from rverror.reducer import Drive, Reducer
 from rverror.svg import shown
 from rverror.units import ARCSEC
 
@@ -291,6 +292,7 @@ def to_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[st
                 "high": _number(scale(line.high)),
                 "frames": list(line.frames),
                 "beside": [] if line.frames else list(beside(unit, line.order)),
+                "as_effect": _as_measured(line, unit),
                 "could_fold_from": None
                 if math.isinf(sampling)
                 else [
@@ -427,7 +429,24 @@ def _unexplained_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
         "",
         "The remaining lines fit no source of the catalogue.",
         "An effect of your own is one function and one catalogue entry: see docs/adding-an-effect.md.",
+        *_described(_as_measured(diagnosis.unexplained[0], unit)),
     ]
+
+
+def _described(effect: Mapping[str, Any] | None) -> list[str]:
+    if effect is None:
+        return []
+    lead = f"To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:"
+    return [lead, *(f"  {line}" for line in effect_toml(effect))]
+
+
+def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
+    """A line as an effect of the model file, where it is a whole order of a reducer."""
+    order, most = round(line.order), len(source("empirical.order").indices[1].allowed(unit))
+    if isinstance(unit, Drive) or abs(line.order - order) > 1e-6 or order > most or not math.isfinite(line.cos):
+        return None
+    sizes = {name: f"{size / ARCSEC:.4g} arcsec" for name, size in (("cos", line.cos), ("sin", line.sin))}
+    return {"key": "empirical.order", "frame": "output", "harmonic": order, **sizes}
 
 
 def _candidate_lines(diagnosis: Diagnosis) -> list[str]:
