@@ -34,6 +34,7 @@ NAMES = {
     "crank.index": ("crank", "angle"),
     "cycloid.disc_profile": ("disc harmonic", "cos sin"),
     "cycloid.disc_pitch": ("disc harmonic", "cos sin"),
+    "cycloid.disc_lobe": ("disc lobe", "deviation"),
     "cycloid.pin_position": ("pin", "radial tangential"),
     "cycloid.pin_circle": ("harmonic", "radial_cos radial_sin tangential_cos tangential_sin"),
     "cycloid.pin_radius": ("pin", "deviation"),

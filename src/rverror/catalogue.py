@@ -76,6 +76,8 @@ class Source:
         Whether the waveform repeats with the drive; what grows along a run does not.
     tried : bool
         Whether diagnosis tries it: not where all that it does within a run is constant, or is done by other sources.
+    late : bool
+        Whether diagnosis tries it only where all others leave lines of its frame: a rare cause of many index values.
     """
 
     key: str
@@ -88,6 +90,7 @@ class Source:
     summary: str
     periodic: bool = True
     tried: bool = True
+    late: bool = False
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.
@@ -171,6 +174,7 @@ def _harmonic(first: int, tried: int) -> Index:
 
 CRANK = _all(lambda m: range(_rv(m).cranks), "crank")
 DISC = _all(lambda m: range(_rv(m).discs), "disc")
+LOBE = _all(lambda m: range(_rv(m).disc_lobes), "lobe")
 PIN = _all(lambda m: range(_rv(m).pins), "pin")
 PIN_OR_ALL = Index("pin", lambda m: [*range(_rv(m).pins), "all"], lambda m: [*range(_rv(m).pins), "all"])
 MEMBER = _all(lambda m: ("sun", "planet"), "member")
@@ -332,6 +336,10 @@ _SOURCES = (
     Source(
         "cycloid.disc_pitch", cycloid.disc_pitch, (DISC, _harmonic(1, 4)), _lengths(30, "cos", "sin"),
         "disc", _leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
+    ),
+    Source(
+        "cycloid.disc_lobe", cycloid.disc_lobe, (DISC, LOBE), _lengths(50, "deviation"),
+        "disc", _leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
     ),
     Source(
         "cycloid.pin_position", cycloid.pin_position, (PIN,), _lengths(50, "radial", "tangential"),

@@ -277,6 +277,35 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
     return ErrorVector(contact="pin", vector=waves[..., None, :] * normal, at=(only(disc),))
 
 
+def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
+    """Local defect of a disc: one lobe worn or raised along its normal, most at its crest, nothing at its roots.
+
+        deviation cos^2(z_c (psi - psi_l) / 2) within half a pitch of its crest at psi_l.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, lobe : int
+        Which disc; which lobe, counter-clockwise from the root into which the eccentric points at theta = 0.
+
+    Returns
+    -------
+    ErrorVector
+        Term deviation, mm; positive is more material.
+
+    Notes
+    -----
+    A lobe meets one pin with each turn of the crank against the carrier, so the defect is seen once a turn of it and
+    shows at all multiples of that order.  No source has it; 001 and 002 describe errors of the profile as waves.
+    """
+    lobes, root = contacts.reducer.disc_lobes, 2 * np.pi * disc / contacts.reducer.discs
+    psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
+    crest = root + 2 * np.pi * (lobe + 0.5) / lobes
+    away = np.mod(psi - crest + np.pi, 2 * np.pi) - np.pi
+    shape = np.where(np.abs(away) < np.pi / lobes, np.cos(lobes * away / 2) ** 2, 0.0)
+    return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
+
+
 def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
     """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
 

@@ -265,7 +265,7 @@ def _as_measured(effect: Data | None) -> str:
         return ""
     return (
         f"<p>To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:</p>\n"
-        f"<pre>{escaped(chr(10).join(effect_toml(effect)))}</pre>"
+        f"<pre>{chr(10).join(map(escaped, effect_toml(effect)))}</pre>"
     )
 
 

@@ -61,11 +61,14 @@ class Prediction:
         Change per parameter of each effect.
     poses : ndarray, shape (angles, unknowns), optional
         Where the equilibrium predicts: poses at the angles at which it was solved.
+    repeats : bool
+        Whether those are angles of one repeat, and not of all samples.
     """
 
     transmission_error: Array
     matrix: Array
     poses: Array | None = None
+    repeats: bool = False
 
 
 def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
@@ -133,7 +136,8 @@ class Predictor:
             matrix = effect_matrix(motion, forces, model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
         repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
-        loaded = _loaded(self._repeat if repeats else self._whole, gears, near)
+        start = near.poses if near and near.repeats == repeats else None
+        loaded = replace(_loaded(self._repeat if repeats else self._whole, gears, start), repeats=repeats)
         return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
 
     def influences(self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> Array:
@@ -240,7 +244,7 @@ class Predictor:
         lines[:, 1:] *= 2
         lines[1:, self._unfolded :] = 0
         rows = (lines @ self._waves).real
-        return Prediction(rows[0], rows[1:], one.poses)
+        return replace(one, transmission_error=rows[0], matrix=rows[1:])
 
 
 def repeats_with_crank(mechanism: Mechanism, key: str, indices: Mapping[str, IndexValue]) -> bool:
@@ -271,11 +275,19 @@ def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
         raise ValueError("sensor.index_offset is predicted over even angles of whole periods; cut the run into them")
 
 
-def _loaded(statics: Statics, effects: tuple[Effect, ...], near: Prediction | None) -> Prediction:
-    """Prediction at the angles of the statics, from the poses of `near` where it was solved at these."""
-    start = near.poses if near and near.poses is not None else None
-    fits = start is not None and len(start) == statics.motion.theta.size
-    return Prediction(*statics.predict(effects, start if fits else None))
+def _loaded(statics: Statics, effects: tuple[Effect, ...], start: Array | None) -> Prediction:
+    """Prediction at the angles of the statics, from likely poses over the same stretch."""
+    return Prediction(
+        *statics.predict(effects, None if start is None else _resampled(start, statics.motion.theta.size))
+    )
+
+
+def _resampled(poses: Array, points: int) -> Array:
+    """Poses over one period at another number of even angles: near enough to start from."""
+    if len(poses) == points:
+        return poses
+    lines = np.fft.rfft(poses, axis=0) * (points / len(poses))
+    return np.asarray(np.fft.irfft(lines[: points // 2 + 1], points, axis=0), dtype=np.float64)
 
 
 def _turned(rows: Array, motion: Pose, angle: float, *, derivative: bool = False) -> Array:
@@ -310,4 +322,4 @@ def _as_read(model: Model, motion: Pose, loaded: Prediction) -> Prediction:
             matrix, at = loaded.matrix[at : at + count], at + count
         rows.append(matrix)
     matrix = np.concatenate(rows) if rows else np.zeros((0, motion.theta.size))
-    return Prediction(error, np.asarray(matrix, dtype=np.float64), loaded.poses)
+    return replace(loaded, transmission_error=error, matrix=np.asarray(matrix, dtype=np.float64))

@@ -43,6 +43,7 @@ _POOR = 4.0  # standard deviations of the noise's sum of squares: the fit may ha
 _WORKSHOP = 0.2  # of the largest plausible size
 _PROMISING = 12  # candidates that are fitted further after two steps
 _LEVEL = 10.0  # of the sums of squares within which more than those are
+_FAR = 3.0  # times the best one's squares, after which a candidate is not fitted further
 _HOPELESS = 2.0  # a candidate that may leave so many times the best one's squares is not refitted
 _CLOSE = 300.0  # of the coarse sums of squares within which candidates are compared on all angles
 _NEGLIGIBLE = 0.005  # of the leader's gain
@@ -186,13 +187,19 @@ class Search:
         """Set up the candidates that apply and the runs on fewer angles."""
         self.model, self.unit, self.runs, self.tell = model, unit, runs, tell
         self.levels = [*([coarse(run, points) for run in runs] for points in _COARSE), list(runs)]
-        self.sets = [
+        every = [
             (key, indices)
             for key, entry in CATALOGUE.items()
             if entry.applies_to(unit) and entry.periodic and entry.tried and not self._lacks_data(key)
             for indices in entry.candidates(unit)
         ]
-        self.tried = len(self.sets)
+        self.sets = [one for one in every if not source(one[0]).late]
+        self.late = [one for one in every if source(one[0]).late]
+
+    @property
+    def tried(self) -> int:
+        """Number of candidates."""
+        return len(self.sets)
 
     def _lacks_data(self, key: str) -> bool:
         if key == "load.torsion":
@@ -200,6 +207,19 @@ class Search:
         return key == "involute.spline_clearance" and self.unit.spline_radius is None
 
     def run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
+        """Search with all sources but rare ones, and where these leave lines of a rare one's frame with that too."""
+        result = self._run(refitted)
+        lines = self.significant_lines(result[1])
+        bases = {fundamental_orders(self.unit)[source(key).frame] for key, _ in self.late}
+        theirs = [line for line in lines if any(_is_multiple(line.order, base) for base in bases)]
+        if not theirs or len(theirs) < len(lines):
+            return result
+        self.tell(f"trying {len(self.late)} rare candidates too")
+        self.sets = [*self.sets, *self.late]
+        again = self._run(refitted)
+        return result if self.significant_lines(again[1]) else again
+
+    def _run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
         """Add effects one after another until none is significant, or the best one does not explain its own orders."""
         found = settled = _Found(refitted)
         ranking: tuple[Candidate, ...] = ()
@@ -383,7 +403,9 @@ class Search:
             begun = _Trial(zero, self.levels[level], unseen, base[-1].misfit.count, base[level])
             trials.append(self._fitted(begun, added, np.concatenate([start, zero.values]), 2))
         trials.sort(key=_Trial.promise)
-        trials = [self._fitted(t, added, effect_values(t.fit.model.effects), 4) for t in trials[:_PROMISING]]
+        far = trials[0].promise() + math.log(_FAR) * trials[0].count if trials else 0.0
+        trials = [t for t in trials[:_PROMISING] if t.promise() < far]
+        trials = [self._fitted(t, added, effect_values(t.fit.model.effects), 4) for t in trials]
         trials.sort(key=_Trial.promise)
         for at, trial in enumerate(trials[:_RESTARTED]):
             trials[at] = self._restarted(trial, added)
@@ -436,7 +458,8 @@ class Search:
         for trial in joint:
             if trial.reached() - least < _CLOSE:
                 start, effect = effect_values(trial.fit.model.effects), trial.fit.model.effects[-1]
-                fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, most_steps=12))
+                near = trial.fit.predictions
+                fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, near=near, most_steps=12))
         return fits
 
     def _twins(self, best: _Trial, known: Sequence[Effect], added: Sequence[Effect]) -> list[_Trial]:
@@ -579,7 +602,7 @@ class Search:
             line
             for line in self.significant_lines(fit)
             if any(abs(line.order - order) < 0.02 for order in claimed)
-            or any(line.order > b / 2 and abs(line.order - b * round(line.order / b)) < 0.02 for b in bases)
+            or any(_is_multiple(line.order, base) for base in bases)
         ]
 
     def residual(self, fit: Fit, *, hold: bool = False, beside: Sequence[Array] = ()) -> Residual:
@@ -655,6 +678,10 @@ class Search:
         strong = np.flatnonzero(size > max(0.3 * size.max(), 1e-3 * MODEL_ACCURACY))
         turns = true_period(self.unit)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
+
+
+def _is_multiple(order: float, base: float) -> bool:
+    return order > base / 2 and abs(order - base * round(order / base)) < 0.02
 
 
 def _is_poor(trial: _Trial) -> bool:
