@@ -463,7 +463,7 @@ class Search:
         return fits
 
     def _twins(self, best: _Trial, known: Sequence[Effect], added: Sequence[Effect]) -> list[_Trial]:
-        """Candidates whose linear waveform is that of the best one, in the size that makes it."""
+        """Candidates that look like the best one, in the size that does: elsewhere, or of the same linear waveform."""
         effects = best.fit.model.effects
         without = replace(best.fit.model, effects=effects[:-1])
         waves = [
@@ -481,10 +481,11 @@ class Search:
             sizes = np.linalg.lstsq(blocks[first:end].T, wave, rcond=1e-6)[0]
             left = float(np.sum((wave - sizes @ blocks[first:end]) ** 2)) / float(wave @ wave)
             effect = Effect(key, indices, tuple(float(size) for size in sizes))
-            if left < _TWIN and _exists(effect):
-                found.append((left, effect))
-        found.sort(key=lambda pair: pair[0])
-        twins = [*self._same_gaps(effects[-1]), *(effect for _, effect in found)]
+            elsewhere = _differ_in_place(effect, effects[-1])
+            if (left < _TWIN or elsewhere) and _exists(effect):
+                found.append((not elsewhere, left, effect))
+        found.sort(key=lambda one: one[:2])
+        twins = [*self._same_gaps(effects[-1]), *(effect for *_, effect in found)]
         models = [replace(best.fit.model, effects=(*effects[:-1], effect)) for effect in twins[:_TWINS]]
         return [replace(best, effect=m.effects[-1], fit=replace(best.fit, model=m)) for m in models]
 
@@ -678,6 +679,13 @@ class Search:
         strong = np.flatnonzero(size > max(0.3 * size.max(), 1e-3 * MODEL_ACCURACY))
         turns = true_period(self.unit)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
+
+
+def _differ_in_place(one: Effect, other: Effect) -> bool:
+    """Tell whether two effects are of one source on different cranks or discs."""
+    places = ("crank", "disc")
+    kept = [{k: v for k, v in effect.indices.items() if k not in places} for effect in (one, other)]
+    return one.key == other.key and kept[0] == kept[1] and dict(one.indices) != dict(other.indices)
 
 
 def _is_multiple(order: float, base: float) -> bool:
