@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -34,7 +34,8 @@ from rverror import (
 )
 from rverror.equilibrium import NotConvergedError
 from rverror.measurement import run_text
-from rverror.units import DISPLAY_UNITS
+from rverror.simulate import run_label, simulate_runs
+from rverror.units import ARCSEC, DISPLAY_UNITS
 from test_report import Outcome, outcome, strict_json
 
 #: A line of wrong input must tell what to do.
@@ -557,6 +558,71 @@ def test_saving_says_that_declared_sizes_stay(bench: Path, capsys: pytest.Captur
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert "declared sizes stand as they were" in err
+
+
+CAM = effect("crank.eccentricity", crank=0, disc=0, radial="6 um", tangential="-4 um", uncertainty="0.3 um")
+ENCODER = effect("sensor.encoder_eccentricity", cos="5 arcsec", sin="-8 arcsec")
+#: Gear's marks 20 deg ahead of the bench's zero; a cam is alike after a turn of the crank, 9 deg.
+TURNED = Model(GEAR.mechanism, (CAM, ENCODER, effect("sensor.index_offset", offset="20 deg")))
+
+
+@pytest.fixture
+def unmarked(bench: Path) -> list[str]:
+    """Arguments of a diagnosis of runs without the gear's zero, and the files in place."""
+    save_model(bench / "m.toml", Model(GEAR.mechanism, (CAM,)))
+    names = []
+    for run in simulate_runs(TURNED, points=256, revolutions=3, noise="0.5 arcsec", correlation="2 deg"):
+        names.append(f"{run_label(run.direction[0], None)}.csv")
+        write_run(bench / names[-1], replace(run, index="unknown"))
+    return ["diagnose", "m.toml", *names]
+
+
+def test_saving_keeps_where_the_gears_marks_are(unmarked: list[str]) -> None:
+    """An angle that was found is no missing effect, but without it the new model predicts another waveform."""
+    assert call(*unmarked, "--save", "new.toml") == 0
+    new = load_model("new.toml")
+    assert [e.key for e in new.effects] == [CAM.key, "sensor.index_offset", ENCODER.key]
+    assert new.effects[0] == load_model("m.toml").effects[0]
+    assert np.degrees(new.index_offset) % 9 == pytest.approx(20 % 9, abs=0.3)
+    assert "index unknown" in new.effects[1].origin
+    assert all(name in new.effects[2].origin for name in unmarked[2:])
+    theta = np.linspace(0, 2 * np.pi, 400)
+    found, true = (transmission_error(m, theta, direction=1) for m in (new, TURNED))
+    assert np.std(true) > 10 * ARCSEC
+    assert np.std(found - true) < 0.5 * ARCSEC
+
+
+def test_a_saved_model_knows_its_marks(unmarked: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """The same runs again: nothing is missing, and the zero is where the model says, not in a second offset."""
+    assert call(*unmarked, "--save", "new.toml") == 0
+    capsys.readouterr()
+    assert call("diagnose", "new.toml", *unmarked[2:], "--json", "again.json", "--save", "same.toml") == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("Verdict: nothing missing")
+    again = strict_json(Path("again.json").read_text(encoding="utf-8"))
+    assert again["before"]["rms_arcsec"] == pytest.approx(0.5, abs=0.1)
+    assert "nothing was added" in err
+    assert Path("same.toml").read_bytes() == Path("new.toml").read_bytes()
+
+
+def test_saving_puts_what_grows_before_the_rest(bench: Path) -> None:
+    """A reducer's drift is found before its cam: both stand after what was declared, which keeps its place."""
+    declared = effect("sensor.ratio_error", slope="3 arcsec/turn")
+    drift = effect("sensor.drift", total="20 arcsec")
+    save_model(bench / "m.toml", Model(GEAR.mechanism, (declared, *GEAR.effects)))
+    names = []
+    for run in simulate_runs(
+        Model(GEAR.mechanism, (declared, *GEAR.effects, ENCODER, drift)),
+        points=256, revolutions=3, noise="0.5 arcsec", correlation="2 deg",
+    ):  # fmt: skip
+        names.append(f"{run_label(run.direction[0], None)}.csv")
+        write_run(bench / names[-1], run)
+    assert call("diagnose", "m.toml", *names, "--save", "new.toml") == 0
+    new = load_model("new.toml")
+    assert new.effects[:2] == load_model("m.toml").effects
+    assert [e.key for e in new.effects[2:]] == ["sensor.drift", ENCODER.key]
+    assert new.effects[2].values[0] == pytest.approx(20 * ARCSEC, abs=ARCSEC)
+    assert all(name in e.origin for e in new.effects[2:] for name in names)
 
 
 def test_a_console_of_few_characters_is_no_error(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:

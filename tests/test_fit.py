@@ -8,9 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 
 import rverror
-from rverror.fit import FitRun, coarse, covariance_of, fit_run, joint_fit, priors, with_values
+from rverror.fit import FitRun, Misfit, coarse, covariance_of, fit_run, joint_fit, priors, whitened, with_values
 from rverror.model import Effect, Model, effect
 from rverror.prediction import Conditions, Predictor, predict
 from rverror.spectrum import amplitude, harmonics
@@ -319,3 +322,182 @@ def test_runs_without_noise(points: int) -> None:
     np.testing.assert_allclose(values_of(fit.model.effects), values_of(TRUTH), rtol=0, atol=1e-9)
     assert np.isfinite(fit.objective)
     assert np.isfinite(fit.covariance).all()
+
+
+# --- what is not explained yet ------------------------------------------------------------------------------------
+
+COUNTS = st.integers(2, 20000)
+
+
+def border(count: int) -> float:
+    """Chi-square of so many values, five standard deviations above what is expected."""
+    return count + 5 * math.sqrt(2 * count)
+
+
+@given(count=COUNTS, share=st.floats(0, 1), prior=st.floats(0, 1e4))
+def test_a_residual_that_may_be_noise_counts_as_its_chi_square(count: int, share: float, prior: float) -> None:
+    misfit = Misfit(share * border(count), prior, count)
+    assert misfit.scale == 1
+    assert misfit.objective == pytest.approx(misfit.data + prior, rel=1e-12)
+
+
+@given(count=COUNTS, share=st.floats(0.01, 1e4), prior=st.floats(0, 1e4))
+def test_the_objective_is_the_likelihood_at_the_best_variance(count: int, share: float, prior: float) -> None:
+    """Minus twice the logarithm over all variances s, of the noise's or more: data / s + values log s, by search."""
+    values = border(count)
+    data = share * values
+    found = minimize_scalar(
+        lambda log_s: data * math.exp(-log_s) + values * log_s,
+        bounds=(0, 20),
+        method="bounded",
+        options={"xatol": 1e-7},
+    )
+    assert Misfit(data, prior, count).objective == pytest.approx(found.fun + prior, rel=1e-6, abs=1e-6 * values)
+    assert Misfit(data, prior, count).scale == pytest.approx(math.exp(found.x), rel=1e-3)
+
+
+@given(count=COUNTS)
+def test_the_objective_has_no_step_and_no_kink_at_the_border(count: int) -> None:
+    values = border(count)
+    step = 1e-6 * values
+    below, at, above = (Misfit(values + change, 3.0, count).objective for change in (-step, 0.0, step))
+    assert at == pytest.approx(values + 3.0, rel=1e-12)
+    assert (at - below) / step == pytest.approx(1, abs=1e-3)
+    assert (above - at) / step == pytest.approx(1, abs=1e-3)
+
+
+@given(count=COUNTS, data=st.floats(0, 1e8), more=st.floats(1e-2, 1e8), prior=st.floats(0, 1e6))
+def test_the_objective_grows_with_data_and_prior(count: int, data: float, more: float, prior: float) -> None:
+    one = Misfit(data, prior, count).objective
+    assert Misfit(data + more, prior, count).objective > one
+    assert Misfit(data, prior + more, count).objective == pytest.approx(one + more, rel=1e-9)
+
+
+def test_declared_sizes_do_not_make_up_for_what_is_missing() -> None:
+    """A wave of the declared size's order and more is missing.  The fit must stand at the least of the objective.
+
+    Found by turns: the variance that a size leaves, and the size at that variance.  Plain least squares moves it by
+    9 sigma.
+    """
+    sigma, noise, periods = 0.3e-3, 0.3 * ARCSEC, 4
+    cam = effect("crank.eccentricity", crank=0, disc=0, radial="6 um", uncertainty=sigma)
+    planet = effect("involute.planet_eccentricity", crank=0, x="40 um", y="25 um")
+    pins = effect("cycloid.pin_circle", harmonic=2, radial_cos="20 um")
+    run = run_of((cam, planet, pins), np.random.default_rng(23), noise=noise, periods=periods, declared_noise=True)
+    influence = rverror.influence(UNIT, run.conditions.theta, cam.key, direction=1, **cam.indices).matrix
+    shapes = influence - influence.mean(axis=1, keepdims=True)
+    mean = run.values.mean(axis=0) - run.values.mean()
+
+    def squares(values: np.ndarray) -> tuple[float, float]:
+        left = mean - values @ shapes
+        change = values - np.array(cam.values)
+        return float(left @ left) * periods / noise**2, float(change @ change) / sigma**2
+
+    def least(scale: float) -> np.ndarray:
+        """Size of least squares for a residual of a given variance."""
+        gram = shapes @ shapes.T * periods / noise**2 / scale + np.eye(2) / sigma**2
+        moment = shapes @ mean * periods / noise**2 / scale + np.array(cam.values) / sigma**2
+        return np.asarray(np.linalg.solve(gram, moment))
+
+    plain, scale = least(1.0), 1.0
+    for _ in range(200):  # at the least of the objective the variance is that of the residual
+        scale = max(1.0, squares(least(scale))[0] / border(POINTS - 1))
+    expected = least(scale)
+    assert scale > 20
+    assert np.abs(plain - cam.values).max() > max(8 * sigma, 3 * np.abs(expected - cam.values).max())
+
+    fit = joint_fit(Model(UNIT, (cam,)), (), [run])
+    assert fit.converged
+    np.testing.assert_allclose(fit.model.effects[0].values, expected, rtol=0, atol=0.15 * sigma)
+    assert fit.objective == pytest.approx(Misfit(*squares(expected), POINTS - 1).objective, abs=0.05)
+
+
+# --- runs that share a zero ---------------------------------------------------------------------------------------
+
+
+def group_of(
+    rng: np.random.Generator, variances: Sequence[float], *, zeros: Sequence[str], offset: float = 0.0
+) -> list[FitRun]:
+    """Runs of a few periods and samples, with means of their own."""
+    runs = []
+    for i, (variance, zero) in enumerate(zip(variances, zeros, strict=True)):
+        values = offset + rng.normal() + rng.normal(size=(2 + i, 15))
+        predictor = Predictor(UNIT, Conditions(turn(15), 1.0))
+        noise = np.exp(rng.normal(size=7))
+        runs.append(FitRun(f"run {i}", predictor, values, noise, zero=zero, mean_variance=variance))
+    return runs
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    variances=st.lists(st.floats(1e-4, 1e4), min_size=2, max_size=5),
+    offset=st.floats(-100, 100),
+)
+def test_means_of_one_zero_count_as_generalised_least_squares(seed: int, variances: list[float], offset: float) -> None:
+    """Squares of the means about their common offset, which is what makes them least; written out, plus the waves."""
+    rng = np.random.default_rng(seed)
+    runs = group_of(rng, variances, zeros=["A"] * len(variances), offset=offset)
+    rows, periods = [run.values.mean(axis=0) for run in runs], [run.periods for run in runs]
+    means = np.array([row.mean() for row in rows])
+    weight = np.array(periods) / np.array(variances)
+    common = (weight @ means) / weight.sum()
+    waves = sum(
+        count
+        * ((np.cos(k * turn(15) - 0.1) @ row) ** 2 + (np.sin(k * turn(15) - 0.1) @ row) ** 2)
+        * 2
+        / 15
+        / run.noise[k - 1]
+        for run, row, count in zip(runs, rows, periods, strict=True)
+        for k in range(1, 8)
+    )
+    found = whitened(runs, rows, periods)
+    assert found.shape == (14 * len(runs) + len(runs) - 1,)
+    assert found @ found == pytest.approx(waves + weight @ (means - common) ** 2, rel=1e-6)
+
+
+def test_only_runs_of_one_label_are_compared() -> None:
+    """Labels A, none, B, A, C, B: one difference each for A and B, whatever the order and the others."""
+    runs = group_of(np.random.default_rng(24), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], zeros=["A", "", "B", "A", "C", "B"])
+    rows, periods = [run.values.mean(axis=0) for run in runs], [run.periods for run in runs]
+    found = whitened(runs, rows, periods)
+    apart = whitened([replace(run, zero="") for run in runs], rows, periods)
+    assert found.size == apart.size + 2
+    np.testing.assert_array_equal(found[:-2], apart)
+    for value, (i, j) in zip(found[-2:], ((0, 3), (2, 5)), strict=True):
+        variance = runs[i].mean_variance / runs[i].periods + runs[j].mean_variance / runs[j].periods
+        assert value == pytest.approx((rows[j].mean() - rows[i].mean()) / math.sqrt(variance), rel=1e-9)
+
+
+def test_rows_of_many_parameters_are_whitened_one_by_one() -> None:
+    rng = np.random.default_rng(25)
+    runs = group_of(rng, [1.0, 2.0, 3.0], zeros=["A", "A", "A"])
+    blocks = [rng.normal(size=(4, 15)) for _ in runs]
+    together = whitened(runs, blocks, [1, 2, 3])
+    for i, row in enumerate(together):
+        np.testing.assert_allclose(row, whitened(runs, [block[i] for block in blocks], [1, 2, 3]), rtol=1e-12)
+
+
+def test_two_runs_of_one_label_tell_a_lag() -> None:
+    """Play in the carrier bearings lags the output by c / r6 each way: its size is in the means of the runs alone."""
+    play = effect("coupling.bearing_clearance", clearance="5 um")
+    rng, spread = np.random.default_rng(26), 2 * ARCSEC
+    runs = [
+        run_of((*TRUTH, play), rng, noise=ARCSEC, direction=way, offset=0.3, declared_noise=True) for way in (1.0, -1.0)
+    ]
+    start = (*NOTHING, replace(play, values=(1e-4,)))
+    shared = [replace(run, zero="A", mean_variance=run.periods * spread**2) for run in runs]
+    fit, apart = joint_fit(Model(UNIT), start, shared), joint_fit(Model(UNIT), start, runs)
+    assert np.isinf(apart.covariance[-1, -1])
+    # each of the other effects moves both means alike: a pin circle's lag cancels in the difference
+    sigma = math.sqrt(2) * spread * 27 / 2
+    assert math.sqrt(fit.covariance[-1, -1]) == pytest.approx(sigma, rel=0.01)
+    assert fit.model.effects[-1].values[0] == pytest.approx(5e-3, abs=0.2 * sigma)
+    np.testing.assert_allclose(
+        values_of(fit.model.effects)[:-1], values_of(apart.model.effects)[:-1], rtol=0, atol=1e-5
+    )
+
+
+def test_fewer_angles_keep_the_zero() -> None:
+    run = replace(run_of(TRUTH, np.random.default_rng(27), noise=ARCSEC, points=1024), zero="A", mean_variance=3.0)
+    small = coarse(run, 256)
+    assert (small.zero, small.mean_variance) == ("A", 3.0)

@@ -248,6 +248,8 @@ def mirrored(unit: Reducer, key: str, indices: dict[str, Any]) -> tuple[dict[str
     for name, count in (("crank", unit.cranks), ("disc", unit.discs), ("pin", unit.pins)):
         if isinstance(moved.get(name), int):
             moved[name] = -moved[name] % count
+    if "lobe" in moved:  # counted from a root, so the first one on one side is the last on the other
+        moved["lobe"] = unit.disc_lobes - 1 - moved["lobe"]
     signs = []
     for parameter in rverror.CATALOGUE[key].parameters:
         name = parameter.name

@@ -95,7 +95,7 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
         verdict="unexplained" if best.lines else settled,
         noise_rms=float(np.sqrt(np.mean([noise_rms(run.values) ** 2 for run in fit_runs]))),
         before=search.residual(printed, hold=True, beside=growth.missed()),
-        before_refitted=search.residual(best.refitted),
+        before_refitted=search.residual(best.refitted, beside=growth.missed(0)),
         after=search.residual(fit),
         added=(*grown, *best.added),
         unexplained=best.lines,
@@ -223,7 +223,7 @@ def _with_zeros(
     model: Model, unit: Reducer, runs: Sequence[Run], fit_runs: Sequence[FitRun]
 ) -> tuple[list[Model], bool]:
     """The model with each likely offset of the gear's marks, where the runs' zero is not on them."""
-    if runs[0].index != "unknown":
+    if runs[0].index != "unknown" or any(e.key == "sensor.index_offset" for e in model.effects):
         return [model], False
     first, *others = (model.with_effects(offset) for offset in index_offsets(model, unit, fit_runs))
     return [first, *sorted(others, key=lambda one: promise(one, unit, fit_runs))[: _ZEROS - 1]], True

@@ -11,16 +11,18 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import helmert
 
 from rverror.action_line import Array
 from rverror.catalogue import CATALOGUE, source
 from rverror.chance import variance_ratio
+from rverror.coloured import kept_share, orthonormal
 from rverror.compose import pose, source_matrix
 from rverror.diagnosis import Addition
 from rverror.drive_fit import DriveFit, fitted, held_out_gain
 from rverror.drive_result import addition_of
 from rverror.drive_runs import RunData
-from rverror.drive_terms import DECLARED, EFFECT, Term, offset_terms
+from rverror.drive_terms import DECLARED, EFFECT, OFFSET, Term
 from rverror.measurement import Run
 from rverror.model import Effect, Model
 from rverror.reducer import Drive, Reducer
@@ -30,6 +32,7 @@ from rverror.units import ARCSEC
 _FALSE_ALARM = 3e-4  # chance that any of them passes by luck
 _WANDER = 0.01  # chance that the means of the turns wander by as much
 _FLOOR = 1e-3 * ARCSEC
+_APART = 1e-4  # a source keeps this share of its power beside what is there, or is not tried
 _NOTHING = 1e-6  # share of a row that must differ between turns
 
 
@@ -115,19 +118,21 @@ def growing_errors(
     declared = [e for e in model.effects if not source(e.key).periodic]
     keys = [key for key in rows[0] if all(key in run for run in rows)]
     rows = [{key: run[key] for key in keys} for run in rows]
-    deviations = {key: _joined([_deviation(run[key]) for run in rows]) for key in keys}
+    between = {key: _joined([_contrasts(run[key]) for run in rows]) for key in keys}
     exact = [e for e in declared if not e.uncertainty]
-    signal = _joined([_deviation(run) for run in values])
-    signal = signal - sum((e.values[0] * deviations[e.key] for e in exact), np.zeros_like(signal))
-    data = _data(model, names, values, signal)
-    base = offset_terms(data) + [
-        Term(DECLARED, e.key, deviations[e.key][None], {}, (), float(e.uncertainty), e.values)
+    contrasts = [_contrasts(run) for run in values]
+    signal = _joined(contrasts)
+    signal = signal - sum((e.values[0] * between[e.key] for e in exact), np.zeros_like(signal))
+    data = _data(model, names, contrasts, signal)
+    # no offsets: contrasts hold none
+    base = [Term(OFFSET, "nothing", np.zeros((1, signal.size)))] + [
+        Term(DECLARED, e.key, between[e.key][None], {}, (), float(e.uncertainty), e.values)
         for e in declared
         if e.uncertainty
     ]
     pool = [
         Term(EFFECT, key, row[None])
-        for key, row in deviations.items()
+        for key, row in between.items()
         if np.linalg.norm(row) > _NOTHING * np.linalg.norm(_joined([run[key] for run in rows]))
     ]
     fit = fitted(data, base)
@@ -139,10 +144,9 @@ def growing_errors(
     return Growth(tuple(declared), refitted, added, tuple(rows))
 
 
-def _deviation(periods: Array) -> Array:
-    """Periods less their mean, as large as noise that was not averaged."""
-    count = len(periods)
-    return np.asarray((periods - periods.mean(axis=0)) * np.sqrt(count / (count - 1)), dtype=np.float64)
+def _contrasts(periods: Array) -> Array:
+    """What differs between periods, in one row less than these: independent rows, each as noisy as one period."""
+    return np.asarray(helmert(len(periods)) @ periods, dtype=np.float64)
 
 
 def _joined(parts: Sequence[Array]) -> Array:
@@ -167,10 +171,27 @@ def _data(model: Model, names: Sequence[str], values: Sequence[Array], signal: A
 
 
 def _winner(data: RunData, fit: DriveFit, pool: Sequence[Term]) -> DriveFit | None:
-    """Fit with one more source: the one that leaves least, if it is significant and helps on left-out turns."""
-    trials = [fitted(data, [*fit.terms, term]) for term in pool if term not in fit.terms]
-    trials = [trial for trial in trials if _settles(data, fit, trial)]
+    """Fit with one more source: the one that leaves least, if it is significant and helps on left-out turns.
+
+    Alone, or beside all others: two that are missing at once count as noise for each other.
+    """
+    apart = _apart(fit.terms, [term for term in pool if term not in fit.terms])
+    trials = []
+    for term in apart:
+        trial = fitted(data, [*fit.terms, term])
+        others = [*fit.terms, *(t for t in apart if t is not term)]
+        beside = len(others) > len(fit.terms) and _apart(others, [term])
+        if _settles(data, fit, trial) or (
+            beside and _settles(data, fitted(data, others), fitted(data, [*others, term]))
+        ):
+            trials.append(trial)
     return min(trials, key=lambda trial: float(trial.residual @ trial.residual), default=None)
+
+
+def _apart(known: Sequence[Term], terms: Sequence[Term]) -> list[Term]:
+    """Terms whose waveform those that are known do not make up."""
+    basis = orthonormal(np.concatenate([t.rows for t in known]))
+    return [term for term in terms if kept_share(basis, term.rows) > _APART]
 
 
 def _settles(data: RunData, fit: DriveFit, trial: DriveFit) -> bool:
@@ -190,8 +211,8 @@ def _beyond_wander(data: RunData, fit: DriveFit, trial: DriveFit) -> bool:
     count = int(data.labels.max()) + 1
     size = np.bincount(data.labels, minlength=count)
     before, after = (np.bincount(data.labels, f.residual, count) / size for f in (fit, trial))
-    left = count - len(data.slices) - sum(t.kind == EFFECT for t in trial.terms)
+    left = count - sum(t.kind == EFFECT for t in trial.terms)
     if left < 1:
-        return True
+        return False
     gain = float(before @ before - after @ after)
     return gain > float(after @ after) / left * variance_ratio(_WANDER, 1, left)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -128,11 +129,14 @@ class Predictor:
         Prediction
         """
         gears = tuple(e for e in model.effects if not source(e.key).at_output)
+        if any(e.key == "sensor.index_offset" for e in model.effects):
+            _check_whole_periods(self.mechanism, self.conditions.theta)
+            ahead = replace(self.conditions, theta=self.conditions.theta + model.index_offset)
+            turned = Predictor(self.mechanism, ahead).predict(replace(model, effects=gears), near)
+            motion = pose(self.mechanism, self.conditions.theta, **self._how)
+            return _as_read(model, motion, turned)
         if not uses_equilibrium(model, self.conditions):
             motion, forces = self.contact_state(model)
-            if any(e.key == "sensor.index_offset" for e in model.effects):
-                matrix = effect_matrix(motion, forces, gears)
-                return _as_read(model, motion, Prediction(effect_values(gears) @ matrix, matrix))
             matrix = effect_matrix(motion, forces, model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
         repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
@@ -181,14 +185,12 @@ class Predictor:
         if uses_equilibrium(model, conditions):
             loaded = self._whole.linearise(model.effects)
             return replace(loaded.motion, time=conditions.time), loaded.forces
-        motion = pose(
-            self.mechanism,
-            conditions.theta,
-            direction=conditions.direction,
-            time=conditions.time,
-            torque=conditions.torque,
-        )
+        motion = pose(self.mechanism, conditions.theta, **self._how)
         return motion, closed_form_forces(motion)
+
+    @property
+    def _how(self) -> dict[str, Any]:
+        return {name: getattr(self.conditions, name) for name in ("direction", "time", "torque")}
 
     @property
     def _motion(self) -> Contacts:
@@ -299,22 +301,13 @@ def _turned(rows: Array, motion: Pose, angle: float, *, derivative: bool = False
 
 
 def _as_read(model: Model, motion: Pose, loaded: Prediction) -> Prediction:
-    """Put what acts beyond the gear train back among its effects, in the model's order, and turn it to its marks."""
-    if any(effect.key == "sensor.index_offset" for effect in model.effects):
-        _check_whole_periods(model.mechanism, motion.theta)
-        offset = model.index_offset
-        ahead = _turned(loaded.transmission_error, motion, offset, derivative=True)
-        loaded = replace(
-            loaded,
-            transmission_error=_turned(loaded.transmission_error, motion, offset),
-            matrix=_turned(loaded.matrix, motion, offset),
-        )
+    """Put what acts beyond the gear train back among its effects, in the model's order."""
     reading = {"output": np.ones((1, motion.theta.size))}
     error, rows, at = loaded.transmission_error.copy(), [], 0
     for effect in model.effects:
         count = len(effect.values)
         if effect.key == "sensor.index_offset":
-            matrix = ahead[None]
+            matrix = _turned(loaded.transmission_error, motion, 0.0, derivative=True)[None]
         elif source(effect.key).at_output:
             matrix = source_matrix(motion, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix

@@ -30,6 +30,7 @@ _FALSE_ALARM = 1e-3  # chance that any candidate, or any order, passes by luck
 _MAX_ADDED = 4
 _STRAINED = 3.0  # standard deviations of the declared sizes' sum of squares
 _UNSURE = 2  # effects of one frame that are tried together
+_LARGE = 0.1  # of the strongest line
 _GOOD_PART = 0.25  # of what is not noise
 _SLOW = 6  # candidates fixed in the housing that are refitted at the load
 _REFITTED = 4
@@ -100,7 +101,11 @@ def searched(model: Model, unit: Reducer, runs: Sequence[FitRun], tell: Progress
     Outcome
     """
     tell("predicting the declared model")
-    fixed = replace(model, effects=tuple(replace(e, uncertainty=None) for e in model.effects))
+    # where the gear's marks are is no size of a part: it is found for the model as printed too
+    fixed = replace(
+        model,
+        effects=tuple(e if e.key == "sensor.index_offset" else replace(e, uncertainty=None) for e in model.effects),
+    )
     printed = joint_fit(fixed, (), runs)
     tell("refitting declared sizes within their uncertainty")
     refitted = joint_fit(model, (), runs)
@@ -195,6 +200,7 @@ class Search:
         ]
         self.sets = [one for one in every if not source(one[0]).late]
         self.late = [one for one in every if source(one[0]).late]
+        self.thorough = False
 
     @property
     def tried(self) -> int:
@@ -207,17 +213,19 @@ class Search:
         return key == "involute.spline_clearance" and self.unit.spline_radius is None
 
     def run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
-        """Search with all sources but rare ones, and where these leave lines of a rare one's frame with that too."""
+        """Search; where it leaves lines of the discs' frame alone, again from workshop sizes, and with rare sources."""
         result = self._run(refitted)
-        lines = self.significant_lines(result[1])
-        bases = {fundamental_orders(self.unit)[source(key).frame] for key, _ in self.late}
-        theirs = [line for line in lines if any(_is_multiple(line.order, base) for base in bases)]
-        if not theirs or len(theirs) < len(lines):
-            return result
-        self.tell(f"trying {len(self.late)} rare candidates too")
-        self.sets = [*self.sets, *self.late]
-        again = self._run(refitted)
-        return result if self.significant_lines(again[1]) else again
+        for words, more in (("from workshop sizes", []), (f"with {len(self.late)} rare candidates", self.late)):
+            lines = self.significant_lines(result[1])
+            base = fundamental_orders(self.unit)["disc"]
+            large = [line for line in lines if line.amplitude > _LARGE * lines[0].amplitude]  # small ones may be folded
+            if not lines or not all(_is_multiple(line.order, base) for line in large):
+                return result
+            self.tell(f"searching again {words}")
+            self.sets, self.thorough = [*self.sets, *more], True
+            again = self._run(refitted)
+            result = result if self.significant_lines(again[1]) else again
+        return result
 
     def _run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
         """Add effects one after another until none is significant, or the best one does not explain its own orders."""
@@ -369,7 +377,8 @@ class Search:
         scale = self._noise_scale(fit)
         floor = chi_square(_FALSE_ALARM / self.tried, 2) * scale
         leader = ranking[0].heldout_gain if ranking else 0.0
-        worthy = [c for c in ranking if c.heldout_gain > max(floor / 2, _NEGLIGIBLE * leader)]
+        least = max(floor / 2, _NEGLIGIBLE * leader)
+        worthy = [c for c in ranking if c.heldout_gain > least or (self.thorough and _bends(c))]
         joint = self._together(self._alone(self._shortlist(worthy), added, state), added)
         if not joint:
             return None
@@ -401,7 +410,12 @@ class Search:
             level = self._level(zero)
             unseen = base[-1].misfit.data - base[level].misfit.data
             begun = _Trial(zero, self.levels[level], unseen, base[-1].misfit.count, base[level])
-            trials.append(self._fitted(begun, added, np.concatenate([start, zero.values]), 2))
+            first = np.concatenate([start, zero.values])
+            if self.thorough and _bends(candidate):
+                sizes = [np.zeros(len(zero.values)), *_workshop_sizes(candidate.key)]
+                starts = [self._fitted(begun, added, np.concatenate([start, size]), 0) for size in sizes]
+                first = effect_values(min(starts, key=_Trial.reached).fit.model.effects)
+            trials.append(self._fitted(begun, added, first, 2))
         trials.sort(key=_Trial.promise)
         far = trials[0].promise() + math.log(_FAR) * trials[0].count if trials else 0.0
         trials = [t for t in trials[:_PROMISING] if t.promise() < far]
@@ -428,9 +442,8 @@ class Search:
         if not _is_poor(trial) or not trial.effect.key.startswith("cycloid."):
             return trial
         self.tell(f"starting again with {describe(trial.effect.key, trial.effect.indices)}")
-        reach = np.array([p.plausible for p in source(trial.effect.key).parameters]) * _WORKSHOP
-        held = effect_values(trial.fit.model.effects)[: -reach.size]
-        sizes = [sign * reach * axis for axis in np.eye(reach.size) for sign in (1, -1)]
+        held = effect_values(trial.fit.model.effects)[: -len(trial.effect.values)]
+        sizes = _workshop_sizes(trial.effect.key)
         starts = [self._fitted(trial, added, np.concatenate([held, size]), 0) for size in sizes]
         starts.sort(key=lambda start: start.fit.objective)
         again = [self._fitted(s, added, effect_values(s.fit.model.effects), 8) for s in starts[:_BEST_STARTS]]
@@ -679,6 +692,20 @@ class Search:
         strong = np.flatnonzero(size > max(0.3 * size.max(), 1e-3 * MODEL_ACCURACY))
         turns = true_period(self.unit)
         return tuple(float((h + 1) / turns) for h in strong[np.argsort(-size[strong])][:4])
+
+
+def _bends(candidate: Candidate) -> bool:
+    """Tell whether contacts that open make the influence at nothing a poor guide: clearances, waves of a disc."""
+    frame = source(candidate.key).frame
+    return frame == "bearing" or (frame == "disc" and "harmonic" in candidate.indices)
+
+
+def _workshop_sizes(key: str) -> list[Array]:
+    """Ordinary sizes of a source, one parameter each, in either direction that exists."""
+    parameters = source(key).parameters
+    reach = _WORKSHOP * np.array([p.plausible for p in parameters])
+    signs = (1, -1) if all(p.least < 0 for p in parameters) else (1,)
+    return [sign * reach * axis for axis in np.eye(reach.size) for sign in signs]
 
 
 def _differ_in_place(one: Effect, other: Effect) -> bool:
