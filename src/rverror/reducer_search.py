@@ -236,6 +236,11 @@ class Search:
             more, ranking = self._next(found)
             if more is None:
                 break
+            if more.added == found.added:
+                if more.fit.objective > found.fit.objective - _LEVEL:
+                    break
+                settled, found = more if settled is found else settled, more
+                continue
             self.tell(f"added {describe(more.added[-1].key, more.added[-1].indices)}")
             # what is left may belong to another effect of the same frame
             left = self.own_lines(more.fit, more.added)
@@ -259,6 +264,8 @@ class Search:
         best = self.best(ranking, found.added, state, found.fit)
         if best is None:
             return None, ranking
+        if isinstance(best, Fit):
+            return replace(found, fit=best), ranking
         effect, fit, alike = best
         record = (self.residual(fit).heldout_rms, alike, ranking[:20])
         return _Found(fit, (*found.added, effect), (*found.records, record)), ranking
@@ -372,8 +379,8 @@ class Search:
 
     def best(
         self, ranking: Sequence[Candidate], added: Sequence[Effect], state: Fit, fit: Fit
-    ) -> tuple[Effect, Fit, Alike] | None:
-        """Refit the leading candidates at the runs' load; the best one if it is significant."""
+    ) -> tuple[Effect, Fit, Alike] | Fit | None:
+        """Refit the leading candidates at the load; the best one if it is significant, or a better fit without it."""
         scale = self._noise_scale(fit)
         floor = chi_square(_FALSE_ALARM / self.tried, 2) * scale
         leader = ranking[0].heldout_gain if ranking else 0.0
@@ -389,6 +396,11 @@ class Search:
         worse = self.residual(winner).heldout_rms > _NO_WORSE * self.residual(fit).heldout_rms
         if fit.objective - winner.objective < self._needed(effect, fit) or worse:
             return None
+        # the effect may only have shown all others the way out of a false minimum
+        start = effect_values(winner.model.effects)[: -len(effect.values)]
+        without = joint_fit(self.model, added, self.runs, start=start, near=winner.predictions)
+        if without.objective - winner.objective < self._needed(effect, fit):
+            return without
         alike = chi_square(0.01, 2) * self._noise_scale(winner)
         others = tuple(
             (f.model.effects[-1].key, dict(f.model.effects[-1].indices))
