@@ -110,6 +110,18 @@ def test_the_unexplained_order_is_printed_as_an_effect_that_takes_it_off(diagnos
     np.testing.assert_allclose(more - less, wave, rtol=0, atol=0.1 * ARCSEC)
 
 
+def test_the_wave_of_a_line_counts_from_the_zero_of_the_bench() -> None:
+    """Runs that start anywhere: cosine and sine are those of the output angle."""
+    unit = rverror.reducer("RV-40E")
+    theta = 0.7 + 2 * np.pi * np.arange(3 * 512) / 512
+    noise = 0.2 * np.random.default_rng(4).standard_normal(theta.size)
+    error = (3 * np.cos(36 * theta) - 2 * np.sin(36 * theta) + noise) * ARCSEC
+    run = rverror.run_from_arrays(input_angle=unit.ratio * theta, output_angle=theta + error, direction="forward")
+    line = rverror.diagnose(rverror.Model(unit), [run]).unexplained[0]
+    assert line.order == 36
+    assert (line.cos / ARCSEC, line.sin / ARCSEC) == pytest.approx((3, -2), abs=0.1)
+
+
 # --- small drives: the loop's rules without the cost of a gear train --------------------------------------------------
 
 

@@ -280,9 +280,7 @@ def _beyond_declared(result: Diagnosis) -> list[Effect]:
 
     None for a torque record: its ripple is no error of the output, and a model holds those only.
     """
-    origins = {(a.effect.key, a.effect.values): a.effect for a in result.added}
-    found = result.model.effects[len(result.declared.effects) :]
-    return [_rounded(origins.get((effect.key, effect.values), effect)) for effect in found]
+    return [_rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
 
 
 def _rounded(effect: Effect) -> Effect:

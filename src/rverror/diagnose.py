@@ -66,8 +66,8 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
 
     Notes
     -----
-    docs/theory/diagnosis.md.  Runs must have the gear's zero and two whole periods or more; every run has an offset of
-    its own.
+    docs/theory/diagnosis.md.  Runs must have two whole periods or more.  Every run has an offset of its own, but for
+    those of one index label; where the index is unknown, the angle of the gear's marks is fitted.
     """
     tell = progress or (lambda text: None)
     unit = model.mechanism
@@ -77,7 +77,6 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     fit_runs, growth, notes = _prepare(declared, unit, runs)
     model = replace(declared, effects=tuple(e for e in declared.effects if source(e.key).periodic))
     notes += _condition_notes(model, unit, fit_runs)
-    tell("predicting the declared model")
     likely, unaligned = _with_zeros(model, unit, runs, fit_runs)
     best = min((searched(one, unit, fit_runs, tell) for one in likely), key=Outcome.cost)
     search, fit, printed = best.search, best.fit, best.printed
@@ -99,7 +98,7 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
         after=search.residual(fit),
         added=(*grown, *best.added),
         unexplained=best.lines,
-        model=_with_growing(declared, fit.model, growth),
+        model=_with_growing(declared, fit.model, growth, best.added),
         declared=declared,
         candidates=best.candidates,
         tried=search.tried,
@@ -142,14 +141,17 @@ def _strained(model: Model, fit: Fit) -> list[str]:
     return notes
 
 
-def _with_growing(declared: Model, fitted: Model, growth: Growth) -> Model:
-    """Put the errors that grow along a run, which were taken off beforehand, back: the declared in their places."""
+def _with_growing(declared: Model, fitted: Model, growth: Growth, added: Sequence[Addition]) -> Model:
+    """The fitted model with the errors that grow along a run, which were taken off beforehand, and with origins.
+
+    The declared effects come first, in their places.
+    """
     effects, grown = list(fitted.effects), iter(growth.declared)
     for at, effect in enumerate(declared.effects):
         if not source(effect.key).periodic:
             effects.insert(at, next(grown))
-    first = len(declared.effects)
-    return replace(fitted, effects=(*effects[:first], *(a.effect for a in growth.added), *effects[first:]))
+    known = effects[: len(effects) - len(added)]
+    return replace(fitted, effects=(*known, *(addition.effect for addition in (*growth.added, *added))))
 
 
 def _centred(values: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror import units
 from rverror.action_line import Array
-from rverror.catalogue import IndexValue
+from rverror.catalogue import IndexValue, Mechanism
 from rverror.coloured import Labels
 from rverror.compose import pose, source_matrix
 from rverror.errors import InputError
@@ -164,13 +164,13 @@ def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Ar
     return theta, values, min(2 * first, theta.size // 4)
 
 
-def influence_rows(run: Run, drive: Drive, theta: Array, key: str, indices: Mapping[str, IndexValue]) -> Array:
+def influence_rows(run: Run, mechanism: Mechanism, theta: Array, key: str, indices: Mapping[str, IndexValue]) -> Array:
     """Influence of one source on the output in one run.
 
     Parameters
     ----------
     run : Run
-    drive : Drive
+    mechanism : Reducer or Drive
     theta : ndarray, shape (n,)
         Nominal output angle, rad.
     key : str
@@ -180,7 +180,7 @@ def influence_rows(run: Run, drive: Drive, theta: Array, key: str, indices: Mapp
     -------
     ndarray, shape (terms, n)
     """
-    motion = pose(drive, theta, direction=run.direction, time=run.time)
+    motion = pose(mechanism, theta, direction=run.direction, time=run.time)
     return source_matrix(motion, {"output": np.ones((1, theta.size))}, key, indices)
 
 

@@ -17,11 +17,10 @@ from rverror.action_line import Array
 from rverror.catalogue import CATALOGUE, source
 from rverror.chance import variance_ratio
 from rverror.coloured import kept_share, orthonormal
-from rverror.compose import pose, source_matrix
 from rverror.diagnosis import Addition
 from rverror.drive_fit import DriveFit, fitted, held_out_gain
 from rverror.drive_result import addition_of
-from rverror.drive_runs import RunData
+from rverror.drive_runs import RunData, influence_rows
 from rverror.drive_terms import DECLARED, EFFECT, OFFSET, Term
 from rverror.measurement import Run
 from rverror.model import Effect, Model
@@ -86,10 +85,8 @@ def growth_rows(unit: Reducer, run: Run, theta: Array, cut: Callable[[Array], Re
     dict of str to ndarray, shape (periods, n)
         Without the sources that need what the run does not tell.
     """
-    motion = pose(unit, theta, direction=run.direction, time=run.time)
-    output = {"output": np.ones((1, theta.size))}
     return {
-        key: cut(source_matrix(motion, output, key, {})[0]).values
+        key: cut(influence_rows(run, unit, theta, key, {})[0]).values
         for key, entry in CATALOGUE.items()
         if entry.applies_to(unit) and not entry.periodic and (run.time is not None or key != "sensor.time_offset")
     }

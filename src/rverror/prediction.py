@@ -131,8 +131,7 @@ class Predictor:
         gears = tuple(e for e in model.effects if not source(e.key).at_output)
         if any(e.key == "sensor.index_offset" for e in model.effects):
             _check_whole_periods(self.mechanism, self.conditions.theta)
-            ahead = replace(self.conditions, theta=self.conditions.theta + model.index_offset)
-            turned = Predictor(self.mechanism, ahead).predict(replace(model, effects=gears), near)
+            turned = self._ahead(model).predict(replace(model, effects=gears), near)
             motion = pose(self.mechanism, self.conditions.theta, **self._how)
             return _as_read(model, motion, turned)
         if not uses_equilibrium(model, self.conditions):
@@ -159,15 +158,16 @@ class Predictor:
         ndarray, shape (parameters, n)
             rad per mm or rad, one row per parameter of each source.
         """
-        motion, forces = self.contact_state(model)
-        rows = [source_matrix(motion, forces, key, indices) for key, indices in sources]
-        if model.index_offset:
-            read = [source(key).at_output for key, _ in sources]
-            rows = [
-                part if fixed else _turned(part, motion, model.index_offset)
-                for part, fixed in zip(rows, read, strict=True)
-            ]
-        return np.concatenate(rows)
+        motion, forces = (self._ahead(model) if model.index_offset else self).contact_state(model)
+        read = replace(motion, theta=self.conditions.theta)
+        return np.concatenate(
+            [source_matrix(read if source(key).at_output else motion, forces, key, i) for key, i in sources]
+        )
+
+    def _ahead(self, model: Model) -> Predictor:
+        """Predictor of the gear train where it stands, its marks ahead of the bench's zero."""
+        theta = self.conditions.theta + model.index_offset
+        return Predictor(self.mechanism, replace(self.conditions, theta=theta))
 
     def contact_state(self, model: Model) -> tuple[Pose, ContactForces]:
         """Motion and contact forces per unit torque with the gear's marks at every sample's angle.
@@ -292,12 +292,10 @@ def _resampled(poses: Array, points: int) -> Array:
     return np.asarray(np.fft.irfft(lines[: points // 2 + 1], points, axis=0), dtype=np.float64)
 
 
-def _turned(rows: Array, motion: Pose, angle: float, *, derivative: bool = False) -> Array:
-    """Rows over whole periods, or their derivative, where the gear train is ahead by an angle: by Fourier series."""
-    n, step = motion.theta.size, float(motion.theta[1] - motion.theta[0])
-    wave_numbers = 2 * np.pi * np.fft.rfftfreq(n, step)
-    factor = np.exp(1j * wave_numbers * angle) * (1j * wave_numbers if derivative else 1.0)
-    return np.asarray(np.fft.irfft(np.fft.rfft(rows, axis=-1) * factor, n, axis=-1), dtype=np.float64)
+def _change_with_angle(row: Array, theta: Array) -> Array:
+    """Derivative of a row over whole periods, by its Fourier series."""
+    wave_numbers = 2j * np.pi * np.fft.rfftfreq(row.size, float(theta[1] - theta[0]))
+    return np.asarray(np.fft.irfft(np.fft.rfft(row) * wave_numbers, row.size), dtype=np.float64)
 
 
 def _as_read(model: Model, motion: Pose, loaded: Prediction) -> Prediction:
@@ -307,7 +305,7 @@ def _as_read(model: Model, motion: Pose, loaded: Prediction) -> Prediction:
     for effect in model.effects:
         count = len(effect.values)
         if effect.key == "sensor.index_offset":
-            matrix = _turned(loaded.transmission_error, motion, 0.0, derivative=True)[None]
+            matrix = _change_with_angle(loaded.transmission_error, motion.theta)[None]
         elif source(effect.key).at_output:
             matrix = source_matrix(motion, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix
