@@ -26,7 +26,7 @@ import rverror
 from rverror import Diagnosis, Effect, Model, cli, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.diagnosis import Candidate, Line
 from rverror.plot import diagnosis_figure, svg_element, to_bytes
-from rverror.report import InputFile, input_files, to_html, to_json, to_text
+from rverror.report import InputFile, _bench, input_files, to_html, to_json, to_text
 from rverror.units import ARCSEC
 
 DEMO = Path(rverror.__file__).parent / "data" / "demo"
@@ -701,3 +701,18 @@ def test_a_diagnosis_of_a_drive_is_reported_the_same_way(tmp_path: Path) -> None
 def test_a_declared_model_without_name_is_called_by_its_reducer(result: Outcome) -> None:
     plain = replace(result.diagnosis, declared=Model(reducer("RV-40E")))
     assert "Declared: RV-40E, 0 effects" in to_text(plain)
+
+
+def test_what_to_measure_next_knows_the_zero_of_the_runs(result: Outcome) -> None:
+    """Marks that are known or not, and whether forward and reverse share their zero."""
+
+    def bench(*labels: str) -> tuple[bool, bool]:
+        traces = tuple(replace(t, index=label) for t, label in zip(result.diagnosis.traces, labels, strict=True))
+        found = _bench(replace(result.diagnosis, traces=traces))
+        return found.marks, found.shared_zero
+
+    assert [t.direction for t in result.diagnosis.traces] == [1.0, -1.0]
+    assert bench("", "") == (True, False)
+    assert bench("A", "A") == (True, True)
+    assert bench("A", "B") == (True, False)
+    assert bench("unknown", "unknown") == (False, False)
