@@ -29,6 +29,7 @@ LAYERS = (
     ("model",),
     ("compose",),
     ("energy",),
+    ("condensation",),
     ("equilibrium", "budget"),
     ("allocate", "prediction", "rigidity", "measurement", "model_file"),
     ("chance", "spectrum"),

@@ -491,8 +491,8 @@ def test_errors_of_a_fifth_of_a_millimetre_are_solved_or_refused() -> None:
 
 
 def test_what_did_not_converge_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(energy, "_MAX_STEPS", 1)
-    monkeypatch.setattr(energy, "_MAX_STEPS_UNLOADING", 1)
+    for limit in ("_MAX_STEPS", "_MAX_STEPS_NEAR", "_MAX_STEPS_UNLOADING"):
+        monkeypatch.setattr(energy, limit, 0)
     model = model_of(rverror.reducer("RV-40E"), SEVERAL)
     with pytest.raises(NotConvergedError, match=rf"of {ANGLES.size} angles \(theta = [-0-9., ]+ deg"):
         rverror.equilibrium(model, ANGLES, torque=20e3, direction=1)

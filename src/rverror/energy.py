@@ -165,12 +165,13 @@ class Geometry:
         return {}
 
     @cached_property
-    def _all_springs(self) -> tuple[Array, Array]:
+    def all_springs(self) -> tuple[Array, Array]:
+        """`springs` where none floats."""
         return self._springs(np.ones(self.joint_rows.shape[1], dtype=np.bool_))
 
     def springs(self, floats: Flags) -> tuple[Array, Array]:
         """Stiffness matrix and rows times stiffness of the bearings that do not float in a clearance."""
-        return self._springs(~floats) if floats.any() else self._all_springs
+        return self._springs(~floats) if floats.any() else self.all_springs
 
     def _springs(self, chosen: Flags) -> tuple[Array, Array]:
         n, size = len(self.joint_rows), self.joint_rows.shape[-1]
@@ -198,6 +199,7 @@ class System:
     """
 
     reducer: Reducer
+    first_disc: int  # column of its x
     load: Array  # (n, size)
     spring_matrix: Array  # (n, size, size)
     spring_force: Array  # (n, size)
@@ -220,12 +222,16 @@ class System:
 
     def take(self, at: Any) -> System:
         """The same at some of the angles."""
-        arrays = {f.name: getattr(self, f.name)[at] for f in fields(self) if f.name != "reducer"}
+        arrays = {f.name: getattr(self, f.name)[at] for f in fields(self) if f.name not in ("reducer", "first_disc")}
         return replace(self, **arrays)
+
+    @property
+    def _of_discs(self) -> slice:
+        return slice(self.first_disc, self.first_disc + 3 * self.reducer.discs)
 
     def discs(self, x: Array) -> Array:
         """x, y and angle of the discs, (3, n, discs, 1)."""
-        return np.moveaxis(x[:, 3 : 3 + 3 * self.reducer.discs].reshape(len(x), -1, 3), -1, 0)[..., None]
+        return np.moveaxis(x[:, self._of_discs].reshape(len(x), -1, 3), -1, 0)[..., None]
 
     def state(self, x: Array) -> State:
         """Contacts, energy and its gradient in the pose `x`."""
@@ -239,7 +245,7 @@ class System:
         gradient = spring + self.spring_force - self.load
         gradient += (flank_force[:, None] @ self.flank_rows)[:, 0]
         on_discs = np.einsum("nki,ncki->nkc", pin_force, rows)
-        gradient[:, 3 : 3 + 3 * self.reducer.discs] += on_discs.reshape(len(x), -1)
+        gradient[:, self._of_discs] += on_discs.reshape(len(x), -1)
         terms = [
             0.5 * (x * spring).sum(axis=1),
             (x * self.spring_force).sum(axis=1),
@@ -290,7 +296,7 @@ class System:
         closed = np.where(pins, stiffness.pin_contact, 0.0)[:, None] * rows
         blocks = np.einsum("nbki,ncki->nkbc", closed, rows)
         for k in range(self.reducer.discs):
-            at = slice(3 + 3 * k, 6 + 3 * k)
+            at = slice(self.first_disc + 3 * k, self.first_disc + 3 * k + 3)
             matrix[:, at, at] += blocks[:, k]
         held = np.where(flanks, stiffness.gear_mesh, 0.0)[..., None] * self.flank_rows
         matrix += np.swapaxes(self.flank_rows, 1, 2) @ held
@@ -313,7 +319,7 @@ class System:
         gradient = gradient + np.einsum("nqcd,nqc->nd", self.journal_rows, self.journal_stiffness[..., None] * away)
         gradient += ((stiffness.gear_mesh * flanks * self.flank_error)[:, None] @ self.flank_rows)[:, 0]
         on_discs = np.einsum("nki,ncki->nkc", stiffness.pin_contact * pins * self.pin_error, self.pin_rows)
-        gradient[:, 3 : 3 + 3 * self.reducer.discs] += on_discs.reshape(len(gradient), -1)
+        gradient[:, self._of_discs] += on_discs.reshape(len(gradient), -1)
         return -solved(self.matrix(pins=pins, flanks=flanks, journals=springs), gradient)
 
     def driven(self) -> Array:
@@ -341,6 +347,11 @@ class State:
     pins: Array
     flanks: Array
     journals: Array
+
+    @property
+    def imbalance(self) -> Array:
+        """Largest force or moment out of balance, (n,)."""
+        return np.asarray(np.abs(self.gradient).max(axis=1))
 
     def take(self, at: Any) -> State:
         """The same at some of the angles."""
@@ -381,6 +392,7 @@ def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
         along[cams:-2] = forces["carrier direction"]
     return System(
         reducer=reducer,
+        first_disc=Layout(reducer).disc[0],
         load=load,
         spring_matrix=matrix,
         spring_scale=np.abs(matrix).sum(axis=2).max(axis=1),
@@ -484,7 +496,7 @@ def _minimise(system: System, start: Array, tolerance: float, most: int) -> tupl
     at, steps = np.arange(len(x)), np.zeros(len(x), dtype=np.intp)
     before = np.full(len(x), np.inf)
     for step in range(most + 1):
-        left = np.abs(now.gradient).max(axis=1)
+        left = now.imbalance
         # what is as small as rounding is let go once it shrinks no more
         moving = (left > tolerance) & ((left > now.unbalanced) | (left < 0.5 * before[at]))
         before[at] = left

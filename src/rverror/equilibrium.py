@@ -22,6 +22,7 @@ from rverror import units
 from rverror.action_line import BEARINGS, Array, ContactForces, Contacts, ErrorVector, project, unit_vectors
 from rverror.catalogue import Mechanism, source
 from rverror.compose import pose
+from rverror.condensation import Stretch
 from rverror.energy import (
     GRADIENT_TOLERANCE,
     Errors,
@@ -183,13 +184,9 @@ def linearise(
 def _statics_of(model: Model, theta: Any, *, torque: Any, direction: Any | None, time: Any | None) -> Statics:
     """Statics where the gear train stands when the bench reads theta."""
     read = pose(model.mechanism, theta, direction=direction, time=time)
-    turned = replace(
-        statics_of(
-            model.mechanism, read.theta + model.index_offset, torque=torque, direction=read.direction, time=read.time
-        ),
-        read_at=read.theta,
-    )
-    return turned
+    turned = read.theta + model.index_offset
+    statics = statics_of(model.mechanism, turned, torque=torque, direction=read.direction, time=read.time)
+    return replace(statics, read_at=read.theta)
 
 
 def _joined(parts: list[Equilibrium]) -> Equilibrium:
@@ -253,18 +250,18 @@ class Statics:
     read_at: Array | None = None
 
     @cached_property
-    def _kept(self) -> tuple[Geometry, ...]:
+    def _kept(self) -> tuple[Stretch, ...]:
         return tuple(self._made())
 
-    def _made(self) -> Iterator[Geometry]:
+    def _made(self) -> Iterator[Stretch]:
         unit, theta, direction = self.motion.reducer, self.motion.theta, self.motion.direction
         for first in range(0, theta.size, _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
             motion = pose(unit, theta[part], direction=direction[part], torque=self.torque)
             assert isinstance(motion, Contacts)
-            yield geometry(motion)
+            yield Stretch(geometry(motion))
 
-    def stretches(self) -> Iterable[Geometry]:
+    def stretches(self) -> Iterable[Stretch]:
         """Contact geometry of one stretch of angles after another; that of few angles is kept for the next errors."""
         return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
 
@@ -274,7 +271,7 @@ class Statics:
         trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
         felt = tuple(e for e in effects if not source(e.key).at_output)
         for stretch in self.stretches():
-            last = first + stretch.motion.theta.size
+            last = first + stretch.contacts.motion.theta.size
             solution = _settle(stretch, felt, self.torque or trace, None if start is None else start[first:last])
             yield solution if self.torque else solution.unloaded()
             first = last
@@ -284,7 +281,7 @@ class Statics:
         errors, rows, poses = [], [], []
         for part in self.solutions(effects, start):
             n, forces = len(part.x), part.forces_per_torque()
-            matrix = [project(forces, part.stretch.vector(effect), n) for effect in effects]
+            matrix = [project(forces, part.contacts.vector(effect), n) for effect in effects]
             errors.append(part.transmission_error)
             rows.append(np.concatenate([np.zeros((0, n)), *matrix]))
             poses.append(part.x)
@@ -320,11 +317,21 @@ class Statics:
         return replace(state, transmission_error=state.transmission_error + self.beyond(effects))
 
 
-def _settle(stretch: Geometry, effects: tuple[Effect, ...], torque: float, start: Array | None) -> _Solution:
-    motion = stretch.motion
-    errors = error_closing(stretch, effects)
-    energy = loaded_system(stretch, errors, torque)
-    x, steps, found = minimise(energy, torque, start)
+def _settle(stretch: Stretch, effects: tuple[Effect, ...], torque: float, start: Array | None) -> _Solution:
+    contacts, motion = stretch.contacts, stretch.contacts.motion
+    errors = error_closing(contacts, effects)
+    energy = loaded_system(contacts, errors, torque)
+    steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
+    if not energy.clearance.size:
+        start, steps, found = stretch.condensed.settled(energy, torque, start)
+        state = energy.state(start)
+        # final where the loaded flanks, and no others, carry
+        found &= state.imbalance <= np.maximum(energy.tolerance(torque), state.unbalanced)
+    if found.all():
+        assert start is not None
+        return _Solution(stretch, errors, energy, start, state, steps, torque)
+    x, more, found = minimise(energy, torque, start)
+    steps = steps + more
     if not found.all():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in motion.theta[~found][:5])
         raise NotConvergedError(
@@ -338,7 +345,7 @@ def _settle(stretch: Geometry, effects: tuple[Effect, ...], torque: float, start
 class _Solution:
     """Settled pose of one stretch of angles."""
 
-    stretch: Geometry
+    stretch: Stretch
     errors: Errors
     energy: System
     x: Array
@@ -347,9 +354,21 @@ class _Solution:
     torque: float
     unloading: Array | float = 0.0  # what taking the load off adds to the pose
 
+    @property
+    def contacts(self) -> Geometry:
+        """Geometry of the contacts."""
+        return self.stretch.contacts
+
     def unloaded(self) -> _Solution:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        return replace(self, unloading=-refined(self.energy.newton_matrix(self.state), self.energy.load))
+        return replace(self, unloading=-self._answer(self.energy.load))
+
+    def _answer(self, force: Array) -> Array:
+        """Change of the pose with a force, the closed contacts held closed."""
+        system, state = self.energy, self.state
+        if not system.clearance.size and ((state.flanks > 0) == system.driving_flanks).all():
+            return self.stretch.condensed.answer(system, state, force)
+        return refined(system.newton_matrix(state), force)
 
     @property
     def transmission_error(self) -> Array:
@@ -358,7 +377,7 @@ class _Solution:
 
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
-        reducer, n = self.stretch.motion.reducer, len(self.x)
+        reducer, n = self.contacts.motion.reducer, len(self.x)
         parts = np.moveaxis(self.x + self.unloading, 0, -1)
         bodies = parts[3:-2].reshape(-1, 3, n)
         residual = GRADIENT_TOLERANCE * np.abs(self.state.gradient).max(axis=1) / self.energy.tolerance(self.torque)
@@ -381,11 +400,11 @@ class _Solution:
 
     def _joints(self) -> Array:
         """Closing of each bearing, (n, joints, 2)."""
-        return np.asarray(np.einsum("nqcd,nd->nqc", self.stretch.joint_rows, self.x) + self.errors.joint)
+        return np.asarray(np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, self.x) + self.errors.joint)
 
     def _contact_forces(self) -> dict[str, Array]:
-        stiffness = self.stretch.motion.reducer.stiffness
-        force = joint_stiffness(self.stretch.motion.reducer)[:, None] * self._joints()
+        stiffness = self.contacts.motion.reducer.stiffness
+        force = joint_stiffness(self.contacts.motion.reducer)[:, None] * self._joints()
         if self._journals().any():
             force[:, self._journals()] = self.energy.journal_forces(self.state.journals)[1]
         return self._by_contact(
@@ -396,30 +415,30 @@ class _Solution:
 
     def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
         """Sizes of forces, samples first, as vectors of the driving on the driven part, samples last."""
-        reducer, n = self.stretch.motion.reducer, len(self.x)
+        reducer, n = self.contacts.motion.reducer, len(self.x)
         cams = reducer.discs * reducer.cranks
         bearing = np.moveaxis(joints, 0, -1)
         flank = np.moveaxis(flanks.reshape(n, reducer.cranks, 2), 0, -1)
         return {
-            "pin": np.moveaxis(pins, 0, -1)[..., None, :] * self.stretch.motion.pin_normal,
+            "pin": np.moveaxis(pins, 0, -1)[..., None, :] * self.contacts.motion.pin_normal,
             "cam": bearing[:cams].reshape(reducer.discs, reducer.cranks, 2, n),
             "carrier": bearing[cams:-2],
-            "mesh": flank[..., None, :] * self.stretch.motion.mesh_normal,
+            "mesh": flank[..., None, :] * self.contacts.motion.mesh_normal,
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        stiffness, state, system = self.stretch.motion.reducer.stiffness, self.state, self.energy
+        stiffness, state, system = self.contacts.motion.reducer.stiffness, self.state, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
-        answer = -refined(system.newton_matrix(state), unit)
+        answer = -self._answer(unit)
         disc = system.discs(answer)
         pins = (system.pin_rows * np.moveaxis(disc, 0, 1)).sum(axis=1)
         flanks = (system.flank_rows @ answer[..., None])[..., 0]
-        joints = np.einsum("nqcd,nd->nqc", self.stretch.joint_rows, answer)
-        change = joint_stiffness(self.stretch.motion.reducer)[:, None] * joints
-        where, cams = self._journals(), self.stretch.motion.reducer.discs * self.stretch.motion.reducer.cranks
+        joints = np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, answer)
+        change = joint_stiffness(self.contacts.motion.reducer)[:, None] * joints
+        where, cams = self._journals(), self.contacts.motion.reducer.discs * self.contacts.motion.reducer.cranks
         places = zip(BEARINGS, (slice(cams), slice(cams, -2)), strict=True)
         if where.any():
             matrices = system.journal_matrices(state.journals)

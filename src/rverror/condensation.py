@@ -1,0 +1,201 @@
+"""Static condensation: what is linear between the discs and the held sun is taken out of the equilibrium beforehand.
+
+Only pins open and close by turns; bearings without clearance are springs, and the loaded flanks stay closed.  With the
+unknowns split into those of the discs, d, and the others, r,
+
+    K = K_dd - K_dr K_rr^-1 K_rd,    f = f_d - K_dr K_rr^-1 f_r,    x_r = K_rr^-1 (f_r - K_rd x_d),
+
+the discs alone (three unknowns each) take the pose of least energy of the whole gear train.  K_rr is regular: with the
+discs held, their cams hold the cranks, the cranks the carrier, and its support the sun.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rverror.action_line import Array
+from rverror.energy import Flags, Geometry, Layout, State, Steps, System, minimise, refined, solved
+
+_MOST_STEPS = 8
+_FEW = 0.7  # of the angles: then the others are left out of the next step
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Contact geometry at some angles, and what it condenses to, made once.
+
+    Attributes
+    ----------
+    contacts : Geometry
+    """
+
+    contacts: Geometry
+
+    @cached_property
+    def condensed(self) -> Condensed:
+        """Without clearance, onto the discs."""
+        return condensed(self.contacts)
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """Stiffness of a gear train without clearance at n angles, condensed onto its discs; loaded flanks are closed.
+
+    Attributes
+    ----------
+    discs : slice
+        Unknowns of the discs.
+    others : ndarray of int
+        All other unknowns.
+    inverse : ndarray, shape (n, others, others)
+        Flexibility of the others with the discs held.
+    carried : ndarray, shape (n, discs, others)
+        Share of a force on the others that the discs carry, negative.
+    matrix : ndarray, shape (n, discs, discs)
+        Stiffness that the discs feel but for their pins.
+    pins : ndarray, shape (n, discs, 3, pins)
+        How each pin closes with x, y and angle of its disc.
+    flanks : ndarray, shape (n, flanks, size)
+        Rows of the loaded flanks times their stiffness, zero for the others.
+    """
+
+    discs: slice
+    others: np.ndarray[tuple[int], np.dtype[np.intp]]
+    inverse: Array
+    carried: Array
+    matrix: Array
+    pins: Array
+    flanks: Array
+
+    def settled(self, whole: System, torque: float, start: Array | None) -> tuple[Array, Steps, Flags]:
+        """Pose of least energy with the loaded flanks closed, as of `energy.minimise`.
+
+        Parameters
+        ----------
+        whole : System
+            Of the same geometry, without clearance.
+        torque : float
+            Size of its load, N*mm, above 0.
+        start : ndarray, shape (n, size), optional
+            Poses that are likely near.
+
+        Returns
+        -------
+        x : ndarray, shape (n, size)
+        steps : ndarray of int, shape (n,)
+        found : ndarray of bool, shape (n,)
+        """
+        system = self._system(whole)
+        if start is None:
+            x, steps, found = minimise(system, torque)
+        else:
+            x, steps, found = self._newton(whole, start[:, self.discs], system.tolerance(torque))
+            left = np.flatnonzero(~found)
+            if left.size:
+                x[left], more, found[left] = minimise(system.take(left), torque, x[left])
+                steps[left] += more
+        return self._all(x, whole.load - self._springs(whole)), steps, found
+
+    def _newton(self, whole: System, start: Array, tolerance: float) -> tuple[Array, Steps, Flags]:
+        """Plain Newton steps, exact once no pin opens or closes; angles that do not settle need a line search."""
+        x, at = start.copy(), np.arange(len(start))
+        steps, found = np.zeros(len(x), dtype=np.intp), np.zeros(len(x), dtype=np.bool_)
+        force = self._on_discs(whole.load - self._springs(whole))
+        parts = self.matrix, self.pins, whole.pin_error, force
+        for step in range(_MOST_STEPS + 1):
+            matrix, rows, errors, pull = parts
+            now = x[at]
+            closing = (now.reshape(*rows.shape[:2], 1, 3) @ rows)[:, :, 0] + errors
+            carrying = whole.reducer.stiffness.pin_contact * (closing > 0)[:, :, None] * rows
+            on_pins = (carrying @ closing[..., None])[..., 0].reshape(now.shape)
+            gradient = (matrix @ now[..., None])[..., 0] + on_pins - pull
+            moving = np.abs(gradient).max(axis=1) > tolerance
+            found[at[~moving]] = True
+            if step == _MOST_STEPS or not moving.any():
+                break
+            if moving.mean() < _FEW:
+                at, now, gradient = at[moving], now[moving], gradient[moving]
+                parts = matrix, rows, errors, pull = matrix[moving], rows[moving], errors[moving], pull[moving]
+                carrying = carrying[moving]
+            x[at] = now - solved(_with_pins(matrix, carrying, rows), gradient)
+            steps[at] += 1
+        return x, steps, found
+
+    def _system(self, whole: System) -> System:
+        """Energy of the discs alone."""
+        n, count = len(whole.load), self.matrix.shape[-1]
+        return replace(
+            whole,
+            first_disc=0,
+            load=self._on_discs(whole.load),
+            spring_matrix=self.matrix,
+            spring_scale=np.abs(self.matrix).sum(axis=2).max(axis=1),
+            spring_force=self._on_discs(self._springs(whole)),
+            flank_rows=np.zeros((n, 0, count)),
+            flank_error=np.zeros((n, 0)),
+            journal_rows=np.zeros((n, 0, 2, count)),
+            driving_flanks=np.zeros((n, 0), dtype=np.bool_),
+        )
+
+    def answer(self, whole: System, state: State, force: Array) -> Array:
+        """Change of the pose, (n, size), with a force on all parts, the closed pins of a state held closed."""
+        carrying = whole.reducer.stiffness.pin_contact * (state.pins > 0)[:, :, None] * self.pins
+        matrix = _with_pins(self.matrix, carrying, self.pins)
+        return self._all(refined(matrix, self._on_discs(force)), force)
+
+    def _springs(self, whole: System) -> Array:
+        """Force of springs and loaded flanks at the nominal pose."""
+        return np.asarray(whole.spring_force + (whole.flank_error[:, None] @ self.flanks)[:, 0])
+
+    def _on_discs(self, force: Array) -> Array:
+        return np.asarray(force[:, self.discs] + (self.carried @ force[:, self.others, None])[..., 0])
+
+    def _all(self, discs: Array, force: Array) -> Array:
+        x = np.empty_like(force)
+        x[:, self.discs] = discs
+        # K_rr^-1 K_rd is the transpose of K_dr K_rr^-1
+        x[:, self.others] = (self.inverse @ force[:, self.others, None])[..., 0]
+        x[:, self.others] += (discs[:, None] @ self.carried)[:, 0]
+        return x
+
+
+def condensed(contacts: Geometry) -> Condensed:
+    """Condense the springs and loaded flanks of a geometry onto its discs.
+
+    Parameters
+    ----------
+    contacts : Geometry
+
+    Returns
+    -------
+    Condensed
+    """
+    reducer = contacts.motion.reducer
+    layout = Layout(reducer)
+    discs = slice(layout.disc[0], layout.disc[0] + 3 * reducer.discs)
+    others = np.delete(np.arange(layout.size), discs)
+    flanks = contacts.driving_flanks[..., None] * (reducer.stiffness.gear_mesh * contacts.flank_rows)
+    matrix = contacts.all_springs[0] + np.swapaxes(contacts.flank_rows, 1, 2) @ flanks
+    inverse = np.asarray(np.linalg.inv(matrix[:, others[:, None], others]), dtype=np.float64)
+    across = matrix[:, discs, others]
+    carried = -across @ inverse
+    return Condensed(
+        discs=discs,
+        others=others,
+        inverse=inverse,
+        carried=carried,
+        matrix=matrix[:, discs, discs] + carried @ np.swapaxes(across, 1, 2),
+        pins=np.ascontiguousarray(contacts.pin_rows.transpose(0, 2, 1, 3)),
+        flanks=flanks,
+    )
+
+
+def _with_pins(matrix: Array, carrying: Array, rows: Array) -> Array:
+    """Stiffness of the discs with pins that carry: rows (n, discs, 3, pins), and times their stiffness."""
+    total, blocks = matrix.copy(), carrying @ np.swapaxes(rows, 2, 3)
+    for k in range(rows.shape[1]):
+        total[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += blocks[:, k]
+    return total
