@@ -197,3 +197,23 @@ def test_declared_sizes_that_moved_too_far_are_put_back_before_the_next_search()
     begun = search._start(far, (CAM,))
     assert [e.values for e in begun.model.effects[:2]] == [e.values for e in model.effects]
     assert begun.model.effects[-1].values == pytest.approx(CAM.values, abs=0.3e-3)
+
+
+def test_what_stood_beside_an_effect_that_is_gone_finds_its_own_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect was chosen beside one that later proved needless: contact then tells which crank and disc it is on."""
+    try_only(monkeypatch, "cycloid.disc_bore_position", "crank.eccentricity")
+    bore = effect("cycloid.disc_bore_position", disc=1, crank=1, radial="-3 um", tangential="5 um")
+    model, runs = bench((bore,), torque=20e3)
+    search = Search(model, UNIT, runs, lambda text: None)
+    elsewhere = replace(bore, indices={"disc": 0, "crank": 1})
+    gone = effect("crank.index", crank=0, angle="1 arcsec")
+    fit = joint_fit(model, (elsewhere,), runs)
+    both = joint_fit(model, (gone, fit.model.effects[-1]), runs)
+    record = (0.0, ((gone.key, dict(gone.indices)),), ())
+    found = search._pruned(_Found(both, (gone, elsewhere), (record, record)))
+    assert [(e.key, dict(e.indices)) for e in found.added] == [(bore.key, dict(bore.indices))]
+    assert found.fit.objective < fit.objective - 50
+    assert found.fit.model.effects[-1].values == pytest.approx(bore.values, abs=1e-3)
+    ((heldout, alike, _),) = found.records
+    assert heldout == search.residual(found.fit).heldout_rms
+    assert (gone.key, dict(gone.indices)) not in alike

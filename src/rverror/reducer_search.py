@@ -279,8 +279,19 @@ class Search:
             fit = joint_fit(self.model, added, self.runs, start=start)
             if fit.objective - found.fit.objective < self._needed(effect, found.fit):
                 self.tell(f"dropped {describe(effect.key, effect.indices)}: needless beside what came later")
-                return self._pruned(_Found(fit, added, (*found.records[:at], *found.records[at + 1 :])))
+                return self._pruned(
+                    self._place_again(_Found(fit, added, (*found.records[:at], *found.records[at + 1 :])))
+                )
         return found
+
+    def _place_again(self, found: _Found) -> _Found:
+        """Choose the last effect again among those that look like it: an effect stood beside it that is gone."""
+        *before, last = found.added
+        own = _Trial(last, self.runs, 0.0, found.fit.misfit.count, found.fit)
+        joint = [own, *(t for twin in self._twins(own, [last], before) if (t := self._jointly(twin, before)))]
+        fits = sorted((trial.fit for trial in joint), key=lambda fit: fit.objective)
+        record = (self.residual(fits[0]).heldout_rms, self._alike(fits), found.records[-1][2])
+        return _Found(fits[0], (*before, fits[0].model.effects[-1]), (*found.records[:-1], record))
 
     def _needed(self, effect: Effect, fit: Fit) -> float:
         """What an effect must lower the objective by."""
@@ -401,13 +412,17 @@ class Search:
         without = joint_fit(self.model, added, self.runs, start=start, near=winner.predictions)
         if without.objective - winner.objective < self._needed(effect, fit):
             return without
-        alike = chi_square(0.01, 2) * self._noise_scale(winner)
-        others = tuple(
+        return effect, winner, self._alike(joint)
+
+    def _alike(self, fits: Sequence[Fit]) -> Alike:
+        """Last effects of fits that the runs cannot tell from that of the first."""
+        winner, *others = fits
+        limit = chi_square(0.01, 2) * self._noise_scale(winner)
+        return tuple(
             (f.model.effects[-1].key, dict(f.model.effects[-1].indices))
-            for f in joint[1:]
-            if f.objective - winner.objective < alike
+            for f in others
+            if f.objective - winner.objective < limit
         )
-        return effect, winner, others
 
     def _alone(self, shortlist: Sequence[Candidate], added: Sequence[Effect], state: Fit) -> list[_Trial]:
         """Fit each candidate with everything else held: two steps each, then more for the most promising."""
