@@ -148,3 +148,10 @@ def test_is_quantity() -> None:
     assert units.is_quantity(pint.UnitRegistry().Quantity(5, "mm"))
     assert not units.is_quantity(5.0)
     assert not units.is_quantity("5 mm")
+
+
+@pytest.mark.parametrize("text", ["1" * 5000 + "x\nx", "1" + " " * 5000 + "x\nx", "1" * 5000 + " " * 5000 + "x\nx"])
+def test_a_long_text_that_is_no_quantity_is_refused(text: str) -> None:
+    """A pattern that tries every split of such a text would never return."""
+    with pytest.raises(ValueError, match="no number with a unit"):
+        units.parse(text, "length")

@@ -44,7 +44,8 @@ DISPLAY_UNITS = {
 #: One second of arc in rad.
 ARCSEC = math.pi / 180.0 / 3600.0
 
-_NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+# Without the unit: a pattern for both would try every split of a long text that has none.
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 @functools.cache
@@ -138,10 +139,11 @@ def parse(text: str, dimension: str) -> float:
     >>> parse("412 N*m", "torque")
     412000.0
     """
-    match = _NUMBER_AND_UNIT.match(text)
-    if match is None:
+    match = _NUMBER.match(text.strip())
+    number = match[0] if match else ""
+    unit = text.strip()[len(number) :].strip()
+    if match is None or "\n" in unit:
         raise ValueError(f"{text!r} is no number with a unit; write it like '5 {DISPLAY_UNITS[dimension]}'")
-    number, unit = match.groups()
     if not unit:
         if dimension != "slope":
             raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
