@@ -305,6 +305,24 @@ def test_negative_clearance_is_refused(tmp_path: Path) -> None:
         load_model(path)
 
 
+@pytest.mark.parametrize("line", [" " * 5000, " " * 5000 + "# remark", "\t " * 2500 + "# a = 1"])
+def test_long_lines_without_a_key_are_passed_over(tmp_path: Path, line: str) -> None:
+    """A pattern that tries every way of splitting such a line would never return."""
+    assert load(tmp_path, swapped("[[effect]]", f"{line}\n[[effect]]", GOOD)) == load(tmp_path, GOOD)
+
+
+@pytest.mark.parametrize("words", ["word " * 1000, "word" * 1000, " " * 5000 + "'word'" * 1000])
+def test_long_wrapped_lines_are_passed_over(tmp_path: Path, words: str) -> None:
+    with pytest.raises(InputError, match=r"line 1: name = \[.*\]: must be a text"):
+        load(tmp_path, f'name = [\n"""\n{words}\n"""]\n' + FULL)
+
+
+@pytest.mark.parametrize("value", ["1a" * 10000 + "!", "1" + "a" * 20000 + "!", "1a" + " " * 20000 + "!"])
+def test_long_values_without_quotes_are_refused(tmp_path: Path, value: str) -> None:
+    with pytest.raises(InputError, match=r"line 1.* no valid TOML: .*; correct this line$"):
+        load(tmp_path, f"name = {value}\n" + FULL)
+
+
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         load_model(tmp_path / "none.toml")

@@ -6,9 +6,8 @@ import dataclasses
 import math
 import re
 import sys
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from rverror import units
 from rverror.catalogue import CATALOGUE, Mechanism, Parameter, source
@@ -16,6 +15,7 @@ from rverror.errors import InputError
 from rverror.model import Effect, Model, effect
 from rverror.reducer import PRESETS, Drive, Reducer, Stiffness, reducer
 from rverror.textfile import PathLike, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.toml_text import EXAMPLES, Place, TomlText, read_toml
 
 # Dimension of each quantity of [reducer], and how people write it; then an example of each count.
 _QUANTITIES = {
@@ -32,14 +32,6 @@ _QUANTITIES = {
 _COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
 _STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
-_EXAMPLES = {
-    "length": "5 um",
-    "angle": "10 arcsec",
-    "time": "0.5 ms",
-    "temperature_rise": "10 K",
-    "compliance": "0.5 arcsec/(N*m)",
-    "slope": "10 arcsec/turn",
-}
 
 
 def load_model(path: PathLike) -> Model:
@@ -139,85 +131,16 @@ def _check_equal(path: str, got: Model, wanted: Model) -> None:
         raise InputError(f"{path}: the model would not read back equal; make it with reducer() or Drive, and effect()")
 
 
-# --- where things stand -----------------------------------------------------------------------------------------------
-
-_Place = tuple[str | int, ...]
-_BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
-_TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
-_KEY_LINE = re.compile(r'\s*((?:"(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_.\s-]+)+?)\s*=(.*)$')
-
-
-class _Text:
-    """File name and the line of every key, for messages; tomllib keeps no lines."""
-
-    def __init__(self, path: str, text: str) -> None:
-        self.path = path
-        self.lines: dict[_Place, int] = {}
-        table: _Place = ()
-        counts: dict[_Place, int] = {}
-        inside = ""
-        for number, line in enumerate(split_lines(text), 1):
-            if inside:  # of a text over several lines
-                inside = "" if line.count(inside) % 2 else inside
-                continue
-            if match := _TABLE_LINE.match(line):
-                table = self._resolve(_split_key(match[2]), counts)
-                if match[1] == "[[":
-                    counts[table] = counts.get(table, -1) + 1
-                    table = (*table, counts[table])
-                for length in range(1, len(table) + 1):
-                    self.lines.setdefault(table[:length], number)
-            elif match := _KEY_LINE.match(line):
-                place = (*table, *_split_key(match[1]))
-                for length in range(len(table) + 1, len(place) + 1):
-                    self.lines.setdefault(place[:length], number)
-                inside = next((q for q in ('"""', "'''") if match[2].count(q) % 2), "")
-
-    @staticmethod
-    def _resolve(keys: _Place, counts: Mapping[_Place, int]) -> _Place:
-        """Full place of a table below the latest entry of an array of tables."""
-        place: _Place = ()
-        for i, key in enumerate(keys):
-            place = (*place, key)
-            if place in counts and i < len(keys) - 1:
-                place = (*place, counts[place])
-        return place
-
-    def refuse(self, place: _Place, message: str) -> NoReturn:
-        """Refuse with the line of a place, or of the nearest table around it."""
-        while place and place not in self.lines:
-            place = place[:-1]
-        line = f", line {self.lines[place]}" if place else ""
-        raise InputError(f"{self.path}{line}: {message}")
-
-
-def _split_key(text: str) -> _Place:
-    keys: list[str] = []
-    position = 0
-    while match := _BARE_OR_QUOTED.match(text, position):
-        word = match[1]
-        keys.append(word[1:-1] if word[0] in "\"'" else word)
-        position = match.end()
-        if not match[2]:
-            break
-    return tuple(keys)
-
-
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
 def _model(path: str, text: str) -> Model:
     if not text.strip():
         raise InputError(f"{path}: the file is empty; write '[reducer]' and 'preset = \"RV-40E\"'")
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(_syntax(path, text, str(error))) from error
-    except (RecursionError, ValueError) as error:  # tables within tables without end, numbers too long
-        raise InputError(f"{path}: no valid TOML: {error}; correct the file") from error
-    where = _Text(path, text)
-    _known(where, (), content, ("name", "reducer", "drive", "effect"), "top-level key")
-    name = _text(where, (), content, "name", "")
+    where = read_toml(path, text)
+    content = where.content
+    where.check_keys((), content, ("name", "reducer", "drive", "effect"), "top-level key")
+    name = where.string((), content, "name", "")
     kinds = [kind for kind in ("reducer", "drive") if kind in content]
     if len(kinds) != 1:
         problem = "both [reducer] and [drive]" if kinds else "neither [reducer] nor [drive]"
@@ -234,65 +157,19 @@ def _model(path: str, text: str) -> Model:
         raise InputError(f"{path}: {error}") from error
 
 
-def _syntax(path: str, text: str, message: str) -> str:
-    match = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
-    if match is None:
-        line = len(split_lines(text.rstrip()))
-        place, message = f", line {line}", message.replace("(at end of document)", "at the end of the file")
-    else:
-        line = int(match[1])
-        place, message = f", line {line}, column {match[2]}", message[: match.start()]
-    content = split_lines(text)[line - 1]
-    loose = re.match(r"\s*([\w.\"-]+)\s*=\s*([-+.\w]*\d\s*[A-Za-z*/]+[\w*/]*)\s*(#.*)?$", content)
-    remedy = f'write {loose[1]} = "{loose[2]}", with quotes' if loose else "correct this line"
-    return f"{path}{place}: no valid TOML: {message}; {remedy}"
-
-
-def _table(where: _Text, place: _Place, value: object) -> dict[str, Any]:
+def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         where.refuse(place, f"{place[-1]} = {shown(value)} is no table; write '[{'.'.join(map(str, place))}]'")
     return value
 
 
-def _known(where: _Text, place: _Place, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
-    for key in table:
-        if key not in known:
-            hint = did_you_mean(key, known)
-            where.refuse((*place, key), f"unknown {what} {shown(key)};{hint} the keys are {', '.join(known)}")
-
-
-def _text(where: _Text, place: _Place, table: Mapping[str, Any], key: str, default: str) -> str:
-    value = table.get(key, default)
-    if not isinstance(value, str):
-        where.refuse((*place, key), f'{key} = {shown(value)}: must be a text; write {key} = "..." with quotes')
-    return value
-
-
-def _quantity(where: _Text, place: _Place, value: object, dimension: str, example: str) -> float:
-    key = place[-1]
-    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        where.refuse(place, f"{key} = {shown(value)}: must be a text with a unit; write '{example}'")
-    if not isinstance(value, str):
-        if dimension != "slope":  # a slope has none
-            where.refuse(place, f"{key} = {shown(value)} has no unit; write it as a text like '{example}'")
-        value = repr(value)
-    try:
-        number = units.parse(value, dimension)
-    except ValueError as error:
-        # The remedy of the units edge knows the dimension only, this one the key.
-        where.refuse(place, f"{key}: {str(error).partition(';')[0]}; write it like '{example}'")
-    if key == "uncertainty" and number < 0:
-        where.refuse(place, f"uncertainty = {shown(value)}: must be 0 or more; write it like '{example}'")
-    return number
-
-
-def _reducer(where: _Text, table: dict[str, Any]) -> Reducer:
+def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     place = ("reducer",)
-    _known(where, place, table, ("preset", "name", *_COUNTS, *_QUANTITIES, "stiffness"), "key of [reducer]")
+    where.check_keys(place, table, ("preset", "name", *_COUNTS, *_QUANTITIES, "stiffness"), "key of [reducer]")
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key in _QUANTITIES:
-            values[key] = _quantity(where, (*place, key), value, *_QUANTITIES[key])
+            values[key] = where.quantity((*place, key), value, *_QUANTITIES[key])
         elif key in _COUNTS:
             if isinstance(value, bool) or not isinstance(value, int):
                 where.refuse(
@@ -301,11 +178,11 @@ def _reducer(where: _Text, table: dict[str, Any]) -> Reducer:
                 )
             values[key] = value
     if "name" in table:
-        values["name"] = _text(where, place, table, "name", "")
+        values["name"] = where.string(place, table, "name", "")
     if "stiffness" in table:
         values["stiffness"] = _stiffness(where, table["stiffness"])
     if "preset" in table:
-        preset = _text(where, place, table, "preset", "")
+        preset = where.string(place, table, "preset", "")
         if preset not in PRESETS:
             hint = did_you_mean(preset, {name.lower(): name for name in PRESETS})
             for name in PRESETS:
@@ -326,35 +203,35 @@ def _reducer(where: _Text, table: dict[str, Any]) -> Reducer:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _stiffness(where: _Text, value: object) -> Stiffness:
+def _stiffness(where: TomlText, value: object) -> Stiffness:
     place = ("reducer", "stiffness")
     table = _table(where, place, value)
-    _known(where, place, table, _STIFFNESS, "key of [reducer.stiffness]")
-    given = {key: _quantity(where, (*place, key), item, "stiffness", "200000 N/mm") for key, item in table.items()}
+    where.check_keys(place, table, _STIFFNESS, "key of [reducer.stiffness]")
+    given = {key: where.quantity((*place, key), item, "stiffness", "200000 N/mm") for key, item in table.items()}
     try:
         return Stiffness(**given)
     except ValueError as error:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _first_word(where: _Text, place: _Place, message: str) -> _Place:
+def _first_word(where: TomlText, place: Place, message: str) -> Place:
     """Place of the key that a message of the geometry check begins with."""
     return (*place, *re.split(r"[ :]", message, maxsplit=1)[:1])
 
 
-def _drive(where: _Text, table: dict[str, Any]) -> Drive:
+def _drive(where: TomlText, table: dict[str, Any]) -> Drive:
     place = ("drive",)
-    _known(where, place, table, ("ratio", "name", "shafts"), "key of [drive]")
+    where.check_keys(place, table, ("ratio", "name", "shafts"), "key of [drive]")
     if "ratio" not in table:
         where.refuse(place, "[drive] lacks ratio; write the input turns per output turn, like ratio = -14.0")
     shafts = _table(where, (*place, "shafts"), table.get("shafts", {}))
     ratio = _turns(where, (*place, "ratio"), table["ratio"])
     turns = {key: _turns(where, (*place, "shafts", key), value) for key, value in shafts.items()}
-    named = {"name": _text(where, place, table, "name", "")} if "name" in table else {}
+    named = {"name": where.string(place, table, "name", "")} if "name" in table else {}
     return Drive(ratio=ratio, shafts=turns, **named)
 
 
-def _turns(where: _Text, place: _Place, value: object) -> float:
+def _turns(where: TomlText, place: Place, value: object) -> float:
     key = place[-1]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         where.refuse(place, f"{key} = {shown(value)}: must be a bare number of turns; write {key} = 14.0")
@@ -367,31 +244,31 @@ def _turns(where: _Text, place: _Place, value: object) -> float:
     return float(value)
 
 
-def _effect(where: _Text, place: _Place, value: object, mechanism: Mechanism) -> Effect:
+def _effect(where: TomlText, place: Place, value: object, mechanism: Mechanism) -> Effect:
     if not isinstance(value, dict):
         where.refuse(place, f"effect holds {shown(value)}, which is no table; write each effect below '[[effect]]'")
     table: dict[str, Any] = value
     if "key" not in table:
         where.refuse(place, '[[effect]] lacks key; write key = "crank.eccentricity", or another key of the catalogue')
-    key = _text(where, place, table, "key", "")
+    key = where.string(place, table, "key", "")
     if key not in CATALOGUE:
         hint = did_you_mean(key, list(CATALOGUE))
         where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
     entry = source(key)
     parameters = {item.name: item for item in entry.parameters}
     indices = [item.name for item in entry.indices]
-    _known(where, place, table, ("key", *indices, *parameters, "uncertainty", "origin"), f"key of {key}")
+    where.check_keys(place, table, ("key", *indices, *parameters, "uncertainty", "origin"), f"key of {key}")
     named: dict[str, Any] = {}
     for name, item in table.items():
         at = (*place, name)
         if name in parameters or name == "uncertainty":
             dimension = parameters.get(name, entry.parameters[0]).dimension
-            named[name] = _quantity(where, at, item, dimension, _example(name, dimension))
+            named[name] = where.quantity(at, item, dimension, _example(name, dimension))
         elif name in indices:
             if isinstance(item, bool) or not isinstance(item, (int, str)):
                 where.refuse(at, f"{key}: {name} = {shown(item)}: must be a whole number or a name, without unit")
             named[name] = item
-    named["origin"] = _text(where, place, table, "origin", "")
+    named["origin"] = where.string(place, table, "origin", "")
     if not parameters.keys() & table.keys():
         first = entry.parameters[0]
         where.refuse(
@@ -408,7 +285,7 @@ def _effect(where: _Text, place: _Place, value: object, mechanism: Mechanism) ->
 
 
 def _example(name: str, dimension: str) -> str:
-    example = _EXAMPLES[dimension]
+    example = EXAMPLES[dimension]
     return f"0.3 {example.split()[1]}" if name == "uncertainty" else example
 
 
