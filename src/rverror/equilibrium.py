@@ -280,7 +280,7 @@ class Statics:
         """Turn of the carrier (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
         errors, rows, poses = [], [], []
         for part in self.solutions(effects, start):
-            n, forces = len(part.x), part.forces_per_torque()
+            n, forces = len(part.x), part.forces_per_torque(quick=True)
             matrix = [project(forces, part.contacts.vector(effect), n) for effect in effects]
             errors.append(part.transmission_error)
             rows.append(np.concatenate([np.zeros((0, n)), *matrix]))
@@ -363,10 +363,10 @@ class _Solution:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
         return replace(self, unloading=-self._answer(self.energy.load))
 
-    def _answer(self, force: Array) -> Array:
-        """Change of the pose with a force, the closed contacts held closed."""
+    def _answer(self, force: Array, *, quick: bool = False) -> Array:
+        """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
         system, state = self.energy, self.state
-        if not system.clearance.size and ((state.flanks > 0) == system.driving_flanks).all():
+        if quick and not system.clearance.size and ((state.flanks > 0) == system.driving_flanks).all():
             return self.stretch.condensed.answer(system, state, force)
         return refined(system.newton_matrix(state), force)
 
@@ -427,12 +427,12 @@ class _Solution:
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
 
-    def forces_per_torque(self) -> ContactForces:
+    def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
         stiffness, state, system = self.contacts.motion.reducer.stiffness, self.state, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
-        answer = -self._answer(unit)
+        answer = -self._answer(unit, quick=quick)
         disc = system.discs(answer)
         pins = (system.pin_rows * np.moveaxis(disc, 0, 1)).sum(axis=1)
         flanks = (system.flank_rows @ answer[..., None])[..., 0]
