@@ -35,6 +35,7 @@ from rverror import (
 from rverror.equilibrium import NotConvergedError
 from rverror.measurement import run_text
 from rverror.simulate import run_label, simulate_runs
+from rverror.terminal import Progress
 from rverror.units import ARCSEC, DISPLAY_UNITS
 from test_report import Outcome, outcome, strict_json
 
@@ -366,8 +367,8 @@ def test_work_that_stops_leaves_nothing(
 def test_an_equilibrium_that_is_not_reached_is_said(
     bench: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(energy, "_MAX_STEPS", 0)
-    monkeypatch.setattr(energy, "_MAX_STEPS_UNLOADING", 0)
+    for limit in ("_MAX_STEPS", "_MAX_STEPS_NEAR", "_MAX_STEPS_UNLOADING"):
+        monkeypatch.setattr(energy, limit, 0)
     arguments = ("simulate", "gear.toml", "--method", "equilibrium", "--torque", "20 N*m", "--points", "16")
     assert "no equilibrium" in refused(bench, capsys, arguments)
 
@@ -783,8 +784,8 @@ def test_progress_is_told_only_once_it_takes_long(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = [100.0]
-    monkeypatch.setattr("rverror.cli.time.monotonic", lambda: clock[0])
-    progress = cli._Progress()
+    monkeypatch.setattr("rverror.terminal.time.monotonic", lambda: clock[0])
+    progress = Progress()
     for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
         clock[0] = now
         progress(text)

@@ -7,7 +7,6 @@ import io
 import json
 import os
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import rverror
-from rverror import units
+from rverror import cli_tolerances, units
 from rverror.batch import SUMMARY, diagnose_folder, told
 from rverror.catalogue import CATALOGUE, Source, source
 from rverror.diagnose import Diagnosis, diagnose
@@ -26,6 +25,7 @@ from rverror.model import Effect, Model
 from rverror.model_file import append_effects, load_model
 from rverror.report import InputFile, input_files, to_html, to_json, to_text
 from rverror.simulate import DEFAULT_SEED, run_label, simulate_runs
+from rverror.terminal import Progress, check_output, given_twice, say_replaced, tell
 from rverror.textfile import check_name, write_bytes, write_text
 
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
@@ -124,6 +124,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
+    cli_tolerances.add_commands(commands)
+
     command = commands.add_parser("sources", help="list the catalogue of error sources")
     command.add_argument("--json", metavar="OUT.json", help="write it for programs")
     command.set_defaults(run=_sources)
@@ -138,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _simulate(options: argparse.Namespace) -> None:
     model = load_model(options.model)
-    _check_output(options.output, [options.model])
+    check_output(options.output, [options.model])
     torques: list[float | None] = [_torque(text) for text in options.torque or ()] or [None]
     directions = _DIRECTIONS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
@@ -161,12 +163,12 @@ def _simulate(options: argparse.Namespace) -> None:
         sys.stdout.write(run_text(runs[0]))
         return
     for path, run in zip(paths, runs, strict=True):
-        _say_replaced(path)
+        say_replaced(path)
         write_run(path, run, overwrite=True)
         if len(paths) > 1:
             print(path)  # for diagnose, or whatever reads the runs
         else:
-            _tell(f"wrote {path}")
+            tell(f"wrote {path}")
 
 
 def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
@@ -182,8 +184,8 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
         raise InputError(f"--torque: {twice[0]} is asked for twice; give each torque once")
     paths = [str(base.with_name(f"{base.stem}-{label}{base.suffix}")) for label in labels]
     for path in paths:
-        _check_output(path, [options.model])
-    if (same := _given_twice(paths)) is not None:
+        check_output(path, [options.model])
+    if (same := given_twice(paths)) is not None:
         raise InputError(f"{same}: this file is that of another run too, by a link; remove the link")
     return paths
 
@@ -199,10 +201,10 @@ def _diagnose(options: argparse.Namespace) -> None:
     inputs = [options.model, *options.runs]
     outputs = [options.json, options.report, options.save, options.plot]
     for output in outputs:
-        _check_output(output, inputs)
-    if (twice := _given_twice([output for output in outputs if output is not None])) is not None:
+        check_output(output, inputs)
+    if (twice := given_twice([output for output in outputs if output is not None])) is not None:
         raise InputError(f"{twice}: two outputs share this name; give each its own")
-    if (twice := _given_twice(options.runs)) is not None:
+    if (twice := given_twice(options.runs)) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once")
     for path in inputs:
         check_name(path)
@@ -220,20 +222,20 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
             raise InputError(f"{name}: {path!r} has no name; give a folder")
     if options.jobs is not None and options.jobs < 1:
         raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
-    progress = _Progress()
+    progress = Progress()
     try:
         batch = diagnose_folder(options.folder, out=options.out, jobs=options.jobs, progress=progress)
     finally:
         progress.close()
     for note in batch.notes:
-        _tell(note)
+        tell(note)
     for outcome in batch.outcomes:
         if outcome.state == "failed":
-            _tell(told(outcome))
+            tell(told(outcome))
         else:
             print(told(outcome))
             if outcome.replaced:
-                _tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
+                tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
     print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / SUMMARY}")
     if failed := batch.of("failed"):
@@ -244,32 +246,26 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         )
 
 
-def _given_twice(paths: Sequence[str]) -> str | None:
-    """First path that names the file of an earlier one."""
-    real = [os.path.realpath(path) for path in paths]
-    return next((path for i, path in enumerate(paths) if real[i] in real[:i]), None)
-
-
 def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, files: Sequence[InputFile]) -> None:
     if options.json:
-        _say_replaced(options.json)
+        say_replaced(options.json)
         write_text(options.json, json.dumps(to_json(result, files=files), indent=1) + "\n", overwrite=True)
     if options.plot:
         from rverror import plot
 
-        _say_replaced(options.plot)
+        say_replaced(options.plot)
         write_bytes(options.plot, plot.to_bytes(figure(result), "png"), overwrite=True)
     if options.report:
-        _say_replaced(options.report)
+        say_replaced(options.report)
         write_text(options.report, to_html(result, files=files), overwrite=True)
     if options.save:
-        _say_replaced(options.save)
+        say_replaced(options.save)
         effects = _beyond_declared(result)
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
-            _tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
+            tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
         elif any(effect.uncertainty for effect in result.declared.effects):
-            _tell(
+            tell(
                 f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
                 "their uncertainty"
             )
@@ -301,9 +297,9 @@ def _figure_maker() -> Any:
 
 
 def _sources(options: argparse.Namespace) -> None:
-    _check_output(options.json, [])
+    check_output(options.json, [])
     if options.json:
-        _say_replaced(options.json)
+        say_replaced(options.json)
         write_text(
             options.json, json.dumps([_source_json(s) for s in CATALOGUE.values()], indent=1) + "\n", overwrite=True
         )
@@ -346,8 +342,8 @@ def _demo(options: argparse.Namespace) -> None:
         ) from problem
     shipped = resources.files("rverror") / "data" / "demo"
     for name in ("model.toml", "forward.csv", "reverse.csv"):
-        _check_output(str(folder / name), [])
-        _say_replaced(folder / name)
+        check_output(str(folder / name), [])
+        say_replaced(folder / name)
         write_text(folder / name, (shipped / name).read_text(encoding="utf-8"), overwrite=True)
     model_path, run_paths = folder / "model.toml", [folder / "forward.csv", folder / "reverse.csv"]
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
@@ -361,10 +357,10 @@ def _demo(options: argparse.Namespace) -> None:
               f"with what was added {sizes[2]:.1f}")  # fmt: skip
     print("\n" + to_text(result))
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
-    _say_replaced(written[0])
+    say_replaced(written[0])
     files = input_files([str(path) for path in (model_path, *run_paths)])
     write_text(written[0], json.dumps(to_json(result, files=files), indent=1) + "\n", overwrite=True)
-    _say_replaced(written[1])
+    say_replaced(written[1])
     append_effects(model_path, written[1], [_rounded(a.effect) for a in result.added], overwrite=True)
     try:
         from rverror import plot
@@ -373,7 +369,7 @@ def _demo(options: argparse.Namespace) -> None:
     except InputError as problem:
         print(f"No picture: {problem}")
     else:
-        _say_replaced(picture)
+        say_replaced(picture)
         write_bytes(picture, content, overwrite=True)
         written.append(picture)
     print("Wrote " + ", ".join(str(path) for path in written))
@@ -385,60 +381,9 @@ def _demo(options: argparse.Namespace) -> None:
     print("    print(rverror.to_text(found))")
 
 
-class _Progress:
-    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
-
-    def __init__(self) -> None:
-        self.start = self.last = time.monotonic()
-        self.terminal = sys.stderr.isatty()
-
-    def __call__(self, text: str) -> None:
-        now = time.monotonic()
-        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
-            return
-        self.last = now
-        line = f"[{now - self.start:4.0f} s] {text}"
-        if self.terminal:
-            print(f"\r{line[:100]:<100}", end="", file=sys.stderr, flush=True)
-        else:
-            print(line, file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        if self.terminal and self.last > self.start:
-            print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
-
-
 def _diagnose_with_progress(model: Model, runs: Sequence[Run]) -> Diagnosis:
-    progress = _Progress()
+    progress = Progress()
     try:
         return diagnose(model, runs, progress=progress)
     finally:
         progress.close()
-
-
-def _check_output(path: str | None, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, an output that is an input or has no folder."""
-    if path is None:
-        return
-    if not path.strip():
-        raise InputError(f"{path!r}: this output has no name; give a file")
-    if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
-        raise InputError(f"{path}: this output is also an input; choose another name")
-    folder = os.path.dirname(os.path.abspath(path))
-    if not os.path.isdir(folder):
-        raise InputError(f"{path}: there is no folder {folder}; make it first")
-    if os.path.isdir(path):
-        raise InputError(f"{path}: this is a folder; give a file")
-    if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
-        raise InputError(f"{path}: this is a device or pipe, no file; give a file")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
-
-
-def _say_replaced(path: str | Path) -> None:
-    if os.path.exists(path):
-        _tell(f"replacing {path}")
-
-
-def _tell(text: str) -> None:
-    print(f"rverror: {text}", file=sys.stderr)
