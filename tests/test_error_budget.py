@@ -259,3 +259,15 @@ def test_the_shipped_example_is_read_and_budgeted() -> None:
     found = rverror.error_budget(model, tolerances, count=256, index_count=64)
     shares = {entry.label: entry.share for entry in found.closed.contributions}
     assert max(shares, key=lambda label: shares[label]) == "crank.eccentricity.radial"
+
+
+def test_a_drive_has_a_budget_too() -> None:
+    drive = rverror.Model(rverror.Drive(ratio=-14.0, shafts={"motor": 14.0}))
+    motor = rverror.tolerance("shaft.eccentricity", "60 arcsec", shaft="motor", harmonic=1)
+    found = rverror.error_budget(drive, [motor], count=1024, index_count=256)
+    assert found.closed.worst.peak_to_peak == pytest.approx(120 * ARCSEC)
+    text = rverror.budget_text(found)
+    assert "1 tolerance, 2 components" in text
+    assert "pins" not in text
+    with pytest.raises(rverror.InputError, match="no contacts that open"):
+        rverror.error_budget(drive, [motor], count=1024, index_count=256, torque="1 N*m")

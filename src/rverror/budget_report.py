@@ -13,12 +13,14 @@ import rverror
 from rverror import units
 from rverror.allocate import Allocation, Rate, Verification
 from rverror.error_budget import ErrorBudget
+from rverror.reducer import Reducer
 from rverror.report import InputFile
 from rverror.sobol import SobolIndices
 from rverror.tolerance import Stack
 from rverror.units import ARCSEC
 from rverror.virtual_units import Estimate, Size
 
+_ROUNDING = 1e-9 * ARCSEC
 #: Quantiles that are reported.
 LEVELS = (0.5, 0.95, 0.99)
 _SIZES: tuple[tuple[Size, str, str], ...] = (
@@ -45,10 +47,11 @@ def budget_text(found: ErrorBudget, *, limit: float | None = None) -> str:
     """
     closed, drawn = found.closed, found.units
     way = "forward" if found.direction > 0 else "reverse"
+    bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
     lines = [
         f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
-        f"{len(closed.contributions)} tolerances, {len(found.stack.components)} components, {way}",
-        f"Closed form: rigid bearings, all loaded pins carry; {closed.mean.size} angles; {drawn.count} virtual units, "
+        f"{_count(len(closed.contributions), 'tolerance')}, {_count(len(found.stack.components), 'component')}, {way}",
+        f"Closed form{bearings}; {closed.mean.size} angles; {drawn.count} virtual units, "
         f"seed {drawn.seed}. All in arcsec.",
         "",
         f"{'':20s} {'nominal':>9s} " + " ".join(f"{f'P{level * 100:g}':>9s}" for level in LEVELS) + f" {'worst':>9s}",
@@ -108,7 +111,13 @@ def _share(indices: SobolIndices | None, which: str, entry: int, *, waves: bool)
     return f"{value:.2f} +- {(high - low) / 2:.2f}"
 
 
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
 def _cell(value: float, width: int = 9) -> str:
+    if abs(value) < _ROUNDING:
+        return " " * (width - 1) + "0"
     return f"{value / ARCSEC:{width}.4g}" if math.isfinite(value) else " " * (width - 1) + "-"
 
 

@@ -302,12 +302,12 @@ class Statics:
         """`equilibrium` for these errors."""
         return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
 
-    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
-        """`linearise` for these errors."""
+    def linearise(self, effects: tuple[Effect, ...], *, quick: bool = False) -> Linearisation:
+        """`linearise` for these errors; quickly, to some 1e-10 of the largest influence."""
         solved, forces = [], []
         for part in self.solutions(effects):
             solved.append(part.equilibrium())
-            forces.append(part.forces_per_torque())
+            forces.append(part.forces_per_torque(quick=quick))
         joined = {key: np.concatenate([f[key] for f in forces], axis=-1) for key in forces[0]}
         return Linearisation(self._read(solved, effects), self.motion, joined)
 

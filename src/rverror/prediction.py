@@ -183,7 +183,7 @@ class Predictor:
         """
         conditions = self.conditions
         if uses_equilibrium(model, conditions):
-            loaded = self._whole.linearise(model.effects)
+            loaded = self._whole.linearise(model.effects, quick=True)
             return replace(loaded.motion, time=conditions.time), loaded.forces
         motion = pose(self.mechanism, conditions.theta, **self._how)
         return motion, closed_form_forces(motion)
