@@ -473,8 +473,10 @@ class Search:
         sizes = _workshop_sizes(trial.effect.key)
         starts = [self._fitted(trial, added, np.concatenate([held, size]), 0) for size in sizes]
         starts.sort(key=lambda start: start.fit.objective)
-        again = [self._fitted(s, added, effect_values(s.fit.model.effects), 8) for s in starts[:_BEST_STARTS]]
-        return min([trial, *again], key=lambda found: found.fit.objective)
+        again = [self._fitted(s, added, effect_values(s.fit.model.effects), 3) for s in starts[:_BEST_STARTS]]
+        best = min(again, key=lambda found: found.fit.objective)
+        best = self._fitted(best, added, effect_values(best.fit.model.effects), 5)
+        return min([trial, best], key=lambda found: found.fit.objective)
 
     def _together(self, trials: Sequence[_Trial], added: Sequence[Effect]) -> list[Fit]:
         """Fit the most promising candidates jointly with everything; those that come close, on all angles.
