@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import rverror
-from rverror import cli_tolerances, units
+from rverror import cli_reference, cli_tolerances, units
 from rverror.batch import SUMMARY, diagnose_folder, told
 from rverror.catalogue import CATALOGUE, Source, source
 from rverror.diagnose import Diagnosis, diagnose
@@ -125,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_diagnose_batch)
 
     cli_tolerances.add_commands(commands)
+    cli_reference.add_commands(commands)
 
     command = commands.add_parser("sources", help="list the catalogue of error sources")
     command.add_argument("--json", metavar="OUT.json", help="write it for programs")
