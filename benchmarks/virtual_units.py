@@ -25,6 +25,7 @@ from time import perf_counter, process_time  # noqa: E402
 
 import numpy as np  # noqa: E402
 import scipy  # noqa: E402
+from catalogue import HARMONICS, KEYS  # noqa: E402
 
 import rverror  # noqa: E402
 from rverror.catalogue import CATALOGUE  # noqa: E402
@@ -32,34 +33,9 @@ from rverror.tolerance import Stack, stack, tolerance  # noqa: E402
 from rverror.units import ARCSEC  # noqa: E402
 from rverror.virtual_units import VirtualUnits, sampler, uniforms, virtual_units  # noqa: E402
 
-HARMONICS = range(1, 9)
 BLOCKS = (128, 256, 512, 1024, 2048)
 #: Angles of the measuring chain, in place of the lengths of parts.
 WIDTHS = {"length": "5 um", "angle": "10 arcsec"}
-#: The sources of benchmarks/catalogue.py: everything that a contact of the gear train carries, and the encoder.
-KEYS = (
-    "involute.center_distance",
-    "involute.sun_eccentricity",
-    "involute.sun_offset",
-    "involute.planet_eccentricity",
-    "involute.sun_pitch",
-    "involute.planet_pitch",
-    "involute.tooth_thinning",
-    "involute.spline_clearance",
-    "crank.eccentricity",
-    "crank.index",
-    "cycloid.disc_profile",
-    "cycloid.disc_pitch",
-    "cycloid.pin_position",
-    "cycloid.pin_circle",
-    "cycloid.pin_radius",
-    "cycloid.disc_bore_position",
-    "coupling.carrier_bore_position",
-    "coupling.carrier_runout",
-    "sensor.encoder_eccentricity",
-    "sensor.encoder_ellipticity",
-    "sensor.input_coupling",
-)
 
 
 def rv40e() -> Stack:

@@ -88,22 +88,23 @@ class Condensed:
         steps : ndarray of int, shape (n,)
         found : ndarray of bool, shape (n,)
         """
-        system = self._system(whole)
+        # of springs and loaded flanks at the nominal pose
+        springs = whole.spring_force + (whole.flank_error[:, None] @ self.flanks)[:, 0]
+        force = whole.load - springs
         if start is None:
-            x, steps, found = minimise(system, torque)
+            x, steps, found = minimise(self._system(whole, springs), torque)
         else:
-            x, steps, found = self._newton(whole, start[:, self.discs], system.tolerance(torque))
+            x, steps, found = self._newton(whole, self._on_discs(force), start[:, self.discs], whole.tolerance(torque))
             left = np.flatnonzero(~found)
             if left.size:
-                x[left], more, found[left] = minimise(system.take(left), torque, x[left])
+                x[left], more, found[left] = minimise(self._system(whole, springs).take(left), torque, x[left])
                 steps[left] += more
-        return self._all(x, whole.load - self._springs(whole)), steps, found
+        return self._all(x, force), steps, found
 
-    def _newton(self, whole: System, start: Array, tolerance: float) -> tuple[Array, Steps, Flags]:
+    def _newton(self, whole: System, force: Array, start: Array, tolerance: float) -> tuple[Array, Steps, Flags]:
         """Plain Newton steps, exact once no pin opens or closes; angles that do not settle need a line search."""
         x, at = start.copy(), np.arange(len(start))
         steps, found = np.zeros(len(x), dtype=np.intp), np.zeros(len(x), dtype=np.bool_)
-        force = self._on_discs(whole.load - self._springs(whole))
         parts = self.matrix, self.pins, whole.pin_error, force
         for step in range(_MOST_STEPS + 1):
             matrix, rows, errors, pull = parts
@@ -124,8 +125,8 @@ class Condensed:
             steps[at] += 1
         return x, steps, found
 
-    def _system(self, whole: System) -> System:
-        """Energy of the discs alone."""
+    def _system(self, whole: System, springs: Array) -> System:
+        """Energy of the discs alone, from the force of springs and loaded flanks at the nominal pose."""
         n, count = len(whole.load), self.matrix.shape[-1]
         return replace(
             whole,
@@ -133,7 +134,7 @@ class Condensed:
             load=self._on_discs(whole.load),
             spring_matrix=self.matrix,
             spring_scale=np.abs(self.matrix).sum(axis=2).max(axis=1),
-            spring_force=self._on_discs(self._springs(whole)),
+            spring_force=self._on_discs(springs),
             flank_rows=np.zeros((n, 0, count)),
             flank_error=np.zeros((n, 0)),
             journal_rows=np.zeros((n, 0, 2, count)),
@@ -145,10 +146,6 @@ class Condensed:
         carrying = whole.reducer.stiffness.pin_contact * (state.pins > 0)[:, :, None] * self.pins
         matrix = _with_pins(self.matrix, carrying, self.pins)
         return self._all(refined(matrix, self._on_discs(force)), force)
-
-    def _springs(self, whole: System) -> Array:
-        """Force of springs and loaded flanks at the nominal pose."""
-        return np.asarray(whole.spring_force + (whole.flank_error[:, None] @ self.flanks)[:, 0])
 
     def _on_discs(self, force: Array) -> Array:
         return np.asarray(force[:, self.discs] + (self.carried @ force[:, self.others, None])[..., 0])
