@@ -27,7 +27,6 @@ PROVEN = "nothing costs less, by more than the gap"
 
 _ALL = slice(None)
 _CHUNK = 4_000_000  # numbers in the waveforms of one chunk of units
-_ENOUGH_ANGLES = 1024
 _NEGLIGIBLE = 1e-9  # of the largest wave of a unit: what is left out where only the highest and lowest angle are sought
 _BAND = 4.0  # shares of units beyond the quantile, over and under, between which ranks count for its smoothed mean
 _KEPT = 16  # rows kept of each unit
@@ -180,9 +179,6 @@ class Quantile:
         strong = size > _NEGLIGIBLE * size[0]
         self.coordinates = (left * size)[:, strong] / stack.width[stack.entry][:, None]
         self.waves = self.waves[strong]
-        self.by_wave = np.ascontiguousarray(self.waves.T)
-        # between neighbours of so many angles a wave has one crest, and the best of them is looked for
-        self.stride = max(1, stack.nominal.size // _ENOUGH_ANGLES)
         self.by_angle = np.ascontiguousarray(stack.influence.T)
         self.belongs = (stack.entry[:, None] == np.arange(len(stack.labels))).astype(np.float64)
         self.known: dict[bytes, float] = {}  # quantile by widths
@@ -310,11 +306,9 @@ class Quantile:
         coordinates = self.coordinates * widths[stack.entry][:, None]
         slopes, offsets = [], []
         for part in _chunks(len(self.draws), stack.nominal.size):
-            sizes = self.draws[part] @ coordinates
-            waves = sizes @ self.waves[:, :: self.stride]
-            waves += stack.nominal[:: self.stride]
-            high = self._nearby(sizes, waves.argmax(axis=1), 1)
-            low = self._nearby(sizes, waves.argmin(axis=1), -1)
+            waves = (self.draws[part] @ coordinates) @ self.waves
+            waves += stack.nominal
+            high, low = waves.argmax(axis=1), waves.argmin(axis=1)
             slopes.append((self.draws[part] * (self.by_angle[high] - self.by_angle[low])) @ self.belongs)
             offsets.append(stack.nominal[high] - stack.nominal[low])
         slope, offset = np.concatenate(slopes), np.concatenate(offsets)
@@ -322,14 +316,6 @@ class Quantile:
         if not self.slopes or (values > self._kept(widths) * (1 + 1e-12)).any():
             self.slopes, self.offsets = [*self.slopes, slope][-_KEPT:], [*self.offsets, offset][-_KEPT:]
         return values
-
-    def _nearby(self, sizes: Array, found: Ints, sense: int) -> Ints:
-        """Highest (1) or lowest (-1) of all angles beside those found among every `stride`-th."""
-        angles = self.stack.nominal.size
-        reach = np.arange(1 - self.stride, self.stride)
-        near = (found[:, None] * self.stride + reach) % angles
-        values = np.einsum("nr,nkr->nk", sizes, self.by_wave[near]) + self.stack.nominal[near]
-        return np.asarray(near[np.arange(len(near)), (sense * values).argmax(axis=1)])
 
 
 def _chunks(number: int, angles: int) -> Iterator[slice]:
