@@ -104,6 +104,12 @@ def test_text_and_json_tell_the_same(found: rverror.ErrorBudget) -> None:
         assert f"{expected:.4g}" in text
     assert content["peak_to_peak_arcsec"]["worst_case"] == pytest.approx(found.closed.worst.peak_to_peak / ARCSEC)
     assert content["rms_arcsec"]["worst_case"] is None
+    largest = (found.closed.worst.upper - found.closed.worst.lower).max() / 2  # of TE itself, its offset included
+    assert content["max_arcsec"]["worst_case"] == pytest.approx(found.closed.worst.maximum / ARCSEC, rel=1e-5)
+    assert content["max_arcsec"]["worst_case"] < largest / ARCSEC
+    assert abs(content["offset_arcsec"]["worst_case"]) == pytest.approx(
+        sum(entry.worst_offset for entry in found.closed.contributions) / ARCSEC, rel=1e-5
+    )
     assert sum(c["share_of_variance"] for c in content["contributions"]) == pytest.approx(1)
     first = content["contributions"][0]
     assert (first["key"], first["width"], first["unit"]) == ("crank.eccentricity", 5.0, "um")
@@ -147,6 +153,27 @@ def test_budget_command_writes_what_it_prints(
     assert f"Yield at 60 arcsec peak-to-peak: {100 * content['yield']['value']:.4g} %" in text
     assert [len(file["sha256"]) for file in content["inputs"]] == [64, 64]
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_budget_command_in_reverse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Clearance lags in either direction, so the mean offset changes its sign; the farther worst offset is told."""
+    model, tolerances, out = (tmp_path / name for name in ("model.toml", "tolerances.toml", "out.json"))
+    model.write_text(MODEL, encoding="utf-8")
+    text = '[[tolerance]]\nkey = "coupling.bearing_clearance"\ntolerance = "2 um"\nmean = "5 um"\n'
+    tolerances.write_text(text, encoding="utf-8")
+    found = []
+    for direction in ("forward", "reverse"):
+        code, printed, _ = run(
+            ["budget", str(model), str(tolerances), *FEW, "--direction", direction, "--json", str(out)], capsys
+        )
+        assert code == 0
+        assert direction in printed
+        found.append(json.loads(out.read_text(encoding="utf-8"))["offset_arcsec"])
+    forward, reverse = found
+    assert forward["nominal"] == pytest.approx(-38.2, abs=0.01)  # 38.2 arcsec of lag for 5 um
+    assert reverse["nominal"] == pytest.approx(38.2, abs=0.01)
+    assert forward["worst_case"] == pytest.approx(-38.2 * 7 / 5, abs=0.01)  # 7 um, the farthest from zero
+    assert reverse["worst_case"] == pytest.approx(38.2 * 7 / 5, abs=0.01)
 
 
 def test_budget_command_resumes(files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

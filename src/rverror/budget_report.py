@@ -138,12 +138,12 @@ def _nominal(found: ErrorBudget, size: Size) -> float:
 
 def _worst(found: ErrorBudget, size: Size) -> float:
     """Exact worst case; not a number for the rms, of which none is known."""
-    worst, mean = found.closed.worst, found.closed.offset_mean
+    worst = found.closed.worst
     return {
         "peak_to_peak": worst.peak_to_peak,
         "max": worst.maximum,
         "rms": math.nan,
-        "offset": max(worst.offset, key=lambda value: abs(value - mean)),
+        "offset": max(worst.offset, key=abs),
     }[size]
 
 
