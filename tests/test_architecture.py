@@ -18,7 +18,7 @@ TREES = {name: ast.parse((PACKAGE / f"{name}.py").read_text(encoding="utf-8")) f
 
 #: Layers from the ground up; a module may import from layers below its own, not from its own.
 LAYERS = (
-    ("errors", "units"),
+    ("errors", "units", "views"),
     ("textfile", "terminal", "distribution", "cost", "iso_tolerance", "extremes"),
     ("toml_text",),
     ("reducer",),
@@ -58,6 +58,8 @@ LAYERS = (
     ("__init__",),
     ("__main__",),
 )
+#: The one room that calls upwards, when it is asked for a picture or a page, and what it may call.
+UPWARD = {"views": {"plot", "notebook"}}
 RANK = {module: rank for rank, layer in enumerate(LAYERS) for module in layer}
 #: Words by which a container is changed in place.
 CHANGING = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}
@@ -74,15 +76,28 @@ def imported(tree: ast.AST) -> Iterator[str]:
             yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
+def imported_now(node: ast.stmt) -> Iterator[str]:
+    """What a statement of a module imports when the module is."""
+    return imported(node) if isinstance(node, ast.Import | ast.ImportFrom) else iter(())
+
+
 def inside(name: str) -> set[str]:
     """Modules of the package that one of them imports."""
     parts = [full.split(".") for full in imported(TREES[name])]
-    return {p[1] for p in parts if p[0] == "rverror" and len(p) > 1 and p[1] in TREES} - {name}
+    found = {p[1] for p in parts if p[0] == "rverror" and len(p) > 1 and p[1] in TREES}
+    return found - {name} - UPWARD.get(name, set())
 
 
 def test_pint_is_known_to_one_module() -> None:
     users = {name for name, tree in TREES.items() if any(full.split(".")[0] == "pint" for full in imported(tree))}
     assert users == {"units"}
+
+
+def test_pictures_are_reached_inside_functions_only() -> None:
+    """A call upwards is made when it is asked for: never on import."""
+    for name, above in UPWARD.items():
+        on_import = {full.split(".")[1] for node in TREES[name].body for full in imported_now(node) if "." in full}
+        assert not on_import & above
 
 
 @pytest.mark.parametrize("name", MODULES)
