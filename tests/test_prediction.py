@@ -75,6 +75,63 @@ def test_one_repeat_carries_the_influences_too() -> None:
     assert (wrong[known] < 0.05 * scale[known]).all()
 
 
+@pytest.mark.parametrize("clearance", [0.0, 5e-3])
+def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
+    """What each source of the gear train closes, against its error vector and the forces of `linearise`."""
+    unit, theta = rverror.reducer("RV-003"), turn(23)
+    effects = [*CARRIER_SIDE, *PINS]
+    if clearance:
+        effects.append(effect("crank.bearing_clearance", clearance=clearance))
+    for key, entry in rverror.CATALOGUE.items():
+        if not entry.at_output and entry.applies_to(unit):
+            indices = list(entry.candidates(unit))[-1]
+            effects.append(Effect(key, indices, tuple(0.02 * p.plausible for p in entry.parameters)))
+    model = rverror.Model(unit, tuple(effects))
+    found = predict(model, Conditions(theta, -1.0, 412e3)).matrix
+    state = rverror.linearise(model, theta, torque=412e3, direction=-1.0)
+    expected = rverror.compose.effect_matrix(state.motion, state.forces, model.effects)
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found / scale.max(), expected / scale.max(), rtol=0, atol=1e-8)
+    assert (np.abs(found - expected) <= 1e-6 * scale + 1e-9 * scale.max()).all()
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_train_stands_turned_after_each_repeat(direction: float) -> None:
+    """Starts at every angle from one repeat, against the poses of the equilibrium there."""
+    model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(1999)
+    predictor = Predictor(model.mechanism, Conditions(theta, direction, 20e3, folds=True))
+    near = predictor.predict(model)
+    assert near.repeats
+    starts = predictor._starts(near)
+    some = slice(3, None, 31)
+    state = equilibrium(model, theta[some], torque=20e3, direction=direction)
+    parts = [state.pose["carrier"][None], state.pose["disc"], state.pose["crank"]]
+    whole = np.concatenate([*(part.reshape(-1, len(theta[some])) for part in parts), state.pose["sun"]])
+    error = np.abs(starts[some] - whole.T).max(axis=0)
+    moves = np.ptp(whole, axis=1)
+    assert (error < 0.02 * moves.max() * np.where(np.arange(error.size) % 3 == 2, 1e-1, 1.0)).all()
+
+
+def test_from_such_starts_a_new_pin_is_solved_as_from_nothing() -> None:
+    model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(300)
+    predictor = Predictor(model.mechanism, Conditions(theta, 1.0, 20e3))
+    near, more = predictor.predict(model), rverror.Model(model.mechanism, CARRIER_SIDE + PINS)
+    cold, warm = predictor.predict(more), predictor.predict(more, near)
+    np.testing.assert_allclose(warm.transmission_error, cold.transmission_error, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(warm.matrix, cold.matrix, rtol=0, atol=1e-9 * np.abs(cold.matrix).max())
+
+
+def test_a_prediction_of_the_same_model_is_the_answer_under_the_same_conditions_only() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE[:1])
+    predictor = Predictor(model.mechanism, Conditions(turn(256), 1.0, 20e3))
+    near = predictor.predict(model)
+    assert predictor.predict(model, near) is near
+    changed = rverror.Model(model.mechanism, CARRIER_SIDE[2:3])
+    assert spread(predictor.predict(changed, near).transmission_error - near.transmission_error) > ARCSEC
+    other = Predictor(model.mechanism, Conditions(turn(256), -1.0, 20e3))
+    assert spread(other.predict(model, near).transmission_error - near.transmission_error) > ARCSEC
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_pins_are_solved_at_every_angle(direction: float) -> None:
     model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + PINS)

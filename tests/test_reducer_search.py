@@ -120,6 +120,29 @@ def test_two_effects_of_one_frame_are_both_found(monkeypatch: pytest.MonkeyPatch
     assert at_the_noise(found)
 
 
+def test_one_large_wave_is_named_alone_before_two_stand_in_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From nothing the fit ends in the wrong place, another harmonic; from workshop sizes it does not."""
+    try_only(
+        monkeypatch,
+        "cycloid.disc_pitch",
+        "cycloid.disc_profile",
+        "involute.planet_pitch",
+        "crank.eccentricity",
+        "cycloid.disc_bore_position",
+    )
+    wave = effect("cycloid.disc_pitch", disc=1, harmonic=2, cos="-12 um", sin="12 um")
+    model, runs = bench((wave,), torque=20e3)
+    said: list[str] = []
+    found = searched(model, UNIT, runs, said.append)
+    assert [(a.effect.key, dict(a.effect.indices)) for a in found.added] == [(wave.key, dict(wave.indices))]
+    assert found.added[0].effect.values == pytest.approx(wave.values, abs=0.4e-3)
+    assert at_the_noise(found)
+    assert [words for words in said if words.startswith("searching again")] == ["searching again from workshop sizes"]
+    # once no line is left, what bends the contacts is not started from workshop sizes any more
+    after = said[1 + max(i for i, words in enumerate(said) if words.startswith("added")) :]
+    assert sum(words.startswith("refitting candidate") for words in after) < 8
+
+
 def test_contact_tells_a_cam_from_its_twins(monkeypatch: pytest.MonkeyPatch) -> None:
     """At light load pins open, and so differ cams whose linear waveforms are one: the true one is in the set."""
     try_only(monkeypatch, "crank.eccentricity", "crank.bearing_clearance", "cycloid.disc_bore_position")

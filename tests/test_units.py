@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rverror import units
+
+REGISTRY = pint.UnitRegistry()
 
 
 @pytest.mark.parametrize(
@@ -155,3 +159,25 @@ def test_a_long_text_that_is_no_quantity_is_refused(text: str) -> None:
     """A pattern that tries every split of such a text would never return."""
     with pytest.raises(ValueError, match="no number with a unit"):
         units.parse(text, "length")
+
+
+@pytest.mark.parametrize(("dimension", "unit"), [(d, u) for d, known in units._EVERYDAY.items() for u in known])
+def test_everyday_units_are_what_pint_says(dimension: str, unit: str) -> None:
+    expected = REGISTRY.Quantity(7.0, unit).to(units.CORE_UNITS[dimension]).magnitude
+    assert units.parse(f"7 {unit}", dimension) == pytest.approx(expected, rel=1e-15)
+
+
+def test_each_dimension_is_read_and_shown_in_everyday_units() -> None:
+    for dimension, known in units._EVERYDAY.items():
+        assert {units.CORE_UNITS[dimension], units.DISPLAY_UNITS[dimension]} <= set(known)
+
+
+def test_pint_is_loaded_for_other_units_only() -> None:
+    code = (
+        "import sys, rverror\n"
+        "for text in ('5 um', '1 inch'):\n"
+        "    rverror.units.parse(text, 'length')\n"
+        "    print('pint' in sys.modules)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.split() == ["False", "True"]

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from rverror.action_line import Array
-from rverror.energy import Flags, Geometry, Layout, State, Steps, System, minimise, refined, solved
+from rverror.energy import Closed, Flags, Geometry, Layout, Steps, System, minimise
 
 _MOST_STEPS = 8
 _FEW = 0.7  # of the angles: then the others are left out of the next step
@@ -58,6 +58,8 @@ class Condensed:
         Stiffness that the discs feel but for their pins.
     pins : ndarray, shape (n, discs, 3, pins)
         How each pin closes with x, y and angle of its disc.
+    on_pins : ndarray, shape (n, discs, 3, 3, pins)
+        Stiffness that each disc feels of each pin.
     flanks : ndarray, shape (n, flanks, size)
         Rows of the loaded flanks times their stiffness, zero for the others.
     """
@@ -68,6 +70,7 @@ class Condensed:
     carried: Array
     matrix: Array
     pins: Array
+    on_pins: Array
     flanks: Array
 
     def settled(self, whole: System, torque: float, start: Array | None) -> tuple[Array, Steps, Flags]:
@@ -105,23 +108,21 @@ class Condensed:
         """Plain Newton steps, exact once no pin opens or closes; angles that do not settle need a line search."""
         x, at = start.copy(), np.arange(len(start))
         steps, found = np.zeros(len(x), dtype=np.intp), np.zeros(len(x), dtype=np.bool_)
-        parts = self.matrix, self.pins, whole.pin_error, force
+        parts = self.matrix, self.pins, self.on_pins, whole.pin_error, force
         for step in range(_MOST_STEPS + 1):
-            matrix, rows, errors, pull = parts
+            matrix, rows, on_pins, errors, pull = parts
             now = x[at]
-            closing = (now.reshape(*rows.shape[:2], 1, 3) @ rows)[:, :, 0] + errors
-            carrying = whole.reducer.stiffness.pin_contact * (closing > 0)[:, :, None] * rows
-            on_pins = (carrying @ closing[..., None])[..., 0].reshape(now.shape)
-            gradient = (matrix @ now[..., None])[..., 0] + on_pins - pull
+            closing = np.einsum("kdc,kdcp->kdp", now.reshape(*rows.shape[:2], 3), rows) + errors
+            pressed = np.einsum("kdcp,kdp->kdc", rows, np.maximum(closing, 0)).reshape(now.shape)
+            gradient = np.einsum("kij,kj->ki", matrix, now) + whole.reducer.stiffness.pin_contact * pressed - pull
             moving = np.abs(gradient).max(axis=1) > tolerance
             found[at[~moving]] = True
             if step == _MOST_STEPS or not moving.any():
                 break
             if moving.mean() < _FEW:
-                at, now, gradient = at[moving], now[moving], gradient[moving]
-                parts = matrix, rows, errors, pull = matrix[moving], rows[moving], errors[moving], pull[moving]
-                carrying = carrying[moving]
-            x[at] = now - solved(_with_pins(matrix, carrying, rows), gradient)
+                at, now, gradient, closing = at[moving], now[moving], gradient[moving], closing[moving]
+                parts = matrix, _, on_pins, _, _ = tuple(part[moving] for part in parts)
+            x[at] = now - _solved(_with_pins(matrix, on_pins, closing > 0), gradient)
             steps[at] += 1
         return x, steps, found
 
@@ -141,11 +142,10 @@ class Condensed:
             driving_flanks=np.zeros((n, 0), dtype=np.bool_),
         )
 
-    def answer(self, whole: System, state: State, force: Array) -> Array:
-        """Change of the pose, (n, size), with a force on all parts, the closed pins of a state held closed."""
-        carrying = whole.reducer.stiffness.pin_contact * (state.pins > 0)[:, :, None] * self.pins
-        matrix = _with_pins(self.matrix, carrying, self.pins)
-        return self._all(refined(matrix, self._on_discs(force)), force)
+    def answer(self, whole: System, closed: Closed, force: Array) -> Array:
+        """Change of the pose, (n, size), with a force on all parts, the closed pins held closed."""
+        matrix = _with_pins(self.matrix, self.on_pins, closed.pins > 0)
+        return self._all(_solved(matrix, self._on_discs(force)), force)
 
     def _on_discs(self, force: Array) -> Array:
         return np.asarray(force[:, self.discs] + (self.carried @ force[:, self.others, None])[..., 0])
@@ -175,24 +175,32 @@ def condensed(contacts: Geometry) -> Condensed:
     discs = slice(layout.disc[0], layout.disc[0] + 3 * reducer.discs)
     others = np.delete(np.arange(layout.size), discs)
     flanks = contacts.driving_flanks[..., None] * (reducer.stiffness.gear_mesh * contacts.flank_rows)
-    matrix = contacts.all_springs[0] + np.swapaxes(contacts.flank_rows, 1, 2) @ flanks
+    matrix = contacts.all_springs.matrix + np.swapaxes(contacts.flank_rows, 1, 2) @ flanks
     inverse = np.asarray(np.linalg.inv(matrix[:, others[:, None], others]), dtype=np.float64)
     across = matrix[:, discs, others]
     carried = -across @ inverse
+    pins = np.ascontiguousarray(contacts.pin_rows.transpose(0, 2, 1, 3))
+    on_pins = reducer.stiffness.pin_contact * pins[:, :, :, None] * pins[:, :, None]
     return Condensed(
         discs=discs,
         others=others,
         inverse=inverse,
         carried=carried,
         matrix=matrix[:, discs, discs] + carried @ np.swapaxes(across, 1, 2),
-        pins=np.ascontiguousarray(contacts.pin_rows.transpose(0, 2, 1, 3)),
+        pins=pins,
+        on_pins=on_pins,
         flanks=flanks,
     )
 
 
-def _with_pins(matrix: Array, carrying: Array, rows: Array) -> Array:
-    """Stiffness of the discs with pins that carry: rows (n, discs, 3, pins), and times their stiffness."""
-    total, blocks = matrix.copy(), carrying @ np.swapaxes(rows, 2, 3)
-    for k in range(rows.shape[1]):
+def _with_pins(matrix: Array, on_pins: Array, closed: Flags) -> Array:
+    """Stiffness of the discs with pins (n, discs, pins) that carry."""
+    total, blocks = matrix.copy(), np.einsum("kdabp,kdp->kdab", on_pins, closed.astype(np.float64))
+    for k in range(blocks.shape[1]):
         total[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += blocks[:, k]
     return total
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Answers to a stack of systems, regular as their cams hold the discs."""
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])

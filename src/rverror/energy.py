@@ -25,6 +25,7 @@ from rverror.action_line import (
     Array,
     Clearance,
     Contacts,
+    ErrorVector,
     SourceVector,
     dot,
     radial_and_tangential,
@@ -60,37 +61,78 @@ class Errors:
     clearance: Array  # (joints,)
 
 
-def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
-    """Sum the error vectors of effects at the contacts of the gear train and project them onto the action lines."""
-    motion = contacts.motion
-    reducer, n = motion.reducer, motion.theta.size
-    total = {
-        "pin": np.zeros((reducer.discs, reducer.pins, 2, n)),
-        "cam": np.zeros((reducer.discs, reducer.cranks, 2, n)),
-        "carrier": np.zeros((reducer.cranks, 2, n)),
-        "mesh": np.zeros((reducer.cranks, 2, 2, n)),
-        "spline": np.zeros((reducer.cranks, 2, 1, n)),
+@dataclass(frozen=True)
+class Closing:
+    """How far one unit of each parameter of an effect closes contacts of one kind.
+
+    Attributes
+    ----------
+    part : str
+        ``pin``, ``flank``, ``cam`` or ``carrier``.
+    at : tuple of slice
+        Which entries of `by_part`.
+    rows : ndarray, shape (terms, n, ...)
+        mm per mm or rad.
+    """
+
+    part: str
+    at: tuple[slice, ...]
+    rows: Array
+
+    def influence(self, force: Array) -> Array:
+        """Work of a force on all entries of the kind, (terms, n)."""
+        terms, n = self.rows.shape[:2]
+        work = np.einsum("tnk,nk->tn", self.rows.reshape(terms, n, -1), force[self.at].reshape(n, -1))
+        return np.asarray(work, dtype=np.float64)
+
+
+def closing_of(motion: Contacts, error: ErrorVector) -> Closing:
+    """Project an error vector onto the action lines of its contacts; bearings keep both components."""
+    at, vector = error.at, error.vector
+    if error.contact == "spline":
+        # a crank that leads its planet holds the planet back on the line of action
+        lever = np.broadcast_to(flank_lever(motion.reducer)[:, None], (motion.reducer.cranks, 2, 1))
+        rows = -lever[at] * vector[..., 0, :]
+    elif error.contact in BEARINGS:
+        discs, cranks = motion.reducer.discs, motion.reducer.cranks
+        axes = np.empty((discs, cranks, 2) if error.contact == "cam" else (cranks, 2))[at].shape
+        rows = np.broadcast_to(vector, (len(vector), *axes, vector.shape[-1]))
+    else:
+        normal = motion.pin_normal if error.contact == "pin" else motion.mesh_normal
+        rows = dot(vector, normal[at])
+    part = "flank" if error.contact in ("mesh", "spline") else error.contact
+    rows = np.broadcast_to(rows, (*rows.shape[:-1], motion.theta.size))
+    return Closing(part, (slice(None), *at), np.ascontiguousarray(np.moveaxis(rows, -1, 1)))
+
+
+def by_part(reducer: Reducer, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
+    """Views of what contacts have: pins (n, discs, pins), flanks (n, cranks, 2), cams (n, discs, cranks, 2), bores."""
+    n, cams = len(joints), reducer.discs * reducer.cranks
+    return {
+        "pin": pins,
+        "flank": flanks.reshape(n, reducer.cranks, 2),
+        "cam": joints[:, :cams].reshape(n, reducer.discs, reducer.cranks, 2),
+        "carrier": joints[:, cams:-2],
     }
+
+
+def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
+    """Sum what effects close at the contacts of the gear train, along the action lines."""
+    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
+    cams, bores = reducer.discs * reducer.cranks, reducer.cranks
+    pin, flank = np.zeros((n, reducer.discs, reducer.pins)), np.full((n, 2 * bores), -reducer.gear_backlash / 2)
+    joint = np.zeros((n, cams + bores + 2, 2))
+    total = by_part(reducer, pins=pin, flanks=flank, joints=joint)
     clearance = dict.fromkeys(BEARINGS, 0.0)
     for effect in effects:
-        error = contacts.vector(effect)
-        if isinstance(error, Clearance):
-            clearance[error.contact] += max(effect.values[0], 0.0)
+        closings = contacts.closings(effect)
+        if isinstance(closings, Clearance):
+            clearance[closings.contact] += max(effect.values[0], 0.0)
             continue
-        for part in error if isinstance(error, tuple) else (error,):
-            for value, term in zip(effect.values, part.vector, strict=True):
-                total[part.contact][part.at] += value * term
-    flank = dot(total["mesh"], motion.mesh_normal)
-    # a crank that leads its planet holds the planet back on the line of action
-    flank -= flank_lever(reducer)[:, None] * total["spline"][:, :, 0]
-    cams, bores = reducer.discs * reducer.cranks, reducer.cranks
-    joint = [total["cam"].reshape(cams, 2, n), total["carrier"], np.zeros((2, 2, n))]
-    return Errors(
-        pin=np.moveaxis(dot(total["pin"], motion.pin_normal), -1, 0),
-        flank=np.moveaxis(flank.reshape(-1, n), -1, 0) - reducer.gear_backlash / 2,
-        joint=np.moveaxis(np.concatenate(joint), -1, 0),
-        clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [cams, bores, 2]),
-    )
+        for one in closings:
+            for value, row in zip(effect.values, one.rows, strict=True):
+                total[one.part][one.at] += value * row
+    return Errors(pin, flank, joint, np.repeat([clearance["cam"], clearance["carrier"], 0.0], [cams, bores, 2]))
 
 
 def flank_lever(reducer: Reducer) -> Array:
@@ -143,6 +185,15 @@ def joint_stiffness(reducer: Reducer) -> Array:
 
 
 @dataclass(frozen=True)
+class Springs:
+    """Bearings without clearance: stiffness matrix, rows times stiffness, largest row sum of the matrix."""
+
+    matrix: Array  # (n, size, size)
+    rows: Array  # (n, 2 bearings, size)
+    scale: Array  # (n,)
+
+
+@dataclass(frozen=True)
 class Geometry:
     """What errors leave as it is at n angles: how far each contact closes with the pose, and which of them drive."""
 
@@ -153,31 +204,37 @@ class Geometry:
     driving_pins: Flags  # (n, discs, pins)
     driving_flanks: Flags  # (n, 2 cranks)
 
-    def vector(self, effect: Effect) -> SourceVector:
-        """Error vector of an effect's source, made once; its size plays no part."""
+    def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance:
+        """What an effect's source closes, made once; its size plays no part."""
         name = (effect.key, *sorted(effect.indices.items()))
-        if name not in self._vectors:
-            self._vectors[name] = source(effect.key).vector(self.motion, **effect.indices)
-        return self._vectors[name]
+        if name not in self._closings:
+            self._closings[name] = self._closing(source(effect.key).vector(self.motion, **effect.indices))
+        return self._closings[name]
+
+    def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance:
+        if isinstance(error, Clearance):
+            return error
+        return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
 
     @cached_property
-    def _vectors(self) -> dict[tuple[Any, ...], SourceVector]:
+    def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance]:
         return {}
 
     @cached_property
-    def all_springs(self) -> tuple[Array, Array]:
+    def all_springs(self) -> Springs:
         """`springs` where none floats."""
         return self._springs(np.ones(self.joint_rows.shape[1], dtype=np.bool_))
 
-    def springs(self, floats: Flags) -> tuple[Array, Array]:
-        """Stiffness matrix and rows times stiffness of the bearings that do not float in a clearance."""
+    def springs(self, floats: Flags) -> Springs:
+        """Bearings that do not float in a clearance."""
         return self._springs(~floats) if floats.any() else self.all_springs
 
-    def _springs(self, chosen: Flags) -> tuple[Array, Array]:
+    def _springs(self, chosen: Flags) -> Springs:
         n, size = len(self.joint_rows), self.joint_rows.shape[-1]
         rows = self.joint_rows[:, chosen].reshape(n, -1, size)
         weighted = np.repeat(joint_stiffness(self.motion.reducer)[chosen], 2)[:, None] * rows
-        return np.swapaxes(rows, 1, 2) @ weighted, weighted
+        matrix = np.swapaxes(rows, 1, 2) @ weighted
+        return Springs(matrix, weighted, np.abs(matrix).sum(axis=2).max(axis=1))
 
 
 class Layout:
@@ -232,6 +289,13 @@ class System:
     def discs(self, x: Array) -> Array:
         """x, y and angle of the discs, (3, n, discs, 1)."""
         return np.moveaxis(x[:, self._of_discs].reshape(len(x), -1, 3), -1, 0)[..., None]
+
+    def closed(self, x: Array) -> Closed:
+        """Contacts in the pose `x`, of a system without clearance."""
+        pins = (self.pin_rows * np.moveaxis(self.discs(x), 0, 1)).sum(axis=1)
+        pins += self.pin_error
+        flanks = (self.flank_rows @ x[..., None])[..., 0] + self.flank_error
+        return Closed(pins, flanks, np.zeros((len(x), 0, 2)))
 
     def state(self, x: Array) -> State:
         """Contacts, energy and its gradient in the pose `x`."""
@@ -306,7 +370,7 @@ class System:
             matrix += np.swapaxes(self.journal_rows.reshape(n, -1, size), 1, 2) @ weighted
         return matrix
 
-    def newton_matrix(self, state: State) -> Array:
+    def newton_matrix(self, state: Closed) -> Array:
         """Second derivative of the energy."""
         return self.matrix(pins=state.pins > 0, flanks=state.flanks > 0, journals=self.journal_matrices(state.journals))
 
@@ -334,8 +398,17 @@ class System:
 
 
 @dataclass(frozen=True)
-class State:
-    """Energy, gradient and closing of every contact, mm: negative where a pin or flank is open.
+class Closed:
+    """Closing of every contact, mm: negative where a pin or flank is open."""
+
+    pins: Array
+    flanks: Array
+    journals: Array
+
+
+@dataclass(frozen=True)
+class State(Closed):
+    """Energy, gradient and closing of every contact.
 
     `rounding` and `unbalanced` bound what floating-point numbers leave of energy and gradient.
     """
@@ -344,9 +417,6 @@ class State:
     rounding: Array
     gradient: Array
     unbalanced: Array
-    pins: Array
-    flanks: Array
-    journals: Array
 
     @property
     def imbalance(self) -> Array:
@@ -382,8 +452,8 @@ def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
     """Energy of a reducer with errors, under a torque that resists its motion."""
     reducer, n = contacts.motion.reducer, contacts.motion.theta.size
     cams, k, floats = reducer.discs * reducer.cranks, joint_stiffness(reducer), errors.clearance > 0
-    matrix, springs = contacts.springs(floats)
-    load = np.zeros((n, springs.shape[-1]))
+    springs = contacts.springs(floats)
+    load = np.zeros((n, springs.rows.shape[-1]))
     load[:, 2] = -contacts.motion.direction * torque
     along = np.zeros((len(k), 2, n))
     if floats.any():
@@ -394,9 +464,9 @@ def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
         reducer=reducer,
         first_disc=Layout(reducer).disc[0],
         load=load,
-        spring_matrix=matrix,
-        spring_scale=np.abs(matrix).sum(axis=2).max(axis=1),
-        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ springs)[:, 0],
+        spring_matrix=springs.matrix,
+        spring_scale=springs.scale,
+        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ springs.rows)[:, 0],
         pin_rows=contacts.pin_rows,
         pin_error=np.ascontiguousarray(errors.pin),
         flank_rows=contacts.flank_rows,

@@ -19,17 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror import units
-from rverror.action_line import BEARINGS, Array, ContactForces, Contacts, ErrorVector, project, unit_vectors
+from rverror.action_line import BEARINGS, Array, Clearance, ContactForces, Contacts, ErrorVector, unit_vectors
 from rverror.catalogue import Mechanism, source
 from rverror.compose import pose
 from rverror.condensation import Stretch
 from rverror.energy import (
     GRADIENT_TOLERANCE,
+    Closed,
     Errors,
     Geometry,
     State,
     Steps,
     System,
+    by_part,
     error_closing,
     flank_lever,
     geometry,
@@ -40,6 +42,7 @@ from rverror.energy import (
 )
 from rverror.model import Effect, Model
 from rverror.reducer import Reducer
+from rverror.views import Viewed
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
 _MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
@@ -51,7 +54,7 @@ class NotConvergedError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Viewed):
     """Loaded state of a reducer at n angles.
 
     Attributes
@@ -265,27 +268,37 @@ class Statics:
         """Contact geometry of one stretch of angles after another; that of few angles is kept for the next errors."""
         return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
 
-    def solutions(self, effects: tuple[Effect, ...], start: Array | None = None) -> Iterator[_Solution]:
-        """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near."""
+    def solutions(
+        self, effects: tuple[Effect, ...], start: Array | None = None, *, quick: bool = False
+    ) -> Iterator[_Solution]:
+        """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near.
+
+        Quickly, what is condensed is trusted wherever the loaded flanks, and no others, carry.
+        """
         unit, first = self.motion.reducer, 0
         trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
         felt = tuple(e for e in effects if not source(e.key).at_output)
         for stretch in self.stretches():
             last = first + stretch.contacts.motion.theta.size
-            solution = _settle(stretch, felt, self.torque or trace, None if start is None else start[first:last])
+            near = None if start is None else start[first:last]
+            solution = _settle(stretch, felt, self.torque or trace, near, quick=quick)
             yield solution if self.torque else solution.unloaded()
             first = last
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> tuple[Array, Array, Array]:
         """Turn of the carrier (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
         errors, rows, poses = [], [], []
-        for part in self.solutions(effects, start):
-            n, forces = len(part.x), part.forces_per_torque(quick=True)
-            matrix = [project(forces, part.contacts.vector(effect), n) for effect in effects]
+        for part in self.solutions(effects, start, quick=True):
             errors.append(part.transmission_error)
-            rows.append(np.concatenate([np.zeros((0, n)), *matrix]))
+            rows.append(part.influences(effects))
             poses.append(part.x)
         return np.concatenate(errors), np.concatenate(rows, axis=1), np.concatenate(poses)
+
+    def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
+        """Change of the contact forces per unit of output torque, to some 1e-10 of the largest influence."""
+        return _side_by_side(
+            [part.forces_per_torque(quick=True) for part in self.solutions(effects, start, quick=True)]
+        )
 
     def beyond(self, effects: tuple[Effect, ...]) -> Array:
         """What is added to the turn of the carrier, rad; over the whole row, as some errors grow along it."""
@@ -302,14 +315,13 @@ class Statics:
         """`equilibrium` for these errors."""
         return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
 
-    def linearise(self, effects: tuple[Effect, ...], *, quick: bool = False) -> Linearisation:
-        """`linearise` for these errors; quickly, to some 1e-10 of the largest influence."""
+    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
+        """`linearise` for these errors."""
         solved, forces = [], []
         for part in self.solutions(effects):
             solved.append(part.equilibrium())
-            forces.append(part.forces_per_torque(quick=quick))
-        joined = {key: np.concatenate([f[key] for f in forces], axis=-1) for key in forces[0]}
-        return Linearisation(self._read(solved, effects), self.motion, joined)
+            forces.append(part.forces_per_torque())
+        return Linearisation(self._read(solved, effects), self.motion, _side_by_side(forces))
 
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
@@ -317,19 +329,27 @@ class Statics:
         return replace(state, transmission_error=state.transmission_error + self.beyond(effects))
 
 
-def _settle(stretch: Stretch, effects: tuple[Effect, ...], torque: float, start: Array | None) -> _Solution:
+def _side_by_side(forces: list[ContactForces]) -> ContactForces:
+    return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
+
+
+def _settle(
+    stretch: Stretch, effects: tuple[Effect, ...], torque: float, start: Array | None, *, quick: bool = False
+) -> _Solution:
     contacts, motion = stretch.contacts, stretch.contacts.motion
     errors = error_closing(contacts, effects)
     energy = loaded_system(contacts, errors, torque)
     steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
     if not energy.clearance.size:
         start, steps, found = stretch.condensed.settled(energy, torque, start)
-        state = energy.state(start)
+        closed = energy.closed(start) if quick else energy.state(start)
         # final where the loaded flanks, and no others, carry
-        found &= state.imbalance <= np.maximum(energy.tolerance(torque), state.unbalanced)
-    if found.all():
-        assert start is not None
-        return _Solution(stretch, errors, energy, start, state, steps, torque)
+        if isinstance(closed, State):
+            found &= closed.imbalance <= np.maximum(energy.tolerance(torque), closed.unbalanced)
+        else:
+            found &= ((closed.flanks > 0) == energy.driving_flanks).all(axis=1)
+        if found.all():
+            return _Solution(stretch, errors, energy, start, closed, steps, torque)
     x, more, found = minimise(energy, torque, start)
     steps = steps + more
     if not found.all():
@@ -349,7 +369,7 @@ class _Solution:
     errors: Errors
     energy: System
     x: Array
-    state: State
+    closed: Closed
     steps: Steps
     torque: float
     unloading: Array | float = 0.0  # what taking the load off adds to the pose
@@ -365,10 +385,10 @@ class _Solution:
 
     def _answer(self, force: Array, *, quick: bool = False) -> Array:
         """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
-        system, state = self.energy, self.state
-        if quick and not system.clearance.size and ((state.flanks > 0) == system.driving_flanks).all():
-            return self.stretch.condensed.answer(system, state, force)
-        return refined(system.newton_matrix(state), force)
+        system, closed = self.energy, self.closed
+        if quick and not system.clearance.size and ((closed.flanks > 0) == system.driving_flanks).all():
+            return self.stretch.condensed.answer(system, closed, force)
+        return refined(system.newton_matrix(closed), force)
 
     @property
     def transmission_error(self) -> Array:
@@ -380,7 +400,8 @@ class _Solution:
         reducer, n = self.contacts.motion.reducer, len(self.x)
         parts = np.moveaxis(self.x + self.unloading, 0, -1)
         bodies = parts[3:-2].reshape(-1, 3, n)
-        residual = GRADIENT_TOLERANCE * np.abs(self.state.gradient).max(axis=1) / self.energy.tolerance(self.torque)
+        state = self.closed if isinstance(self.closed, State) else self.energy.state(self.x)
+        residual = GRADIENT_TOLERANCE * state.imbalance / self.energy.tolerance(self.torque)
         return Equilibrium(
             transmission_error=self.transmission_error,
             pose={
@@ -390,7 +411,7 @@ class _Solution:
                 "sun": parts[-2:],
             },
             contact_forces=self._contact_forces(),
-            loaded_pins=(self.state.pins > 0).sum(axis=2).T,
+            loaded_pins=(self.closed.pins > 0).sum(axis=2).T,
             steps=self.steps,
             residual=residual,
         )
@@ -406,10 +427,10 @@ class _Solution:
         stiffness = self.contacts.motion.reducer.stiffness
         force = joint_stiffness(self.contacts.motion.reducer)[:, None] * self._joints()
         if self._journals().any():
-            force[:, self._journals()] = self.energy.journal_forces(self.state.journals)[1]
+            force[:, self._journals()] = self.energy.journal_forces(self.closed.journals)[1]
         return self._by_contact(
-            pins=stiffness.pin_contact * np.maximum(self.state.pins, 0.0),
-            flanks=stiffness.gear_mesh * np.maximum(self.state.flanks, 0.0),
+            pins=stiffness.pin_contact * np.maximum(self.closed.pins, 0.0),
+            flanks=stiffness.gear_mesh * np.maximum(self.closed.flanks, 0.0),
             joints=force,
         )
 
@@ -427,9 +448,15 @@ class _Solution:
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
 
-    def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
-        """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        stiffness, state, system = self.contacts.motion.reducer.stiffness, self.state, self.energy
+    def _directions(self) -> dict[str, Array]:
+        """Unit vectors along which bearings carry, samples first, in the shapes of `energy.by_part`."""
+        joints = np.moveaxis(unit_vectors(np.moveaxis(self._joints(), 0, -1)), -1, 0)
+        parts = by_part(self.contacts.motion.reducer, pins=self.closed.pins, flanks=self.closed.flanks, joints=joints)
+        return {key: parts[key] for key in BEARINGS}
+
+    def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array]:
+        """Change of the force of pins, flanks and joints per unit of output torque, samples first."""
+        stiffness, closed, system = self.contacts.motion.reducer.stiffness, self.closed, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
         answer = -self._answer(unit, quick=quick)
@@ -438,16 +465,34 @@ class _Solution:
         flanks = (system.flank_rows @ answer[..., None])[..., 0]
         joints = np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, answer)
         change = joint_stiffness(self.contacts.motion.reducer)[:, None] * joints
-        where, cams = self._journals(), self.contacts.motion.reducer.discs * self.contacts.motion.reducer.cranks
-        places = zip(BEARINGS, (slice(cams), slice(cams, -2)), strict=True)
+        where = self._journals()
         if where.any():
-            matrices = system.journal_matrices(state.journals)
+            matrices = system.journal_matrices(closed.journals)
             change[:, where] = (matrices @ joints[:, where][..., None])[..., 0]
-        found = self._by_contact(
-            pins=stiffness.pin_contact * (state.pins > 0) * pins,
-            flanks=stiffness.gear_mesh * (state.flanks > 0) * flanks,
-            joints=change,
+        return (
+            stiffness.pin_contact * (closed.pins > 0) * pins,
+            stiffness.gear_mesh * (closed.flanks > 0) * flanks,
+            change,
         )
-        along = np.moveaxis(self._joints(), 0, -1)
-        directions = {f"{key} direction": unit_vectors(along[at].reshape(found[key].shape)) for key, at in places}
+
+    def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
+        """Change of the contact forces per unit of output torque with the closed contacts held closed."""
+        pins, flanks, joints = self._per_torque(quick=quick)
+        found = self._by_contact(pins=pins, flanks=flanks, joints=joints)
+        directions = {f"{key} direction": np.moveaxis(along, 0, -1) for key, along in self._directions().items()}
         return {**found, **directions, "output": np.ones((1, len(self.x)))}
+
+    def influences(self, effects: tuple[Effect, ...]) -> Array:
+        """Change of the output angle per parameter (parameters, n): what it closes times the force that closes it."""
+        pins, flanks, joints = self._per_torque(quick=True)
+        force = by_part(self.contacts.motion.reducer, pins=pins, flanks=flanks, joints=joints)
+        n = len(self.x)
+        rows = [np.zeros((0, n))]
+        for effect in effects:
+            closings = self.contacts.closings(effect)
+            if isinstance(closings, Clearance):
+                along = force[closings.contact] * self._directions()[closings.contact]
+                rows.append(-along.reshape(1, n, -1).sum(axis=2))
+            else:
+                rows.append(np.sum([one.influence(force[one.part]) for one in closings], axis=0))
+        return np.concatenate(rows)

@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.action_line import Array, ContactForces, Contacts
 from rverror.catalogue import IndexValue, Mechanism, source
 from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose, source_matrix
+from rverror.energy import Layout
 from rverror.equilibrium import Statics, statics_of
 from rverror.kinematics import Pose, fundamental_orders, true_period
 from rverror.model import Effect, Model
@@ -64,12 +64,18 @@ class Prediction:
         Where the equilibrium predicts: poses at the angles at which it was solved.
     repeats : bool
         Whether those are angles of one repeat, and not of all samples.
+    effects : tuple of Effect
+        What it was predicted for.
+    conditions : Conditions, optional
+        Where.
     """
 
     transmission_error: Array
     matrix: Array
     poses: Array | None = None
     repeats: bool = False
+    effects: tuple[Effect, ...] = ()
+    conditions: Conditions | None = None
 
 
 def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
@@ -123,11 +129,17 @@ class Predictor:
         model : Model
             Of this mechanism.
         near : Prediction, optional
+            Where it is of this very model under these conditions, it is the answer.
 
         Returns
         -------
         Prediction
         """
+        if near and near.conditions is self.conditions and near.effects == model.effects:
+            return near
+        return replace(self._predicted(model, near), effects=model.effects, conditions=self.conditions)
+
+    def _predicted(self, model: Model, near: Prediction | None) -> Prediction:
         gears = tuple(e for e in model.effects if not source(e.key).at_output)
         if any(e.key == "sensor.index_offset" for e in model.effects):
             _check_whole_periods(self.mechanism, self.conditions.theta)
@@ -139,11 +151,13 @@ class Predictor:
             matrix = effect_matrix(motion, forces, model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
         repeats = all(repeats_with_crank(self.mechanism, e.key, e.indices) for e in gears)
-        start = near.poses if near and near.repeats == repeats else None
+        start = self._starts(near) if near and not repeats else near.poses if near and near.repeats else None
         loaded = replace(_loaded(self._repeat if repeats else self._whole, gears, start), repeats=repeats)
         return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
 
-    def influences(self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> Array:
+    def influences(
+        self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]], near: Prediction | None = None
+    ) -> Array:
         """Influence of sources on the output error of a model, with the contacts as they are closed in it.
 
         Parameters
@@ -152,13 +166,15 @@ class Predictor:
             Of this mechanism.
         sources : sequence of (str, mapping)
             Keys and indices.
+        near : Prediction, optional
+            Of the model or a similar one.
 
         Returns
         -------
         ndarray, shape (parameters, n)
             rad per mm or rad, one row per parameter of each source.
         """
-        motion, forces = (self._ahead(model) if model.index_offset else self).contact_state(model)
+        motion, forces = (self._ahead(model) if model.index_offset else self).contact_state(model, near)
         read = replace(motion, theta=self.conditions.theta)
         return np.concatenate(
             [source_matrix(read if source(key).at_output else motion, forces, key, i) for key, i in sources]
@@ -169,13 +185,15 @@ class Predictor:
         theta = self.conditions.theta + model.index_offset
         return Predictor(self.mechanism, replace(self.conditions, theta=theta))
 
-    def contact_state(self, model: Model) -> tuple[Pose, ContactForces]:
+    def contact_state(self, model: Model, near: Prediction | None = None) -> tuple[Pose, ContactForces]:
         """Motion and contact forces per unit torque with the gear's marks at every sample's angle.
 
         Parameters
         ----------
         model : Model
             Of this mechanism.
+        near : Prediction, optional
+            Of the model or a similar one.
 
         Returns
         -------
@@ -183,8 +201,8 @@ class Predictor:
         """
         conditions = self.conditions
         if uses_equilibrium(model, conditions):
-            loaded = self._whole.linearise(model.effects, quick=True)
-            return replace(loaded.motion, time=conditions.time), loaded.forces
+            forces = self._whole.forces(model.effects, self._starts(near) if near else None)
+            return self._motion, forces
         motion = pose(self.mechanism, conditions.theta, **self._how)
         return motion, closed_form_forces(motion)
 
@@ -210,11 +228,22 @@ class Predictor:
         return self._statics(self.conditions.theta[0] + period / points * np.arange(points))
 
     @cached_property
-    def _waves(self) -> npt.NDArray[np.complex128]:
-        """Harmonics of the repeat at all samples."""
-        turned = self.conditions.theta - self.conditions.theta[0]
+    def _waves(self) -> Array:
+        """Cosines and less sines of the harmonics of the repeat at all samples, shape (2 count, n)."""
+        ahead = self.conditions.theta - self.conditions.theta[0]
         count = self._repeat.motion.theta.size // 2 if self.conditions.folds else self._unfolded
-        return np.asarray(np.exp(1j * self._repeat_order * np.outer(np.arange(count), turned)))
+        phase = self._repeat_order * np.outer(np.arange(count), ahead)
+        return np.concatenate([np.cos(phase), -np.sin(phase)])
+
+    def _at_samples(self, one: Array, *, folding: int = 0) -> Array:
+        """Rows over one repeat, shape (rows, points), at all samples; orders fold in the first `folding` rows only."""
+        count, points = len(self._waves) // 2, one.shape[1]
+        lines = np.zeros((len(one), count), dtype=np.complex128)
+        found = np.fft.rfft(one, axis=1)[:, :count] / points
+        lines[:, : found.shape[1]] = found
+        lines[:, 1:] *= 2
+        lines[folding:, self._unfolded :] = 0
+        return np.asarray(np.concatenate([lines.real, lines.imag], axis=1) @ self._waves)
 
     @property
     def _unfolded(self) -> int:
@@ -236,16 +265,26 @@ class Predictor:
     def _statics(self, theta: Array) -> Statics:
         return statics_of(self.mechanism, theta, torque=self.conditions.torque, direction=self.conditions.direction)
 
+    def _starts(self, near: Prediction) -> Array | None:
+        """Poses at all samples that those of a similar model come near to.
+
+        After each repeat the gear train stands as it did, turned with the carrier.
+        """
+        if near.poses is None or not near.repeats:
+            return near.poses
+        assert isinstance(self.mechanism, Reducer)
+        points = len(near.poses)
+        ahead = np.linspace(0, 2 * math.pi / self._repeat_order, points, endpoint=False)
+        still = turned(self.mechanism, near.poses, -ahead)
+        carried = self._at_samples(still.T).T
+        return turned(self.mechanism, carried, self.conditions.theta - self.conditions.theta[0])
+
     def _carried_over(self, one: Prediction) -> Prediction:
         """Prediction at all samples from one repeat.
 
         Folded orders move with every jitter of the sampling, so the error has them but no size is drawn from them.
         """
-        points = one.transmission_error.size
-        lines = np.fft.rfft(np.vstack([one.transmission_error, one.matrix]), axis=1)[:, : len(self._waves)] / points
-        lines[:, 1:] *= 2
-        lines[1:, self._unfolded :] = 0
-        rows = (lines @ self._waves).real
+        rows = self._at_samples(np.vstack([one.transmission_error, one.matrix]), folding=1)
         return replace(one, transmission_error=rows[0], matrix=rows[1:])
 
 
@@ -290,6 +329,15 @@ def _resampled(poses: Array, points: int) -> Array:
         return poses
     lines = np.fft.rfft(poses, axis=0) * (points / len(poses))
     return np.asarray(np.fft.irfft(lines[: points // 2 + 1], points, axis=0), dtype=np.float64)
+
+
+def turned(reducer: Reducer, poses: Array, angle: Array) -> Array:
+    """Poses (n, unknowns) of a gear train that is turned as a whole about its axis by an angle (n,)."""
+    layout, result = Layout(reducer), poses.copy()
+    x = np.array([0, *layout.disc, *layout.crank, layout.sun])
+    place = (poses[:, x] + 1j * poses[:, x + 1]) * np.exp(1j * angle)[:, None]
+    result[:, x], result[:, x + 1] = place.real, place.imag
+    return result
 
 
 def _change_with_angle(row: Array, theta: Array) -> Array:

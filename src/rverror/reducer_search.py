@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ from rverror.energy import Errors, error_closing, geometry
 from rverror.fit import Fit, FitRun, Misfit, coarse, joint_fit, priors, whitened
 from rverror.kinematics import fundamental_orders, true_period
 from rverror.model import Effect, Model
-from rverror.prediction import repeats_with_crank
+from rverror.prediction import Prediction, repeats_with_crank
 from rverror.reducer import Reducer
 from rverror.spectrum import amplitude, frames_of_order, harmonics
 from rverror.units import ARCSEC
@@ -42,9 +43,10 @@ _RESTARTED = 2  # of them
 _BEST_STARTS = 3
 _POOR = 4.0  # standard deviations of the noise's sum of squares: the fit may have ended in the wrong place
 _WORKSHOP = 0.2  # of the largest plausible size
-_PROMISING = 12  # candidates that are fitted further after two steps
+#: Rounds of steps after the first one: how many, for how many candidates, and times the squares of the best of them at
+#: which a candidate is dropped beforehand.
+_ROUNDS = ((1, 1000, 4.0), (4, 12, 3.0))
 _LEVEL = 10.0  # of the sums of squares within which more than those are
-_FAR = 3.0  # times the best one's squares, after which a candidate is not fitted further
 _HOPELESS = 2.0  # a candidate that may leave so many times the best one's squares is not refitted
 _CLOSE = 300.0  # of the coarse sums of squares within which candidates are compared on all angles
 _NEGLIGIBLE = 0.005  # of the leader's gain
@@ -108,10 +110,11 @@ def searched(model: Model, unit: Reducer, runs: Sequence[FitRun], tell: Progress
     )
     printed = joint_fit(fixed, (), runs)
     tell("refitting declared sizes within their uncertainty")
-    refitted = joint_fit(model, (), runs)
+    refitted = joint_fit(model, (), runs, near=printed.predictions)
     search = Search(model, unit, runs, tell)
-    added, fit, candidates, notes = search.run(refitted)
-    return Outcome(search, printed, refitted, fit, added, search.significant_lines(fit), candidates, notes)
+    result = search.run(refitted)
+    lines = search.significant_lines(result.fit)
+    return Outcome(search, printed, refitted, result.fit, result.added, lines, result.candidates, result.notes)
 
 
 def promise(model: Model, unit: Reducer, runs: Sequence[FitRun]) -> float:
@@ -167,6 +170,17 @@ class _Found:
 
 
 @dataclass(frozen=True)
+class _Result:
+    """What one search came to; `doubtful` where its last candidates left lines of their own frame and are unnamed."""
+
+    added: tuple[Addition, ...]
+    fit: Fit
+    candidates: tuple[Candidate, ...]
+    notes: tuple[str, ...]
+    doubtful: bool
+
+
+@dataclass(frozen=True)
 class _Fold:
     """Normal equations of the seen and of the left-out revolutions, and the declared sizes' priors."""
 
@@ -201,6 +215,27 @@ class Search:
         self.sets = [one for one in every if not source(one[0]).late]
         self.late = [one for one in every if source(one[0]).late]
         self.thorough = False
+        self._fits: dict[tuple[Any, ...], Fit] = {}
+
+    def _fit(
+        self,
+        added: Sequence[Effect],
+        runs: Sequence[FitRun],
+        *,
+        start: Array,
+        near: Sequence[Prediction | None] = (),
+        vary_last: int | None = None,
+        most_steps: int = 25,
+    ) -> Fit:
+        """`joint_fit`, made once: searches of more candidates, or from more sizes, come by the same places."""
+        names = tuple((e.key, *e.indices.items()) for e in added)
+        angles = tuple(run.conditions.theta.size for run in runs)
+        where = (names, angles, start.tobytes(), vary_last, most_steps)
+        if where not in self._fits:
+            self._fits[where] = joint_fit(
+                self.model, added, runs, start=start, near=near, vary_last=vary_last, most_steps=most_steps
+            )
+        return self._fits[where]
 
     @property
     def tried(self) -> int:
@@ -212,22 +247,39 @@ class Search:
             return not all(run.conditions.torque for run in self.runs)
         return key == "involute.spline_clearance" and self.unit.spline_radius is None
 
-    def run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
-        """Search; where it leaves lines of the discs' frame alone, again from workshop sizes, and with rare sources."""
-        result = self._run(refitted)
-        for words, more in (("from workshop sizes", []), (f"with {len(self.late)} rare candidates", self.late)):
-            lines = self.significant_lines(result[1])
-            base = fundamental_orders(self.unit)["disc"]
-            large = [line for line in lines if line.amplitude > _LARGE * lines[0].amplitude]  # small ones may be folded
-            if not lines or not all(_is_multiple(line.order, base) for line in large):
-                return result
+    def run(self, refitted: Fit) -> _Result:
+        """Search; what stays open is searched again with more in play, until no significant line is left.
+
+        One effect that explains all from workshop sizes comes before two of one frame, and rare sources come last.
+        """
+        result = self._run(refitted, together=1)
+        doubtful = {False: result.doubtful}
+        for words, thorough, together, more in (
+            ("from workshop sizes", True, 1, []),
+            ("for two effects of one frame", False, _UNSURE, []),
+            ("for two effects of one frame from workshop sizes", True, _UNSURE, []),
+            (f"with {len(self.late)} rare candidates", True, _UNSURE, self.late),
+        ):
+            lines = self.significant_lines(result.fit)
+            if not lines:
+                break
+            needless = together > 1 and not more and not doubtful.get(thorough, False)
+            if needless or (thorough and not self._of_discs(lines)):
+                continue
             self.tell(f"searching again {words}")
-            self.sets, self.thorough = [*self.sets, *more], True
-            again = self._run(refitted)
-            result = result if self.significant_lines(again[1]) else again
+            self.sets, self.thorough = [*self.sets, *more], thorough
+            again = self._run(refitted, together=together)
+            doubtful.setdefault(thorough, again.doubtful)
+            if not thorough or not self.significant_lines(again.fit):
+                result = again
         return result
 
-    def _run(self, refitted: Fit) -> tuple[tuple[Addition, ...], Fit, tuple[Candidate, ...], tuple[str, ...]]:
+    def _of_discs(self, lines: Sequence[Line]) -> bool:
+        """Tell whether the large ones of some lines are of the discs' frame; small ones may be folded."""
+        base = fundamental_orders(self.unit)["disc"]
+        return all(_is_multiple(line.order, base) for line in lines if line.amplitude > _LARGE * lines[0].amplitude)
+
+    def _run(self, refitted: Fit, *, together: int) -> _Result:
         """Add effects one after another until none is significant, or the best one does not explain its own orders."""
         found = settled = _Found(refitted)
         ranking: tuple[Candidate, ...] = ()
@@ -244,9 +296,10 @@ class Search:
             self.tell(f"added {describe(more.added[-1].key, more.added[-1].indices)}")
             # what is left may belong to another effect of the same frame
             left = self.own_lines(more.fit, more.added)
-            if left and len(more.added) - len(settled.added) == _UNSURE:
+            unsure = len(more.added) - len(settled.added)
+            if left and unsure == together > 1:
                 more, left = self._first_again(more, settled, left)
-            if left and not self._goes_on(found.fit, more, settled):
+            if left and (unsure == together or not self._gains(found.fit, more)):
                 found = more
                 break
             found = more if left else self._pruned(more)
@@ -255,13 +308,15 @@ class Search:
         notes = self._doubts(ranking, found.added[len(settled.added) :], left, found.fit)
         count = len(self.model.effects)
         additions = tuple(self.addition(settled.fit, count + i, *record) for i, record in enumerate(settled.records))
-        return additions, settled.fit, ranking[:20], notes
+        return _Result(additions, settled.fit, ranking[:20], notes, doubtful=len(found.added) > len(settled.added))
 
     def _next(self, found: _Found) -> tuple[_Found | None, tuple[Candidate, ...]]:
         """What was found with one more effect, if any is significant, and the candidates' ranking."""
         state = self._start(found.fit, found.added)
         ranking = self.rank(state, found.added)
-        best = self.best(ranking, found.added, state, found.fit)
+        # once no line is left, what workshop sizes could still find is below the noise
+        thorough = self.thorough and bool(self.significant_lines(found.fit))
+        best = self.best(ranking, found.added, state, found.fit, thorough=thorough)
         if best is None:
             return None, ranking
         if isinstance(best, Fit):
@@ -276,7 +331,7 @@ class Search:
             added = (*found.added[:at], *found.added[at + 1 :])
             first = sum(len(e.values) for e in (*self.model.effects, *found.added[:at]))
             start = np.delete(effect_values(found.fit.model.effects), np.s_[first : first + len(effect.values)])
-            fit = joint_fit(self.model, added, self.runs, start=start)
+            fit = self._fit(added, self.runs, start=start, near=found.fit.predictions)
             if fit.objective - found.fit.objective < self._needed(effect, found.fit):
                 self.tell(f"dropped {describe(effect.key, effect.indices)}: needless beside what came later")
                 return self._pruned(
@@ -297,11 +352,10 @@ class Search:
         """What an effect must lower the objective by."""
         return chi_square(_FALSE_ALARM / self.tried, len(effect.values)) * self._noise_scale(fit)
 
-    def _goes_on(self, before: Fit, found: _Found, settled: _Found) -> bool:
-        """Tell whether lines left in the frame may be another effect's: if the candidate explained a good part."""
+    def _gains(self, before: Fit, found: _Found) -> bool:
+        """Tell whether a candidate explained a good part: lines left in its frame may then be another effect's."""
         excess = before.misfit.data - before.misfit.count
-        gained = before.misfit.data - found.fit.misfit.data
-        return len(found.added) - len(settled.added) < _UNSURE and gained > _GOOD_PART * excess
+        return before.misfit.data - found.fit.misfit.data > _GOOD_PART * excess
 
     def _first_again(self, found: _Found, settled: _Found, left: Sequence[Line]) -> tuple[_Found, Sequence[Line]]:
         """Choose the first of two unsure effects again beside the second: alone it had to stand for both."""
@@ -309,7 +363,8 @@ class Search:
         self.tell(f"choosing again beside {describe(second.key, second.indices)}")
         added = (*settled.added, second)
         start = np.concatenate([effect_values(settled.fit.model.effects), second.values])
-        fit = joint_fit(self.model, added, self.runs, start=start, vary_last=1)
+        near = settled.fit.predictions
+        fit = self._fit(added, self.runs, start=start, near=near, vary_last=1)
         record = (self.residual(fit).heldout_rms, found.records[-1][1], found.records[-1][2])
         again, _ = self._next(_Found(fit, added, (*settled.records, record)))
         if again is None or again.fit.objective >= found.fit.objective:
@@ -325,7 +380,7 @@ class Search:
         if fit.misfit.prior <= known + _STRAINED * math.sqrt(2 * known):
             return fit
         start = np.concatenate([effect_values(self.model.effects), effect_values(fit.model.effects)[self._declared :]])
-        return joint_fit(self.model, added, self.runs, start=start, vary_last=len(added))
+        return self._fit(added, self.runs, start=start, near=fit.predictions, vary_last=len(added))
 
     @property
     def _declared(self) -> int:
@@ -350,7 +405,8 @@ class Search:
         self.tell(f"scoring {self.tried} candidates on left-out revolutions")
         taken = {(e.key, tuple(sorted(e.indices.items()))) for e in added}
         sets = [s for s in self.sets if (s[0], tuple(sorted(s[1].items()))) not in taken]
-        blocks = [run.predictor.influences(state.model, sets) for run in self.runs]
+        pairs = zip(self.runs, state.predictions, strict=True)
+        blocks = [run.predictor.influences(state.model, sets, prediction) for run, prediction in pairs]
         size = [len(source(key).parameters) for key, _ in sets]
         ends = np.cumsum(size)
         sigma = priors(self.model.effects, added)
@@ -359,8 +415,8 @@ class Search:
         offset = declared - effect_values(state.model.effects)
         first, known = int(free.sum()), np.isfinite(sigma[free])
         change, weight = offset[free][known], state.misfit.scale * sigma[free][known] ** -2
-        pairs = zip(blocks, state.predictions, strict=True)
-        columns = [np.concatenate([prediction.matrix[free], block]) for block, prediction in pairs]
+        known_rows = [prediction.matrix[free] for prediction in state.predictions]
+        columns = [np.concatenate(rows) for rows in zip(known_rows, blocks, strict=True)]
         once, others = [1] * len(self.runs), [run.periods - 1 for run in self.runs]
         train, test = whitened(self.runs, columns, others), whitened(self.runs, columns, once)
         gram, test_gram = train @ train.T, test @ test.T
@@ -389,15 +445,16 @@ class Search:
         )
 
     def best(
-        self, ranking: Sequence[Candidate], added: Sequence[Effect], state: Fit, fit: Fit
+        self, ranking: Sequence[Candidate], added: Sequence[Effect], state: Fit, fit: Fit, *, thorough: bool
     ) -> tuple[Effect, Fit, Alike] | Fit | None:
         """Refit the leading candidates at the load; the best one if it is significant, or a better fit without it."""
         scale = self._noise_scale(fit)
         floor = chi_square(_FALSE_ALARM / self.tried, 2) * scale
         leader = ranking[0].heldout_gain if ranking else 0.0
         least = max(floor / 2, _NEGLIGIBLE * leader)
-        worthy = [c for c in ranking if c.heldout_gain > least or (self.thorough and _bends(c))]
-        joint = self._together(self._alone(self._shortlist(worthy), added, state), added)
+        worthy = [c for c in ranking if c.heldout_gain > least or (thorough and _bends(c))]
+        alone = self._alone(self._shortlist(worthy), added, state, thorough=thorough)
+        joint = self._together(alone, added)
         if not joint:
             return None
         # a larger block fits better by chance
@@ -409,7 +466,7 @@ class Search:
             return None
         # the effect may only have shown all others the way out of a false minimum
         start = effect_values(winner.model.effects)[: -len(effect.values)]
-        without = joint_fit(self.model, added, self.runs, start=start, near=winner.predictions)
+        without = self._fit(added, self.runs, start=start, near=winner.predictions)
         if without.objective - winner.objective < self._needed(effect, fit):
             return without
         return effect, winner, self._alike(joint)
@@ -424,11 +481,13 @@ class Search:
             if f.objective - winner.objective < limit
         )
 
-    def _alone(self, shortlist: Sequence[Candidate], added: Sequence[Effect], state: Fit) -> list[_Trial]:
-        """Fit each candidate with everything else held: two steps each, then more for the most promising."""
+    def _alone(
+        self, shortlist: Sequence[Candidate], added: Sequence[Effect], state: Fit, *, thorough: bool
+    ) -> list[_Trial]:
+        """Fit each candidate with everything else held: one step each, then more for the promising."""
         start = effect_values(state.model.effects)
-        base = [joint_fit(self.model, added, runs, start=start, most_steps=0) for runs in self.levels]
-
+        near = state.predictions
+        base = [self._fit(added, runs, start=start, near=near, most_steps=0) for runs in self.levels]
         trials = []
         for at, candidate in enumerate(shortlist):
             name = describe(candidate.key, candidate.indices)
@@ -438,15 +497,14 @@ class Search:
             unseen = base[-1].misfit.data - base[level].misfit.data
             begun = _Trial(zero, self.levels[level], unseen, base[-1].misfit.count, base[level])
             first = np.concatenate([start, zero.values])
-            if self.thorough and _bends(candidate):
+            if thorough and _bends(candidate):
                 sizes = [np.zeros(len(zero.values)), *_workshop_sizes(candidate.key)]
                 starts = [self._fitted(begun, added, np.concatenate([start, size]), 0) for size in sizes]
                 first = effect_values(min(starts, key=_Trial.reached).fit.model.effects)
-            trials.append(self._fitted(begun, added, first, 2))
-        trials.sort(key=_Trial.promise)
-        far = trials[0].promise() + math.log(_FAR) * trials[0].count if trials else 0.0
-        trials = [t for t in trials[:_PROMISING] if t.promise() < far]
-        trials = [self._fitted(t, added, effect_values(t.fit.model.effects), 4) for t in trials]
+            trials.append(self._fitted(begun, added, first, 1))
+        for steps, most, far in _ROUNDS:
+            trials = _most_promising(trials, far)[:most]
+            trials = [self._fitted(t, added, effect_values(t.fit.model.effects), steps) for t in trials]
         trials.sort(key=_Trial.promise)
         for at, trial in enumerate(trials[:_RESTARTED]):
             trials[at] = self._restarted(trial, added)
@@ -457,7 +515,7 @@ class Search:
     def _fitted(self, trial: _Trial, added: Sequence[Effect], values: Array, steps: int) -> _Trial:
         """Fit the effect of a trial from these sizes with everything else held."""
         effects, near = [*added, trial.effect], trial.fit.predictions
-        fit = joint_fit(self.model, effects, trial.runs, start=values, near=near, vary_last=1, most_steps=steps)
+        fit = self._fit(effects, trial.runs, start=values, near=near, vary_last=1, most_steps=steps)
         return replace(trial, fit=fit)
 
     def _restarted(self, trial: _Trial, added: Sequence[Effect]) -> _Trial:
@@ -501,7 +559,7 @@ class Search:
             if trial.reached() - least < _CLOSE:
                 start, effect = effect_values(trial.fit.model.effects), trial.fit.model.effects[-1]
                 near = trial.fit.predictions
-                fits.append(joint_fit(self.model, [*added, effect], self.runs, start=start, near=near, most_steps=12))
+                fits.append(self._fit([*added, effect], self.runs, start=start, near=near, most_steps=12))
         return fits
 
     def _twins(self, best: _Trial, known: Sequence[Effect], added: Sequence[Effect]) -> list[_Trial]:
@@ -516,7 +574,9 @@ class Search:
         wave = whitened(best.runs, waves, once)
         taken = [(e.key, dict(e.indices)) for e in (*known, *added)]
         sets = [one for one in self.sets if (one[0], dict(one[1])) not in taken]
-        blocks = whitened(best.runs, [run.predictor.influences(best.fit.model, sets) for run in best.runs], once)
+        pairs = zip(best.runs, best.fit.predictions, strict=True)
+        rows = [run.predictor.influences(best.fit.model, sets, fitted) for run, fitted in pairs]
+        blocks = whitened(best.runs, rows, once)
         found, end = [], 0
         for key, indices in sets:
             first, end = end, end + len(source(key).parameters)
@@ -568,7 +628,7 @@ class Search:
         """Fit the effect of a trial and everything else together; None where it comes to a size that cannot exist."""
         self.tell(f"refitting everything with {describe(trial.effect.key, trial.effect.indices)}")
         start, near = effect_values(trial.fit.model.effects), trial.fit.predictions
-        fit = joint_fit(self.model, [*added, trial.effect], trial.runs, start=start, near=near, most_steps=12)
+        fit = self._fit([*added, trial.effect], trial.runs, start=start, near=near, most_steps=12)
         return replace(trial, fit=fit) if _exists(fit.model.effects[-1]) else None
 
     def _level(self, effect: Effect) -> int:
@@ -716,7 +776,7 @@ class Search:
         effects = fit.model.effects
         without = replace(fit.model, effects=effects[:at] + effects[at + 1 :])
         run, prediction = self.runs[0], fit.predictions[0]
-        wave = prediction.transmission_error - run.predictor.predict(without).transmission_error
+        wave = prediction.transmission_error - run.predictor.predict(without, prediction).transmission_error
         size = amplitude(harmonics(wave), wave.size)
         strong = np.flatnonzero(size > max(0.3 * size.max(), 1e-3 * MODEL_ACCURACY))
         turns = true_period(self.unit)
@@ -746,6 +806,13 @@ def _differ_in_place(one: Effect, other: Effect) -> bool:
 
 def _is_multiple(order: float, base: float) -> bool:
     return order > base / 2 and abs(order - base * round(order / base)) < 0.02
+
+
+def _most_promising(trials: Sequence[_Trial], far: float) -> list[_Trial]:
+    """The best first, without those that may leave so many times the squares of the best one."""
+    least = min((trial.promise() for trial in trials), default=0.0)
+    near = [trial for trial in trials if trial.promise() - least < math.log(far) * trial.count]
+    return sorted(near, key=_Trial.promise)
 
 
 def _is_poor(trial: _Trial) -> bool:

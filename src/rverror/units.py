@@ -1,7 +1,8 @@
 """The units edge: the only module that knows pint.
 
 Inside rverror every number is a float in mm, rad, N, N*mm, s or K.  Here quantities and strings with a unit become
-such floats, and floats become numbers that people read.
+such floats, and floats become numbers that people read.  pint is loaded for what `_EVERYDAY` does not hold: making its
+registry takes longer than many a diagnosis.
 """
 
 from __future__ import annotations
@@ -9,11 +10,15 @@ from __future__ import annotations
 import functools
 import math
 import re
-from typing import Any
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pint
+
+if TYPE_CHECKING:
+    import pint
 
 #: Unit of each dimension inside the library.
 CORE_UNITS = {
@@ -44,12 +49,33 @@ DISPLAY_UNITS = {
 #: One second of arc in rad.
 ARCSEC = math.pi / 180.0 / 3600.0
 
+#: Factor to the core unit, and zero in it, of units as people write them most.
+_EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0)},
+    "angle": {
+        "rad": (1.0, 0.0),
+        "mrad": (1e-3, 0.0),
+        "deg": (math.pi / 180.0, 0.0),
+        "arcmin": (60.0 * ARCSEC, 0.0),
+        "arcsec": (ARCSEC, 0.0),
+    },
+    "torque": {"N*mm": (1.0, 0.0), "N*m": (1e3, 0.0)},
+    "stiffness": {"N/mm": (1.0, 0.0), "N/um": (1e3, 0.0)},
+    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0)},
+    "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
+    "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
+    "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
+    "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
+}
+
 # Without the unit: a pattern for both would try every split of a long text that has none.
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
     return pint.UnitRegistry()
 
 
@@ -61,7 +87,8 @@ def is_quantity(value: object) -> bool:
     >>> is_quantity(5.0)
     False
     """
-    return isinstance(value, pint.Quantity)
+    pint = sys.modules.get("pint")  # who has a quantity has loaded it
+    return pint is not None and isinstance(value, pint.Quantity)
 
 
 def _factor_and_unit(unit: str, dimension: str) -> Any:
@@ -110,8 +137,15 @@ def unit_factor(unit: str, dimension: str) -> float:
     >>> unit_factor("um", "length")
     0.001
     """
+    return _in_core(1.0, unit, dimension)
+
+
+def _in_core(number: float, unit: str, dimension: str) -> float:
+    if unit in _EVERYDAY[dimension]:
+        factor, zero = _EVERYDAY[dimension][unit]
+        return number * factor + zero
     parsed = _factor_and_unit(unit, dimension)
-    return float(_registry().Quantity(1.0, parsed).to(CORE_UNITS[dimension]).magnitude)
+    return float(_registry().Quantity(number, parsed).to(CORE_UNITS[dimension]).magnitude)
 
 
 def parse(text: str, dimension: str) -> float:
@@ -148,8 +182,7 @@ def parse(text: str, dimension: str) -> float:
         if dimension != "slope":
             raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
         unit = "dimensionless"
-    parsed = _factor_and_unit(unit, dimension)
-    value = float(_registry().Quantity(float(number), parsed).to(CORE_UNITS[dimension]).magnitude)
+    value = _in_core(float(number), unit, dimension)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite value")
     return value
@@ -207,7 +240,7 @@ def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
     ValueError
         If the values are no numbers, not finite, or of another dimension.
     """
-    if isinstance(value, pint.Quantity):
+    if is_quantity(value):
         if not value.is_compatible_with(CORE_UNITS[dimension]):
             raise ValueError(_no_unit(str(value.units), dimension))
         _refuse_own_zero(value.units, dimension, str(value.units))
@@ -229,5 +262,5 @@ def to_display(value: float, dimension: str) -> float:
     >>> to_display(0.005, "length")
     5.0
     """
-    quantity = _registry().Quantity(value, CORE_UNITS[dimension])
-    return float(quantity.to(DISPLAY_UNITS[dimension]).magnitude)
+    factor, zero = _EVERYDAY[dimension][DISPLAY_UNITS[dimension]]
+    return (value - zero) / factor
