@@ -46,7 +46,7 @@ STAMP = "rverror-stamp"
 EXTRAS = {"demo": "plot", "test": "test"}
 MODULES = {
     "plot": ("rverror", "matplotlib"),
-    "test": ("rverror", "matplotlib", "pytest", "hypothesis", "mypy", "ruff"),
+    "test": ("rverror", "matplotlib", "pytest", "xdist", "hypothesis", "mypy", "ruff"),
 }
 NO_NETWORK = (
     "connection",
@@ -245,7 +245,8 @@ def checks(python: str, arguments: list[str]) -> list[tuple[str, list[str]]]:
         ("ruff check", [python, "-m", "ruff", "check", "."]),
         ("ruff format", [python, "-m", "ruff", "format", "--check", "."]),
         ("mypy", [python, "-m", "mypy"]),
-        ("pytest", [python, "-m", "pytest", *arguments]),
+        # on every core, but not with more processes than memory has room for
+        ("pytest", [python, "-m", "pytest", "-n", "auto", "--maxprocesses", "4", "--dist", "worksteal", *arguments]),
     ]
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import pickle
+import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -17,10 +19,32 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from rverror import Diagnosis, Drive, InputError, Model, effect, reducer, transmission_error
+from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
+from rverror import (
+    Diagnosis,
+    Drive,
+    Equilibrium,
+    InputError,
+    Model,
+    Run,
+    allocate,
+    effect,
+    equilibrium,
+    error_budget,
+    influence,
+    reducer,
+    run_from_arrays,
+    stack,
+    tolerance,
+    torsion_curve,
+    transmission_error,
+)
+from rverror.cost import Reciprocal
 from rverror.diagnosis import Trace
 from rverror.plot import (
+    PICTURES,
     diagnosis_figure,
+    draw,
     model_waveform,
     new_figure,
     order_spectrum,
@@ -29,6 +53,7 @@ from rverror.plot import (
     waveform,
 )
 from rverror.units import ARCSEC
+from rverror.views import Viewed
 from test_report import COS, SIN, outcome
 
 MODEL = Model(
@@ -56,17 +81,6 @@ def legend(axes: Axes) -> list[str]:
     box = axes.get_legend()
     assert box is not None
     return [text.get_text() for text in box.get_texts()]
-
-
-def line(axes: Axes, label: str) -> tuple[Any, Any]:
-    (drawn,) = [item for item in axes.get_lines() if item.get_label() == label]
-    return drawn.get_xdata(), drawn.get_ydata()
-
-
-def stems(axes: Axes, label: str) -> tuple[Any, Any]:
-    (drawn,) = [c for c in axes.collections if isinstance(c, LineCollection) and c.get_label() == label]
-    ends = np.array([segment[1] for segment in drawn.get_segments()])
-    return ends[:, 0], ends[:, 1]
 
 
 # --- what all share ---------------------------------------------------------------------------------------------------
@@ -148,7 +162,7 @@ def test_titles_hold_the_file_name_without_its_folder(found: Diagnosis, ax: Axes
 def test_spectrum_shows_the_encoder_before_and_not_after(found: Diagnosis, ax: Axes, run: int) -> None:
     order_spectrum(found, run=run, ax=ax)
     assert ("forward", "reverse")[run] in ax.get_title()
-    assert legend(ax) == ["residual before", "residual after"]
+    assert legend(ax) == ["residual before", "residual after", "noise floor"]
     orders, before = stems(ax, "residual before")
     again, after = stems(ax, "residual after")
     assert (orders == again).all()
@@ -310,3 +324,182 @@ def test_without_matplotlib_the_error_tells_the_remedy(
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(InputError, match=r"matplotlib.*pip install 'rverror\[plot\]'"):
         DRAWINGS.get(name, lambda found, _: diagnosis_figure(found))(found, None)
+
+
+# --- one call ---------------------------------------------------------------------------------------------------------
+
+THETA = 2 * np.pi * np.arange(256) / 256
+BARE = Model(reducer("RV-003"))
+DRIVE = Model(
+    Drive(ratio=-14.0, shafts={"idler": 3.5}), (effect("shaft.eccentricity", shaft="idler", harmonic=1, cos=1e-4),)
+)
+RUN = run_from_arrays(
+    input_angle=121 * np.concatenate([THETA, THETA + 2 * np.pi, 2 * np.pi - THETA]),
+    te=1e-5 * np.cos(40 * np.concatenate([THETA, THETA, -THETA])) + 1e-7 * np.sin(np.arange(768) ** 2),
+    torque="20 N*m",
+)
+TORQUES = run_from_arrays(output_angle=THETA, direction="forward", extra={"torque[N*m]": 3 + np.cos(13 * THETA)})
+NEEDED: dict[tuple[type, str], dict[str, Any]] = {
+    (Run, "waveform"): {"ratio": 121.0},
+    (Run, "polar"): {"ratio": 121.0},
+    (Run, "spectrum"): {"ratio": MODEL},
+    (Equilibrium, "spectrum"): {"mechanism": MODEL.mechanism},
+    (Model, "order_map"): {"torques": ["20 N*m", "100 N*m"], "points": 128},
+}
+
+
+@pytest.fixture(scope="module")
+def things(found: Diagnosis) -> dict[str, Any]:
+    """One or more of every kind that has a plot, the empty ones among them."""
+    tolerances = (tolerance("crank.eccentricity", "5 um"), tolerance("crank.index", "1 arcmin"))
+    laid_out = stack(MODEL, tolerances, theta=THETA)
+    units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256)
+    cost = {"costs": [Reciprocal(10.0, 0.005), Reciprocal(1.0, 1e-4)], "bounds": [(1e-4, 0.1), (1e-5, 1e-3)]}
+    least = allocate(laid_out, limit="60 arcsec", kind="worst", verify=1024, **cost)
+    ripple = tuple(replace(t, torque=None, left_out=None) for t in found.traces[:1])
+    return {
+        "model": MODEL,
+        "bare model": BARE,
+        "drive": DRIVE,
+        "reducer": BARE.mechanism,
+        "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
+        "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
+        "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
+        "run": RUN,
+        "torque run": TORQUES,
+        "diagnosis": found,
+        "nothing added": replace(found, added=(), candidates=()),
+        "torque ripple": replace(found, traces=ripple, quantity="torque"),
+        "budget": units.closed,
+        "error budget": units,
+        "virtual units": units.units,
+        "allocation": least,
+        "front": least,
+    }
+
+
+def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]:
+    """Kinds of plot of a thing that can be drawn, with what they need."""
+    thing = things[name]
+    kinds = [kind for kind in PICTURES[type(thing)] if (kind == "front") == (name == "front")]
+    if name in ("drive", "bare model"):  # no contacts; and no rated torque, which the map of the first model shows
+        kinds = [kind for kind in kinds if kind != "order_map" and (name, kind) != ("drive", "mechanism")]
+    return [(kind, NEEDED.get((type(thing), kind), {})) for kind in kinds]
+
+
+NAMES = (
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "run", "torque run", "diagnosis",
+    "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
+)  # fmt: skip
+
+
+def test_every_kind_is_tried(things: dict[str, Any]) -> None:
+    assert {type(things[name]) for name in NAMES} == set(PICTURES)
+
+
+#: Of each kind the fullest one: the others are drawn by the same plots with less in them.
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "run", "diagnosis", "torque ripple", "budget",
+           "error budget", "virtual units", "allocation")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_plot_can_be_read(things: dict[str, Any], name: str) -> None:
+    """A unit on every axis; a grey print tells the lines apart; no text lies over another."""
+    for kind, options in plots(things, name):
+        ax = things[name].plot(kind=kind, **options)
+        where = f"{name}, {kind}"
+        assert units_missing(ax) == [], where
+        assert ax.get_title(), where
+        assert alike_in_grey(ax) == [], where
+        if name in FULLEST:
+            assert overlapping_texts(ax) == [], where
+
+
+@pytest.mark.parametrize("name", FULLEST)
+def test_every_plot_takes_axes(things: dict[str, Any], name: str) -> None:
+    for kind, options in plots(things, name):
+        given = Figure().add_subplot(projection="polar" if kind == "polar" else "rectilinear")
+        assert draw(things[name], kind=kind, ax=given, **options) is given
+        assert given.has_data()
+
+
+@pytest.mark.parametrize("name", FULLEST)
+def test_axes_of_the_wrong_sort_are_refused(things: dict[str, Any], name: str) -> None:
+    sorts = {sort: Figure().add_subplot(projection=sort) for sort in ("rectilinear", "polar", "3d")}
+    several = Figure().subplots(2, 2)
+    for kind, options in plots(things, name):
+        right = "polar" if kind == "polar" else "rectilinear"
+        for sort, ax in sorts.items():
+            if sort != right:
+                with pytest.raises(InputError, match=rf"ax has {sort} axes, this plot needs {right} ones; make them"):
+                    things[name].plot(kind=kind, ax=ax, **options)
+                assert not ax.has_data()
+        with pytest.raises(InputError, match=r"ax is a ndarray, no axes of matplotlib"):
+            things[name].plot(kind=kind, ax=several, **options)
+
+
+def test_the_usual_plot_needs_no_word(found: Diagnosis) -> None:
+    assert MODEL.plot().get_legend().get_texts()[-1].get_text() == "total"
+    assert found.plot().get_title() == "forward.csv (forward)"
+    assert BARE.mechanism.plot().get_title().startswith("RV-003 at 0 deg")
+
+
+def test_an_unknown_kind_names_those_there_are() -> None:
+    with pytest.raises(
+        InputError,
+        match=r"kind = 'spectrun': a Model is drawn as waveform, stacked, polar, spectrum, order_map, mechanism; "
+        r"did you mean 'spectrum'\?",
+    ):
+        MODEL.plot(kind="spectrun")
+
+
+def test_an_unknown_option_names_those_there_are() -> None:
+    with pytest.raises(
+        InputError,
+        match=r"option 'direktion': kind 'stacked' of a Model takes theta, direction, time, torque, most, waves; "
+        r"did you mean 'direction'\?",
+    ):
+        MODEL.plot(kind="stacked", direktion=1.0)
+    with pytest.raises(InputError, match=r"option 'run': kind 'runs' of a Diagnosis takes no options; leave it out"):
+        draw(Diagnosis(**dict.fromkeys(Diagnosis.__dataclass_fields__)), kind="runs", run=1)
+
+
+def test_the_page_names_every_plot() -> None:
+    """Each kind in the row of its result, in their order, the usual one first."""
+    page = (Path(__file__).parents[1] / "docs" / "plots.md").read_text(encoding="utf-8")
+    told: dict[str, list[str]] = {}
+    name = ""
+    for result, kinds in re.findall(r"^\| (`\w+`)? ?\| ([^|]+) \|", page, flags=re.MULTILINE):
+        name = result.strip("`") or name  # an empty cell stands for that above
+        told.setdefault(name, []).extend(re.findall(r"`(\w+)`", kinds))
+    assert told == {kind.__name__: list(plots) for kind, plots in PICTURES.items()}
+
+
+def test_what_has_no_plot_is_told() -> None:
+    with pytest.raises(InputError, match=r"a dict has no plot; these have: Model, Reducer, .*Allocation"):
+        draw({})
+
+
+def test_whatever_is_drawn_has_it_as_a_method_and_stays_what_it_was(things: dict[str, Any]) -> None:
+    for kind in PICTURES:
+        assert issubclass(kind, Viewed)
+        assert is_dataclass(kind)
+    for name in NAMES:
+        thing = things[name]
+        again = pickle.loads(pickle.dumps(thing))
+        assert type(again) is type(thing)
+        assert [f.name for f in fields(again)] == [f.name for f in fields(thing)]
+        with pytest.raises(AttributeError):
+            thing.plot = None  # frozen
+        assert replace(thing).plot.__func__ is Viewed.plot
+    assert pickle.loads(pickle.dumps(MODEL)) == MODEL
+
+
+def test_without_matplotlib_every_plot_tells_the_remedy(
+    things: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    for name in FULLEST:
+        for kind, options in plots(things, name):
+            with pytest.raises(InputError, match=r"pip install 'rverror\[plot\]'"):
+                things[name].plot(kind=kind, **options)

@@ -280,7 +280,8 @@ def test_every_step_runs_and_the_last_failure_counts(runner, monkeypatch, capsys
     monkeypatch.setattr(runner, "run", note)
     assert runner.run_checks(Path("python"), ["-k", "x"]) == result
     assert [command[2] for command in seen] == ["ruff", "ruff", "mypy", "pytest"]
-    assert seen[-1][3:] == ["-k", "x"]
+    assert seen[-1][-2:] == ["-k", "x"]  # the last word is the user's
+    assert "-n" in seen[-1]
     output = capsys.readouterr()
     assert output.out.splitlines()[-1] == "run.py: pytest"  # nothing of run.py's after pytest's own lines
     assert ("ruff check FAILED (exit 1)" in output.err) is (codes[0] == 1)

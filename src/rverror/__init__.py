@@ -17,6 +17,7 @@ from rverror.reducer import Drive, Reducer, Stiffness, reducer
 from rverror.report import to_json, to_text
 from rverror.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
 from rverror.simulate import simulate, simulate_runs
+from rverror.tables import to_pandas, to_xarray
 from rverror.tolerance import Stack, Tolerance, stack, tolerance
 from rverror.tolerance_file import load_tolerances, save_widths
 from rverror.virtual_units import VirtualUnits, virtual_units
@@ -70,7 +71,9 @@ __all__ = [
     "simulate_runs",
     "stack",
     "to_json",
+    "to_pandas",
     "to_text",
+    "to_xarray",
     "tolerance",
     "torsion_curve",
     "torsional_stiffness",

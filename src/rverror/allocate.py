@@ -34,6 +34,7 @@ from rverror.least_cost import (
 from rverror.limited_error import MeanSquare, Quantile, WorstCase
 from rverror.tolerance import Stack, Tolerance
 from rverror.units import ARCSEC
+from rverror.views import Viewed
 from rverror.virtual_units import virtual_units
 
 Kind = Literal["worst", "yield", "rms"]
@@ -95,7 +96,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Allocation:
+class Allocation(Viewed):
     """Widths of least cost.
 
     Attributes

@@ -14,6 +14,7 @@ import numpy as np
 
 from rverror.action_line import Array
 from rverror.tolerance import Block, Stack, WorstGroup
+from rverror.views import Viewed
 from rverror.worst_pair import GroupWaves
 
 #: Draws for the mean peak-to-peak of each entry alone.
@@ -112,7 +113,7 @@ class WorstCase:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(Viewed):
     """Closed-form error budget.
 
     Attributes

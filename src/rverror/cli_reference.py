@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from rverror import units
+from rverror.comparison import compare, comparison_json, comparison_text
 from rverror.errors import InputError
 from rverror.measurement import load_run
-from rverror.reference import METHODS, case_files, compare, comparison_json, comparison_text, pick, read_case, solve
+from rverror.reference import METHODS, case_files, pick, read_case, solve
 from rverror.terminal import check_output, say_replaced, tell
 from rverror.textfile import check_name, write_bytes, write_text
 from rverror.units import ARCSEC

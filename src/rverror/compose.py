@@ -19,10 +19,11 @@ from rverror.kinematics import Pose, frame_orders, motion_direction
 from rverror.model import Effect, Model
 from rverror.reducer import Drive, Reducer
 from rverror.shaft import DrivePose
+from rverror.views import Viewed
 
 
 @dataclass(frozen=True)
-class Influence:
+class Influence(Viewed):
     """Influence of one source on the output error.
 
     Attributes
@@ -31,10 +32,16 @@ class Influence:
         rad of output per mm (or rad, or unit) of each parameter.
     labels : tuple of str
         Name of each parameter.
+    theta : ndarray, shape (n,)
+        Nominal output angle, rad.
+    key : str
+        The source.
     """
 
     matrix: Array
     labels: tuple[str, ...]
+    theta: Array
+    key: str
 
 
 def pose(
@@ -197,7 +204,7 @@ def influence(
     entry.check_indices(mechanism, indices)
     motion = pose(mechanism, theta, direction=direction, time=time, torque=torque)
     matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
-    return Influence(matrix, tuple(p.name for p in entry.parameters))
+    return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
 
 
 def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mapping[str, IndexValue]) -> Array:

@@ -286,7 +286,8 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     ----------
     contacts : Contacts
     disc, lobe : int
-        Which disc; which lobe, counter-clockwise from the root into which the eccentric points at theta = 0.
+        Which disc; which lobe, counter-clockwise from the root into which the eccentric points at theta = 0, or from
+        the next root where it points into none.
 
     Returns
     -------
@@ -298,9 +299,11 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     A lobe meets one pin with each turn of the crank against the carrier, so the defect is seen once a turn of it and
     shows at all multiples of that order.  No source has it; 001 and 002 describe errors of the profile as waves.
     """
-    lobes, root = contacts.reducer.disc_lobes, 2 * np.pi * disc / contacts.reducer.discs
+    unit = contacts.reducer
+    # a root is where the eccentric, at 2 pi k/n_d, lies z_p times its angle from the root ahead of it on the disc
+    lobes, root = unit.disc_lobes, -(-disc * unit.pins // unit.discs) - disc / unit.discs
     psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
-    crest = root + 2 * np.pi * (lobe + 0.5) / lobes
+    crest = 2 * np.pi * (root + lobe + 0.5) / lobes
     away = np.mod(psi - crest + np.pi, 2 * np.pi) - np.pi
     shape = np.where(np.abs(away) < np.pi / lobes, np.cos(lobes * away / 2) ** 2, 0.0)
     return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rverror.action_line import Array
 from rverror.catalogue import IndexValue
 from rverror.model import Effect, Model
+from rverror.views import Viewed
 
 Progress = Callable[[str], None]
 Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
@@ -135,7 +136,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Viewed):
     """Result of `diagnose`.
 
     Attributes

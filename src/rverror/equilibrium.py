@@ -74,6 +74,8 @@ class Equilibrium(Viewed):
     residual : ndarray, shape (n,)
         Largest force or moment out of balance, as a share of the load at the crank circle.  Convergence asks for 1e-9,
         or for what floating-point numbers can tell where preload is many times the load.
+    theta : ndarray, shape (n,)
+        Nominal output angle as the bench reads it, rad.
     """
 
     transmission_error: Array
@@ -82,6 +84,7 @@ class Equilibrium(Viewed):
     loaded_pins: npt.NDArray[np.intp]
     steps: Steps
     residual: Array
+    theta: Array
 
 
 @dataclass(frozen=True)
@@ -326,7 +329,8 @@ class Statics:
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
         state = _joined(parts)
-        return replace(state, transmission_error=state.transmission_error + self.beyond(effects))
+        theta = self.motion.theta if self.read_at is None else self.read_at
+        return replace(state, transmission_error=state.transmission_error + self.beyond(effects), theta=theta)
 
 
 def _side_by_side(forces: list[ContactForces]) -> ContactForces:
@@ -414,6 +418,7 @@ class _Solution:
             loaded_pins=(self.closed.pins > 0).sum(axis=2).T,
             steps=self.steps,
             residual=residual,
+            theta=self.contacts.motion.theta,
         )
 
     def _journals(self) -> npt.NDArray[np.bool_]:

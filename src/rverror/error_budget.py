@@ -13,6 +13,7 @@ from rverror.model import Model
 from rverror.sobol import SobolIndices, stack_indices
 from rverror.textfile import PathLike
 from rverror.tolerance import Stack, Tolerance, stack
+from rverror.views import Viewed
 from rverror.virtual_units import VirtualUnits, virtual_units
 
 #: Virtual units, points of the Sobol indices, and units solved at the load, where no number is given.
@@ -20,7 +21,7 @@ COUNT, INDEX_COUNT, CONTACT_COUNT = 2**16, 2**13, 64
 
 
 @dataclass(frozen=True)
-class ErrorBudget:
+class ErrorBudget(Viewed):
     """What tolerances make of the output error.
 
     Attributes

@@ -9,6 +9,7 @@ from typing import Any
 
 from rverror import units
 from rverror.catalogue import IndexValue, Mechanism, source
+from rverror.views import Viewed
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Viewed):
     """A mechanism with its effects.
 
     Attributes

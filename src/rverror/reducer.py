@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any
 
 from rverror import units
+from rverror.views import Viewed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,7 @@ class Stiffness:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reducer:
+class Reducer(Viewed):
     """Geometry of an RV reducer: an involute planetary stage that drives a cycloidal stage through cranks.
 
     Parameters
@@ -124,7 +125,7 @@ class Reducer:
 
     def __post_init__(self) -> None:
         """Convert to mm and rad, derive the crank circle, check the geometry."""
-        for key, dimension in _DIMENSIONS.items():
+        for key, dimension in DIMENSIONS.items():
             value = getattr(self, key)
             if value is not None or key not in _OPTIONAL:
                 object.__setattr__(self, key, _core(key, value, dimension))
@@ -235,7 +236,8 @@ class Reducer:
         return self.pin_circle_radius * math.sqrt(27 * (1 - K**2) * (z - 1) / (z + 1) ** 3)
 
 
-_DIMENSIONS = {
+#: Dimension of each parameter that is no count.
+DIMENSIONS = {
     "module": "length",
     "pressure_angle": "angle",
     "pin_circle_radius": "length",

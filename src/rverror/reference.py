@@ -1,4 +1,4 @@
-"""Reference cases for other tools, and how far another tool is off, by order."""
+"""Reference cases for other tools: what they are, their numbers, and their files."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import hashlib
 import io
 import json
 import math
-import os
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 import rverror
 from rverror import units
@@ -26,7 +24,6 @@ from rverror.compose import closed_form_forces, effect_matrix, pose, transmissio
 from rverror.equilibrium import equilibrium, linearise
 from rverror.errors import InputError
 from rverror.kinematics import frame_orders
-from rverror.measurement import Run
 from rverror.model import Effect, Model, effect
 from rverror.model_file import save_model
 from rverror.reducer import Reducer, reducer
@@ -43,16 +40,11 @@ POINTS = 4096
 _FORCE_ANGLES = 64
 _LEADING = 12  # orders told in case.json
 _SHARE = 0.01  # of the largest order, below which none is told
-_LEAST = 1e-3 * ARCSEC
-_NO_MATTER = 0.1 * ARCSEC  # waves that a coarse run may miss
-_PER_WAVE = 8  # angles a wave of the largest order; a cubic spline then keeps a thousandth of it
-_SAME_ANGLE = 1e-6  # of a step
 _TURN = 2 * math.pi
-_FAR_BETTER = 1 / 3
-_AS_GOOD = 1.5
-_FITS = 0.01  # rms of a difference, as a share of the case's, that asks for no hint
-_PEAKS = 40
-_WORDS = {"equilibrium": "equilibrium", "closed": "closed form"}
+#: Waves below this, rad, are next to nothing.
+LEAST = 1e-3 * ARCSEC
+#: Methods for people.
+WORDS: Mapping[Method, str] = {"equilibrium": "equilibrium", "closed": "closed form"}
 
 
 @dataclass(frozen=True)
@@ -152,66 +144,6 @@ class StoredCase:
         """Transmission error of the case, rad; None where it holds none by this method."""
         found = self.arrays.get(f"{'opposite' if opposite else 'transmission_error'}_{method}")
         return None if found is None else np.asarray(found, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class OrderDifference:
-    """One order of a comparison, rad; a wave is amplitude * cos(order * theta - phase).
-
-    Attributes
-    ----------
-    order : int
-    case, theirs, difference : complex
-        amplitude * exp(i phase); the difference is theirs less the case's.
-    """
-
-    order: int
-    case: complex
-    theirs: complex
-    difference: complex
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """How far a run is off a reference case; the offsets are compared on their own.
-
-    Attributes
-    ----------
-    run, case, version : str
-        Names, and the version of rverror that wrote the case.
-    method : {"equilibrium", "closed"}
-        Of the case's waveform.
-    offset, rms, largest : float
-        Mean difference; root mean square and largest size of the difference without it, rad.
-    largest_at : float
-        Angle of the largest difference, rad.
-    peak_to_peak, case_rms, case_peak_to_peak : float
-        Of the run, and of the case, rad.
-    other_rms : float, optional
-        rms of the difference against the other method; None where the case holds none.
-    orders : tuple of OrderDifference
-        All below half the number of angles, worst first.
-    hints : tuple of str
-        Mix-ups of convention that would explain far the most of the difference.
-    notes : tuple of str
-        What was interpolated, averaged or left out.
-    """
-
-    run: str
-    case: str
-    version: str
-    method: Method
-    offset: float
-    rms: float
-    largest: float
-    largest_at: float
-    peak_to_peak: float
-    case_rms: float
-    case_peak_to_peak: float
-    other_rms: float | None
-    orders: tuple[OrderDifference, ...]
-    hints: tuple[str, ...]
-    notes: tuple[str, ...]
 
 
 def _force_array(key: str) -> tuple[str, str, str]:
@@ -463,7 +395,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
     assert isinstance(unit, Reducer)
     arrays = case.arrays
     closed = _given(arrays, "closed")
-    gap = None if closed is None else _rms(_about_mean(arrays["transmission_error_equilibrium"] - closed))
+    gap = None if closed is None else rms_of(about_mean(arrays["transmission_error_equilibrium"] - closed))
     return {
         "format": FORMAT,
         "name": what.name,
@@ -483,8 +415,8 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         "angles": {"count": arrays["theta"].size, "first": arrays["theta"][0], "last": arrays["theta"][-1]},
         "phase": "a wave is amplitude * cos(order * theta - phase)",
         "closed_form": _waveform_json(closed)
-        | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": _arcsec(gap)},
-        "equilibrium": _waveform_json(_given(arrays, "equilibrium")) | {"largest_residual": _rounded(case.imbalance)},
+        | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap)},
+        "equilibrium": _waveform_json(_given(arrays, "equilibrium")) | {"largest_residual": rounded(case.imbalance)},
         "known": [_known_json(item) for item in what.known],
         "arrays": {name: dict(zip(("axes", "unit", "what"), ARRAYS[name], strict=True)) for name in arrays},
         "arrays_sha256": arrays_hash(arrays),
@@ -530,44 +462,71 @@ def _effect_json(item: Effect) -> dict[str, Any]:
 def _waveform_json(error: Array | None) -> dict[str, Any]:
     if error is None:
         return {"offset_arcsec": None, "rms_arcsec": None, "peak_to_peak_arcsec": None, "orders": []}
-    waves = _waves(error)
+    waves = waves_of(error)
     told = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
-    least = max(_LEAST, _SHARE * float(np.abs(waves).max()))
+    least = max(LEAST, _SHARE * float(np.abs(waves).max()))
     return {
-        "offset_arcsec": _arcsec(float(error.mean())),
-        "rms_arcsec": _arcsec(_rms(_about_mean(error))),
-        "peak_to_peak_arcsec": _arcsec(float(np.ptp(error))),
-        "orders": [{"order": int(i) + 1, **_wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
+        "offset_arcsec": in_arcsec(float(error.mean())),
+        "rms_arcsec": in_arcsec(rms_of(about_mean(error))),
+        "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error))),
+        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
     }
-
-
-def _wave_json(wave: complex) -> dict[str, Any]:
-    """Amplitude and phase; a wave of next to nothing has no phase."""
-    phase = math.degrees(math.atan2(wave.imag, wave.real)) if _has_phase(wave) else None
-    return {"amplitude_arcsec": _arcsec(abs(wave)), "phase_deg": None if phase is None else _rounded(phase)}
-
-
-def _has_phase(wave: complex) -> bool:
-    return abs(wave) >= 1e-4 * ARCSEC
 
 
 def _known_json(item: Known) -> dict[str, Any]:
     return {
-        "method": _WORDS[item.method],
+        "method": WORDS[item.method],
         "order": item.order,
-        "arcsec": _arcsec(item.size),
+        "arcsec": in_arcsec(item.size),
         "tolerance": item.tolerance,
         "where": item.where,
     }
 
 
-def _rounded(value: float) -> float:
+def _given(arrays: Mapping[str, npt.NDArray[Any]], method: str) -> Array | None:
+    """Waveform over growing angles from 0, as orders need it."""
+    values = arrays.get(f"transmission_error_{method}")
+    return None if values is None else np.asarray(values[np.argsort(arrays["theta"] % _TURN, kind="stable")])
+
+
+# --- waves of a turn, as case.json and a comparison tell them ---------------------------------------------------------
+
+
+def about_mean(values: Array) -> Array:
+    """Values without their mean."""
+    return np.asarray(values - values.mean(), dtype=np.float64)
+
+
+def rms_of(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def waves_of(values: Array) -> npt.NDArray[np.complex128]:
+    """Amplitude * exp(i phase) of orders 1 to below half the angles, of a turn that starts at 0."""
+    n = values.size
+    return np.asarray(np.conj(np.fft.rfft(values))[1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
+
+
+def wave_json(wave: complex) -> dict[str, Any]:
+    """Amplitude and phase; a wave of next to nothing has no phase."""
+    phase = math.degrees(math.atan2(wave.imag, wave.real)) if has_phase(wave) else None
+    return {"amplitude_arcsec": in_arcsec(abs(wave)), "phase_deg": None if phase is None else rounded(phase)}
+
+
+def has_phase(wave: complex) -> bool:
+    """Whether a wave, rad, is large enough for its phase to mean anything."""
+    return abs(wave) >= 1e-4 * ARCSEC
+
+
+def rounded(value: float) -> float:
     """Ten digits: what is told; the arrays hold all."""
     return float(f"{value:.10g}")
 
 
-def _arcsec(value: float | None) -> float | None:
-    return None if value is None else _rounded(value / ARCSEC)
+def in_arcsec(value: float | None) -> float | None:
+    """Angle, rad, as it is told; None stays None."""
+    return None if value is None else rounded(value / ARCSEC)
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -646,357 +605,3 @@ def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
         raise InputError(
             f"{path}: cannot read its arrays; write the case again with `rverror reference-cases`"
         ) from problem
-
-
-# --- comparing --------------------------------------------------------------------------------------------------------
-
-
-def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Comparison:
-    """Compare the transmission error of a run with that of a reference case.
-
-    Parameters
-    ----------
-    run : Run
-        One or more whole turns in one direction.
-    case : StoredCase
-    method : {"equilibrium", "closed"}
-        With which of the case's waveforms.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    InputError
-        If the run does not cover a turn, is too coarse for the case's largest order or turns back, or the case holds
-        no waveform by this method.
-    """
-    name = run.path or "run"
-    wanted = case.waveform(method)
-    if wanted is None:
-        _refuse(
-            name, f"the case {case.name} has no closed form, since it does not hold there; leave out --method closed"
-        )
-    found, notes = _on_case_angles(name, run, case, wanted)
-    order = np.argsort(case.arrays["theta"] % _TURN, kind="stable")  # from 0 on, whatever the direction
-    angle, case_wave, their_wave = case.arrays["theta"][order] % _TURN, wanted[order], found[order]
-    difference = their_wave - case_wave
-    about = _about_mean(difference)
-    other: Method = "closed" if method == "equilibrium" else "equilibrium"
-    other_wave, opposite = case.waveform(other), case.waveform(method, opposite=True)
-    fits = [
-        (f"{what} fits", _rms(_about_mean(their_wave - wave[order])), remedy)
-        for what, wave, remedy in (
-            (f"the case's {_WORDS[other]}", other_wave, f"your tool shares its assumptions; see --method {other}"),
-            ("the case in the other direction", opposite, _DIRECTION),
-        )
-        if wave is not None
-    ]
-    waves = [_waves(values) for values in (case_wave, their_wave, difference)]
-    worst = np.argsort(-np.abs(waves[2]), kind="stable")
-    return Comparison(
-        run=name,
-        case=case.name,
-        version=case.version,
-        method=method,
-        offset=float(difference.mean()),
-        rms=_rms(about),
-        largest=float(np.abs(about).max()),
-        largest_at=float(angle[np.abs(about).argmax()]),
-        peak_to_peak=float(np.ptp(their_wave)),
-        case_rms=_rms(_about_mean(case_wave)),
-        case_peak_to_peak=float(np.ptp(case_wave)),
-        other_rms=None if other_wave is None else _rms(_about_mean(their_wave - other_wave[order])),
-        orders=tuple(OrderDifference(int(i) + 1, *(complex(wave[i]) for wave in waves)) for i in worst),
-        hints=_hints(_about_mean(their_wave), _about_mean(case_wave), fits, case.turns),
-        notes=(*run.notes, *notes),
-    )
-
-
-def _refuse(name: str, message: str) -> NoReturn:
-    raise InputError(f"{name}: {message}")
-
-
-def _about_mean(values: Array) -> Array:
-    return np.asarray(values - values.mean(), dtype=np.float64)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _given(arrays: Mapping[str, npt.NDArray[Any]], method: str) -> Array | None:
-    """Waveform over growing angles from 0, as orders need it."""
-    values = arrays.get(f"transmission_error_{method}")
-    return None if values is None else np.asarray(values[np.argsort(arrays["theta"] % _TURN, kind="stable")])
-
-
-def _waves(values: Array) -> npt.NDArray[np.complex128]:
-    """Amplitude * exp(i phase) of orders 1 to below half the angles, of a turn that starts at 0."""
-    n = values.size
-    return np.asarray(np.conj(np.fft.rfft(values))[1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
-
-
-def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tuple[Array, list[str]]:
-    """Error of a run at the angles of a case, mean of its whole turns, and what was done for it."""
-    ways = set(run.direction.tolist())
-    if len(ways) > 1:
-        _refuse(name, "the run turns back and forth; split it and give the part in one direction")
-    notes = []
-    if ways != {case.direction}:
-        way, cases = ("forward", "reverse") if case.direction < 0 else ("reverse", "forward")
-        notes.append(f"the run goes {way}, the case {cases}; compared at the same angles")
-    theta, error = run.nominal_angle(case.ratio), run.error(case.ratio)
-    angle, first = np.unique(theta, return_index=True)
-    values = error[first]
-    if angle.size < 2:
-        _refuse(name, "the nominal angle does not move; check the columns")
-    step = np.diff(angle)
-    turns = int((angle[-1] - angle[0] + 1.5 * float(np.median(step))) / _TURN)
-    if turns < 1:
-        _refuse(
-            name,
-            f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
-            "360 deg; give one or more whole turns",
-        )
-    targets = _targets(case, angle[0], turns)
-    taken = _taken(angle, targets)
-    if taken is None:
-        resolved = _check_step(name, step, wanted)
-        values = _interpolated(angle, values, targets, turns)
-        notes.append(
-            f"{angle.size} angles differ from the case's; interpolated by a cubic spline onto its {wanted.size} a "
-            f"turn, good for orders below {resolved:.0f}"
-        )
-    else:
-        values = values[taken]
-        if left := angle.size - taken.size:
-            notes.append(f"{left} of {angle.size} angles are none of the case's, and were left out")
-    if turns > 1:
-        notes.append(f"{turns} whole turns: their mean is compared")
-    mean = np.empty(wanted.size)
-    mean[_places(case, targets[: wanted.size])] = values.reshape(turns, wanted.size).mean(axis=0)
-    return mean, notes
-
-
-def _targets(case: StoredCase, start: float, turns: int) -> Array:
-    """Angles of the case in the turns from a start on, growing."""
-    theta = case.arrays["theta"]
-    slack = _SAME_ANGLE * _TURN / theta.size
-    one = np.sort((theta - start + slack) % _TURN) - slack + start
-    return np.asarray((one + _TURN * np.arange(turns)[:, None]).ravel(), dtype=np.float64)
-
-
-def _places(case: StoredCase, targets: Array) -> npt.NDArray[np.intp]:
-    """Index in the case of each angle of one turn."""
-    theta = case.arrays["theta"]
-    number = np.rint(case.direction * (targets - theta[0]) / _TURN * theta.size).astype(np.intp)
-    return np.asarray(number % theta.size, dtype=np.intp)
-
-
-def _taken(angle: Array, targets: Array) -> npt.NDArray[np.intp] | None:
-    """Samples that lie at the targets; None where one of them has none."""
-    right = np.clip(np.searchsorted(angle, targets), 1, angle.size - 1)
-    nearest = np.where(targets - angle[right - 1] < angle[right] - targets, right - 1, right)
-    step = float(targets[1] - targets[0])
-    return nearest if (np.abs(angle[nearest] - targets) <= _SAME_ANGLE * step).all() else None
-
-
-def _check_step(name: str, step: Array, wanted: Array) -> float:
-    """Order up to which a spline through these steps is good; refused where the case's largest is above it."""
-    waves = np.abs(_waves(wanted))
-    longest = float(step.max())
-    resolved = _TURN / longest / _PER_WAVE
-    largest = int(waves.argmax()) + 1
-    if waves.max() >= _NO_MATTER and largest > resolved:
-        _refuse(
-            name,
-            f"the angles lie up to {math.degrees(longest):.4g} deg apart, the case's largest order {largest} needs "
-            f"{math.degrees(_TURN / largest / _PER_WAVE):.3g} deg or less ({_PER_WAVE} a wave); give more angles, best "
-            f"the case's own {wanted.size}",
-        )
-    return resolved
-
-
-def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Array:
-    """Cubic spline through the samples of the whole turns, carried on around their ends."""
-    period = turns * _TURN
-    inside = angle < angle[0] + period - 0.5 * float(np.median(np.diff(angle)))
-    x, y = angle[inside], values[inside]
-    x = np.concatenate([x[-_PER_WAVE:] - period, x, x[:_PER_WAVE] + period])
-    y = np.concatenate([y[-_PER_WAVE:], y, y[:_PER_WAVE]])
-    return np.asarray(CubicSpline(x, y)(targets), dtype=np.float64)
-
-
-# --- hints ------------------------------------------------------------------------------------------------------------
-
-
-def _hints(
-    theirs: Array, case: Array, others: Sequence[tuple[str, float, str]], turns: Mapping[str, float]
-) -> tuple[str, ...]:
-    """Mix-ups that bring the run far nearer to the case; those that do so equally well, simple ones first."""
-    plain, scale = _rms(theirs - case), _rms(case)
-    if scale < _LEAST or plain <= _FITS * scale:
-        return ()
-    mirrored = np.roll(theirs[::-1], 1)  # angles from 0 on: theta -> -theta keeps the first in place
-    tried = [
-        *others,
-        ("the run with its sign turned fits", _rms(-theirs - case), _SIGN),
-        ("the run with its angles mirrored, theta for -theta, fits", _rms(mirrored - case), _MIRROR),
-        ("the run with sign and angles turned fits", _rms(-mirrored - case), _BOTH),
-    ]
-    best = min(rms for _, rms, _ in tried)
-    lead, shifted = _shift(theirs, case)
-    if shifted <= _FAR_BETTER * min(plain, best):
-        place = f"{math.degrees(lead):.4g} deg of the output{_in_turns(lead, turns)}"
-        best = shifted
-        tried = [(f"the run fits where its angles are taken to lead the case's by {place}", shifted, _ZERO)]
-    if best > _FAR_BETTER * plain:
-        return ()
-    return tuple(
-        f"{what} (rms {rms / ARCSEC:.3g} arcsec instead of {plain / ARCSEC:.3g}): {remedy}"
-        for what, rms, remedy in tried
-        if rms <= max(_AS_GOOD * best, _FITS * scale)
-    )
-
-
-_DIRECTION = "check the direction of motion and of the load, and which flanks and pins carry"
-_SIGN = "the error is the output angle less input angle / R, positive where the output leads"
-_MIRROR = "theta grows counter-clockwise, in forward motion; check the sense of rotation of your angles"
-_ZERO = "check where theta = 0 lies"
-_BOTH = "angles and error count counter-clockwise; your tool may look from the other side or count clockwise"
-
-
-def _shift(theirs: Array, case: Array) -> tuple[float, float]:
-    """Smallest lead of the run's angles at which it fits best, rad, and the rms left."""
-    n = theirs.size
-    lines, order = np.fft.rfft(theirs), np.arange(n // 2 + 1)
-    fit = np.fft.irfft(lines * np.conj(np.fft.rfft(case)), n)  # of theirs, so many angles on
-    peaks = np.flatnonzero((fit >= np.roll(fit, 1)) & (fit >= np.roll(fit, -1)))
-    found = []
-    for peak in peaks[np.argsort(-fit[peaks], kind="stable")][:_PEAKS]:
-        lead = float((_TURN * peak / n + math.pi) % _TURN - math.pi)
-        for _ in range(4):
-            moved = lines * np.exp(1j * order * lead)
-            slope, rest = np.fft.irfft(1j * order * moved, n), np.fft.irfft(moved, n) - case
-            power = float(slope @ slope)
-            lead -= float(slope @ rest) / power if power > 0 else 0.0
-        found.append((lead, _rms(np.fft.irfft(lines * np.exp(1j * order * lead), n) - case)))
-    least = min((rms for _, rms in found), default=math.inf)
-    near = [item for item in found if item[1] <= max(1.05 * least, 1e-3 * _rms(case))]
-    return min(near, key=lambda item: abs(item[0]), default=(0.0, math.inf))
-
-
-def _in_turns(lead: float, turns: Mapping[str, float]) -> str:
-    """Lead in turns of crank and sun where it is a whole number of them."""
-    carrier = turns.get("carrier", 1.0)
-    rates = {
-        f"{part} turns {where}": turns[part] - base
-        for where, base in (("against the carrier", carrier), ("in the housing", 0.0))
-        for part in ("crank", "sun")
-        if part in turns
-    }
-    counts = {what: abs(lead / _TURN * rate) for what, rate in rates.items()}
-    whole = [f"{round(count)} {what}" for what, count in counts.items() if round(count) and _near_whole(count)]
-    return f", {' or '.join(whole)}" if whole else ""
-
-
-def _near_whole(count: float) -> bool:
-    return abs(count - round(count)) < 5e-3
-
-
-# --- telling ----------------------------------------------------------------------------------------------------------
-
-
-def comparison_text(found: Comparison, *, most: int = 12) -> str:
-    """Comparison as text.
-
-    Parameters
-    ----------
-    found : Comparison
-    most : int
-        Orders told.
-
-    Returns
-    -------
-    str
-        Angles in arcsec.
-    """
-    lines = [
-        f"{found.run} against the case {found.case}, {_WORDS[found.method]} (rverror {found.version}); arcsec",
-        *(f"note: {note}" for note in found.notes),
-        "",
-        f"{'peak-to-peak':28s} theirs {_cell(found.peak_to_peak)}   case {_cell(found.case_peak_to_peak)}",
-        f"{'offset, theirs less case':28s} {_cell(found.offset)}",
-        f"{'rms of the difference':28s} {_cell(found.rms)}   without the offset; the case's own rms "
-        f"{_cell(found.case_rms)}",
-        f"{'largest difference':28s} {_cell(found.largest)}   at {math.degrees(found.largest_at):.4g} deg",
-    ]
-    if found.other_rms is not None:
-        word = _WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
-        lines.append(f"{f'rms against the {word}':28s} {_cell(found.other_rms)}")
-    told = [line for line in found.orders[:most] if abs(line.difference) >= 1e-6 * ARCSEC]
-    if told:
-        lines += [
-            "",
-            "By order, worst first; a wave is amplitude * cos(order * theta - phase)",
-            "order" + "".join(f" {name:>11s} {'phase':>8s}" for name in ("theirs", "case", "difference")),
-            *(
-                f"{line.order:5d} {_polar(line.theirs)} {_polar(line.case)} {_polar(line.difference)}".rstrip()
-                for line in told
-            ),
-        ]
-    else:
-        lines += ["", "No order differs by 1e-6 arcsec or more"]
-    lines += [f"{'' if i else chr(10)}hint: {hint}" for i, hint in enumerate(found.hints)]
-    return "\n".join(lines) + "\n"
-
-
-def _cell(value: float) -> str:
-    return f"{value / ARCSEC:.4g}"
-
-
-def _polar(wave: complex) -> str:
-    phase = f"{math.degrees(math.atan2(wave.imag, wave.real)):8.2f}" if _has_phase(wave) else f"{'-':>8s}"
-    return f"{abs(wave) / ARCSEC:11.4g} {phase}"
-
-
-def comparison_json(found: Comparison, *, most: int = 100) -> dict[str, Any]:
-    """Comparison as plain data for `json.dump`; keys are only ever added.
-
-    Parameters
-    ----------
-    found : Comparison
-    most : int
-        Orders told.
-
-    Returns
-    -------
-    dict
-        Angles in arcsec, phases in deg.
-    """
-    return {
-        "run": os.fspath(found.run),
-        "case": found.case,
-        "case_version": found.version,
-        "method": _WORDS[found.method],
-        "peak_to_peak_arcsec": _arcsec(found.peak_to_peak),
-        "case_peak_to_peak_arcsec": _arcsec(found.case_peak_to_peak),
-        "case_rms_arcsec": _arcsec(found.case_rms),
-        "offset_difference_arcsec": _arcsec(found.offset),
-        "rms_difference_arcsec": _arcsec(found.rms),
-        "largest_difference_arcsec": _arcsec(found.largest),
-        "largest_difference_at_deg": _rounded(math.degrees(found.largest_at)),
-        "rms_against_other_method_arcsec": _arcsec(found.other_rms),
-        "orders": [
-            {
-                "order": line.order,
-                **{name: _wave_json(getattr(line, name)) for name in ("theirs", "case", "difference")},
-            }
-            for line in found.orders[:most]
-        ],
-        "hints": list(found.hints),
-        "notes": list(found.notes),
-        "version": rverror.__version__,
-    }

@@ -22,10 +22,11 @@ from rverror.action_line import Array
 from rverror.equilibrium import equilibrium
 from rverror.model import Model
 from rverror.reducer import Reducer
+from rverror.views import Viewed
 
 
 @dataclass(frozen=True)
-class TorsionCurve:
+class TorsionCurve(Viewed):
     """Turn of the output under a torque, input held.
 
     Attributes

@@ -165,11 +165,13 @@ def spectrum(
         Orders per output turn and amplitudes.
     peaks : sequence of Peak
         Lines to name, the most important first; a name that has no room is left out.
-    width, height : int
+    width : int
         px.
     title : str
     unit : str
         Of the amplitudes.
+    height : int
+        px.
 
     Returns
     -------

@@ -27,6 +27,7 @@ from rverror.errors import InputError
 from rverror.extremes import TOLERANCE, Array, Extremes, Kernel, kernel
 from rverror.textfile import PathLike, write_bytes
 from rverror.tolerance import Stack
+from rverror.views import Viewed
 
 Result = TypeVar("Result")
 Draws = Literal["sobol", "random"]
@@ -67,7 +68,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class VirtualUnits:
+class VirtualUnits(Viewed):
     """Sizes of the output error of many virtual units.
 
     Attributes

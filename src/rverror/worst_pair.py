@@ -1,7 +1,7 @@
 """The exact worst-case peak-to-peak: the two angles between which parts at their limits make the largest difference.
 
-The largest difference between two angles is a sum of the lengths |w(t1) - w(t2)| of each group's wave: a distance of
-angles.  A walk from angle to farthest angle gives a good pair; by Cauchy and Schwarz one matrix product bounds all
+The largest difference between two angles is a sum of the lengths ``|w(t1) - w(t2)|`` of each group's wave: a distance
+of angles.  A walk from angle to farthest angle gives a good pair; by Cauchy and Schwarz one matrix product bounds all
 pairs, and only those that the bound leaves open are computed.  Page ``theory/budget.md``.
 """
 
@@ -26,7 +26,7 @@ _DIRECTIONS = 64
 
 
 class GroupWaves:
-    """Waves w of groups at their limits, whose distance sum |w(t1) - w(t2)| is the peak-to-peak that they can make.
+    """Waves w of groups at their limits, whose distance ``sum |w(t1) - w(t2)|`` is the peak-to-peak that they can make.
 
     Boxes are waves of one number, shape (n, boxes); circles of two, shape (n, circles) each.
     """
@@ -48,7 +48,7 @@ class GroupWaves:
         return np.asarray(straight + np.sqrt(x * x + y * y).sum(axis=-1), dtype=np.float64)
 
     def size(self) -> Array:
-        """Sum of |w| at each angle, shape (n,)."""
+        """Sum of ``|w|`` at each angle, shape (n,)."""
         return np.asarray(np.abs(self.box).sum(axis=1) + np.hypot(self.x, self.y).sum(axis=1), dtype=np.float64)
 
     def peak_to_peaks(self) -> list[float]:

@@ -1,0 +1,164 @@
+"""One small result of every kind, with names that would break a page that does not escape them."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+
+import rverror
+from rverror.allocate import terms
+from rverror.cost import Grades, Reciprocal
+from rverror.diagnosis import Addition, Candidate, Diagnosis, Estimate, Line, Residual, Trace
+from rverror.units import ARCSEC
+
+HOSTILE = """<script>alert("1")</script> & 'b' <img src=x onerror=alert(1)>"""
+TORQUE = 412e3
+
+MODEL = rverror.Model(
+    rverror.reducer("RV-40E", cranks=3),  # so that no two dimensions that stand side by side are of one length
+    (
+        rverror.effect("crank.eccentricity", crank=0, disc=1, radial="4 um", tangential="1 um", uncertainty="1 um"),
+        rverror.effect("cycloid.pin_position", pin=3, radial="-2 um", origin=HOSTILE),
+        rverror.effect("crank.index", crank=1, angle="3 arcsec"),
+    ),
+    HOSTILE,
+)
+DRIVE = rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, HOSTILE: 3.5}, name=HOSTILE)
+THETA = 2 * np.pi * np.arange(256) / 256
+TOLERANCES = (
+    rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005)),
+    rverror.tolerance(
+        "sensor.encoder_eccentricity", "3 arcsec", cost=Reciprocal(20.0, 1e-5), bounds=("1 arcsec", "3 arcsec")
+    ),
+    rverror.tolerance(
+        "cycloid.pin_radius",
+        "2 um",
+        correlation=0.3,
+        mean="1 um",
+        cost=Grades((0.002, 0.004), (3.0, 1.0), (HOSTILE, "coarse")),
+    ),
+)
+
+
+def run() -> rverror.Run:
+    """A run with everything that a run can have."""
+    angle = np.concatenate([THETA, THETA[::-1]])
+    return rverror.run_from_arrays(
+        input_angle=121 * angle,
+        output_angle=angle + 20 * ARCSEC * np.sin(angle),
+        time=0.1 * np.arange(angle.size),
+        torque="20 N*m",
+        temperature="31.5 degC",
+        index="A",
+        metadata={"bench": HOSTILE, HOSTILE: "Ä. Ö."},
+        extra={"current[A]": np.cos(angle), "N/m": angle, HOSTILE: -angle},
+    )
+
+
+def diagnosis(
+    verdict: str = "explained", *, quantity: str = "angle", mechanism: Any = MODEL.mechanism, determined: bool = True
+) -> Diagnosis:
+    """A diagnosis by hand: of two runs that differ in length, sizes in whole arcsec, um or N*m."""
+    unit = {"angle": ARCSEC, "torque": 1e3}[quantity]
+    declared = rverror.Model(mechanism, (), HOSTILE)
+    low, high = (4.0, 6.0) if determined else (math.nan, math.nan)
+    dimension = "angle" if quantity == "angle" else "torque"
+    cause = rverror.effect("sensor.encoder_eccentricity", cos=5 * ARCSEC, sin=-2 * ARCSEC)
+    addition = Addition(
+        cause,
+        (
+            Estimate("cos", dimension, 5 * unit, low * unit, high * unit),
+            Estimate("sin", dimension, -2 * unit, -3 * unit, -1 * unit),
+        ),
+        (("sensor.encoder_ellipticity", {}), (HOSTILE, {"harmonic": HOSTILE})),
+        (1.0, 80.5),
+        2.5 * unit,
+        (HOSTILE,),
+        (Candidate("sensor.encoder_eccentricity", {}, 900.0, (1.0, 2.0)),),
+    )
+    lines = (
+        Line(36.0, 7 * unit, 6 * unit, 8 * unit, (), 3 * unit, 4 * unit),
+        Line(39.5, 2 * unit, 1 * unit, 3 * unit, (HOSTILE, "input shaft")),
+    )
+    added = () if verdict == "nothing_missing" else (addition,)
+    traces = tuple(
+        Trace(
+            f"{HOSTILE} {at}",
+            sense,
+            np.linspace(0, 2 * np.pi, count, endpoint=False),
+            np.full(count, 9 * unit),
+            np.full(count, 4 * unit),
+            np.full(count, 8 * unit),
+            torque,
+            index,
+            left_out,
+        )
+        for at, (sense, count, torque, index, left_out) in enumerate(
+            [
+                (1.0, 20, 20e3, "A", None),
+                (-1.0, 30, None, "unknown", (np.full(30, 6 * unit), np.full(30, 3 * unit))),
+            ]
+        )
+    )
+    return Diagnosis(
+        verdict=verdict,
+        noise_rms=1.5 * unit,
+        before=Residual(11 * unit, 61 * unit, 12 * unit),
+        before_refitted=Residual(9 * unit, 51 * unit, 10 * unit),
+        after=Residual(2 * unit, 13 * unit, 3 * unit),
+        added=added,
+        unexplained=lines if verdict == "unexplained" else (),
+        model=declared.with_effects(*(one.effect for one in added)),
+        declared=declared,
+        candidates=(Candidate("crank.eccentricity", {"crank": 0, "disc": 1}, 3.5), Candidate(HOSTILE, {}, -1.0)),
+        tried=145,
+        traces=traces,
+        notes=(HOSTILE, "second note"),
+        quantity=quantity,
+    )
+
+
+@functools.cache
+def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
+    """Results by kind, each with what else its tables take; some two seconds."""
+    stack = rverror.stack(MODEL, TOLERANCES, theta=THETA)
+    budget = rverror.error_budget(
+        MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, contact_count=16
+    )
+    allocation = rverror.allocate(stack, **terms(TOLERANCES), limit="60 arcsec", kind="worst", verify=1024)
+    front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], **terms(TOLERANCES), kind="worst", verify=1024)
+    few = THETA[:6]
+    return {
+        "Reducer": (MODEL.mechanism, {}),
+        "Drive": (DRIVE, {}),
+        "Effect": (MODEL.effects[0], {}),
+        "Effects": (MODEL.effects, {}),
+        "Model": (MODEL, {"theta": THETA}),
+        "Run": (run(), {"ratio": 121.0}),
+        "Influence": (
+            rverror.influence(MODEL.mechanism, THETA, "crank.eccentricity", crank=0, disc=1),
+            {},
+        ),
+        "Equilibrium": (
+            rverror.equilibrium(MODEL, few, torque=TORQUE, direction=1.0),
+            {"torque": TORQUE, "model": MODEL},
+        ),
+        "TorsionCurve": (
+            rverror.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
+            {"theta": few[:2]},
+        ),
+        "Tolerance": (TOLERANCES[0], {}),
+        "Tolerances": (TOLERANCES, {}),
+        "Stack": (stack, {}),
+        "Budget": (budget.closed, {}),
+        "VirtualUnits": (budget.units, {}),
+        "ErrorBudget": (budget, {}),
+        "Allocation": (allocation, {"stack": stack}),
+        "Front": (front, {}),
+        "Diagnosis": (diagnosis("unexplained"), {}),
+        "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
+        "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),
+    }
