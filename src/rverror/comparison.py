@@ -10,7 +10,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 import rverror
 from rverror.action_line import Array
@@ -254,6 +253,8 @@ def _check_step(name: str, step: Array, wanted: Array) -> float:
 
 def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Array:
     """Cubic spline through the samples of the whole turns, carried on around their ends."""
+    from scipy.interpolate import CubicSpline  # takes long to load
+
     period = turns * _TURN
     inside = angle < angle[0] + period - 0.5 * float(np.median(np.diff(angle)))
     x, y = angle[inside], values[inside]
