@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import rverror
+from rverror.bench_file import RUN_SUFFIXES
 from rverror.diagnose import diagnose
 from rverror.equilibrium import NotConvergedError
 from rverror.errors import InputError
+from rverror.mapping import load_mapping
 from rverror.measurement import load_run
 from rverror.model_file import load_model
 from rverror.report import input_files, to_json
@@ -108,12 +110,18 @@ class Batch:
 
 @dataclass(frozen=True)
 class _Unit:
-    """A folder with a model and its runs, and where its result goes."""
+    """A folder with a model and its runs, the mapping by which they are read, and where its result goes."""
 
     name: str
     model: str
     runs: tuple[str, ...]
     result: Path
+    mapping: str | None
+
+    @property
+    def inputs(self) -> list[str]:
+        """Files of which the result is made."""
+        return [self.model, *self.runs] + ([] if self.mapping is None else [self.mapping])
 
 
 @dataclass(frozen=True)
@@ -129,13 +137,15 @@ def diagnose_folder(
     folder: PathLike,
     *,
     out: PathLike,
+    mapping: PathLike | None = None,
     executor: Executor | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Batch:
     """Diagnose every unit of a folder, except those whose result is there already.
 
-    A unit is a subfolder with ``model.toml`` and one or more ``*.csv`` runs.  Its result is ``OUT/<unit>.json``, as
+    A unit is a subfolder with ``model.toml`` and one or more ``*.csv`` runs; with a mapping, runs of any format that
+    `load_run` reads, by the ending of their name.  Its result is ``OUT/<unit>.json``, as
     ``rverror diagnose --json`` writes it, on disk as soon as the unit is done; ``OUT/summary.csv`` lists all units.
     A unit that cannot be diagnosed does not stop the others.
 
@@ -144,6 +154,8 @@ def diagnose_folder(
     folder : str or path-like
     out : str or path-like
         Folder of the results; made where missing.
+    mapping : str or path-like, optional
+        How the bench names its columns, for all units.
     executor : concurrent.futures.Executor, optional
         Where the work is done; it stays open.  Its workers read the files of `folder` themselves, under its absolute
         path.  Left out, one process for each core of this machine, with one BLAS thread each.
@@ -159,12 +171,13 @@ def diagnose_folder(
     Raises
     ------
     InputError
-        If the folder holds no unit, or the results cannot be written; what is wrong with one unit is in its outcome.
+        If the folder holds no unit, the mapping cannot be used, or the results cannot be written; what is wrong with
+        one unit is in its outcome.
 
     Notes
     -----
-    A result is kept if names and SHA-256 of its model and runs and the version of rverror are those that it states.
-    One of other inputs is replaced; `UnitOutcome.replaced` and `progress` say so.
+    A result is kept if names and SHA-256 of its model, runs and mapping and the version of rverror are those that it
+    states.  One of other inputs is replaced; `UnitOutcome.replaced` and `progress` say so.
 
     The processes start afresh and import the script that called: a script needs ``if __name__ == "__main__":``.
     """
@@ -173,7 +186,7 @@ def diagnose_folder(
         raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
     root = Path(folder) if executor is None else Path(folder).absolute()  # workers elsewhere have another folder
     target = Path(out)
-    units, notes = _units(root, target)
+    units, notes = _units(root, target, _mapping(mapping, executor))
     _make_output(target, units)
     for note in notes:
         tell(note)
@@ -200,16 +213,27 @@ def diagnose_folder(
     return batch
 
 
-def _units(root: Path, out: Path) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
+def _mapping(path: PathLike | None, executor: Executor | None) -> str | None:
+    """Mapping file for the workers, read once here so that what is wrong with it is said at once."""
+    if path is None:
+        return None
+    if Path(path).name == MODEL:
+        raise InputError(f"{path}: this is the name of a unit's model; give the mapping another")
+    load_mapping(path)
+    return os.fspath(path) if executor is None else str(Path(path).absolute())
+
+
+def _units(root: Path, out: Path, mapping: str | None) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
     """Units of a folder in the order of their names, and a note for each subfolder with runs but no model."""
+    suffixes = ".csv" if mapping is None else RUN_SUFFIXES
     try:
         folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
         found, notes = [], []
         for path in folders:
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
-            runs = tuple(str(path / name) for name in names if name.lower().endswith(".csv"))
+            runs = tuple(str(path / name) for name in names if name.lower().endswith(suffixes))
             if MODEL in names:
-                found.append(_Unit(_printable(path.name), str(path / MODEL), runs, out / f"{path.name}.json"))
+                found.append(_Unit(_printable(path.name), str(path / MODEL), runs, out / f"{path.name}.json", mapping))
             elif runs and path.resolve() != out.resolve():
                 notes.append(f"{_printable(path.name)}: left out, for it holds runs but no {MODEL}")
     except (OSError, ValueError) as error:
@@ -256,7 +280,7 @@ def _earlier(unit: _Unit) -> UnitOutcome | str:
     if version != rverror.__version__:
         return f"it was made by version {version}"
     try:
-        now = {Path(f.path).name: f.sha256 for f in input_files([unit.model, *unit.runs])}
+        now = {Path(f.path).name: f.sha256 for f in input_files(unit.inputs)}
     except InputError:
         return "its inputs cannot be read any more"  # the worker says which
     return outcome if files == now else "its inputs have changed"
@@ -270,19 +294,21 @@ def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
     return UnitOutcome(unit.name, "diagnosed", str(data["verdict"]), keys, before, after, str(data["unit"]))
 
 
-def _diagnose_unit(model_path: str, run_paths: Sequence[str]) -> _Answer:
+def _diagnose_unit(model_path: str, run_paths: Sequence[str], mapping_path: str | None) -> _Answer:
     """Work of one task; never raises, since not every exception survives the way back from another process."""
     start = time.perf_counter()
     data, error = None, ""
     try:
         if not run_paths:
             raise InputError(f"{Path(model_path).parent}: no run beside the model; add one or more *.csv")
-        for path in (model_path, *run_paths):
+        inputs = [model_path, *run_paths] + ([] if mapping_path is None else [mapping_path])
+        for path in inputs:
             check_name(path)
         # Hashed before they are read: a file that changes meanwhile leaves a hash that no longer fits, and is redone.
-        files = input_files([model_path, *run_paths])
+        files = input_files(inputs)
         model = load_model(model_path)
-        data = to_json(diagnose(model, [load_run(path, model) for path in run_paths]), files=files)
+        mapping = None if mapping_path is None else load_mapping(mapping_path)
+        data = to_json(diagnose(model, [load_run(path, model, mapping) for path in run_paths]), files=files)
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along
@@ -304,7 +330,7 @@ def _work(
     try:
         for unit in units:
             try:
-                pending[executor.submit(_diagnose_unit, unit.model, unit.runs)] = unit
+                pending[executor.submit(_diagnose_unit, unit.model, unit.runs, unit.mapping)] = unit
             except BrokenExecutor as problem:
                 outcomes[unit.name] = _failed(unit, _lost(problem), None, waiting[unit.name])
         for future in as_completed(pending):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import rverror
-from rverror import cli_reference, cli_tolerances, units
+from rverror import cli_read, cli_reference, cli_tolerances, units
 from rverror.batch import SUMMARY, diagnose_folder, told
 from rverror.catalogue import CATALOGUE, Source, source
 from rverror.diagnose import Diagnosis, diagnose
@@ -112,6 +112,7 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("diagnose", help="find what a model lacks in measured runs")
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("runs", nargs="+", metavar="RUN.csv")
+    cli_read.add_mapping(command)
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
@@ -119,11 +120,13 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_diagnose)
 
     command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
-    command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and *.csv runs is a unit")
+    command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and runs is a unit")
     command.add_argument("--out", required=True, metavar="OUT", help="folder for UNIT.json of each and summary.csv")
+    cli_read.add_mapping(command)
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
+    cli_read.add_commands(commands)
     cli_tolerances.add_commands(commands)
     cli_reference.add_commands(commands)
 
@@ -199,7 +202,7 @@ def _torque(text: str) -> float:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    inputs = [options.model, *options.runs]
+    inputs = [options.model, *options.runs] + ([options.mapping] if options.mapping else [])
     outputs = [options.json, options.report, options.save, options.plot]
     for output in outputs:
         check_output(output, inputs)
@@ -210,7 +213,8 @@ def _diagnose(options: argparse.Namespace) -> None:
     for path in inputs:
         check_name(path)
     model = load_model(options.model)
-    runs = [load_run(path, model) for path in options.runs]
+    mapping = cli_read.given_mapping(options.mapping)
+    runs = [load_run(path, model, mapping) for path in options.runs]
     figure = _figure_maker() if options.plot else None
     result = _diagnose_with_progress(model, runs)
     print(to_text(result), end="")
@@ -225,7 +229,9 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
     progress = Progress()
     try:
-        batch = diagnose_folder(options.folder, out=options.out, jobs=options.jobs, progress=progress)
+        batch = diagnose_folder(
+            options.folder, out=options.out, mapping=options.mapping, jobs=options.jobs, progress=progress
+        )
     finally:
         progress.close()
     for note in batch.notes:

@@ -15,12 +15,36 @@ from rverror.errors import InputError
 PathLike = str | os.PathLike[str]
 
 
-def read_text(path: PathLike) -> str:
+def read_bytes(path: PathLike) -> bytes:
+    """Read a file whole.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise InputError(f"{path}: {_reason(error, 'read')}") from error
+
+
+def read_text(path: PathLike, *, otherwise: str = "") -> str:
     """Read a UTF-8 text file, with or without a byte-order mark; line ends stay as they are.
 
     Parameters
     ----------
     path : str or path-like
+    otherwise : str
+        Another remedy than UTF-8, for the end of messages.
 
     Returns
     -------
@@ -31,12 +55,9 @@ def read_text(path: PathLike) -> str:
     InputError
         If the file cannot be read or is no UTF-8 text.
     """
-    try:
-        raw = Path(path).read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        raise InputError(f"{path}: {_reason(error, 'read')}") from error
+    raw = read_bytes(path)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8")
+        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8{otherwise}")
     if b"\0" in raw:
         raise InputError(f"{path}: this is no text file (it holds zero bytes); give a text file in UTF-8")
     try:
@@ -44,7 +65,7 @@ def read_text(path: PathLike) -> str:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(
-            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8"
+            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8{otherwise}"
         ) from error
 
 

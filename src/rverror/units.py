@@ -68,6 +68,8 @@ _EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
 }
 
+_LARGEST_ANGLE = 1e4  # rad in one unit
+
 # Without the unit: a pattern for both would try every split of a long text that has none.
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -99,7 +101,18 @@ def _factor_and_unit(unit: str, dimension: str) -> Any:
     if not parsed.is_compatible_with(CORE_UNITS[dimension]):
         raise ValueError(_no_unit(repr(unit), dimension))
     _refuse_own_zero(parsed, dimension, unit)
+    if dimension == "angle":
+        _refuse_bare_number(parsed, unit)
     return parsed
+
+
+def _refuse_bare_number(unit: Any, written: str) -> None:
+    """Angles have no dimension, so counts and percent would pass for rad, and 'Grad' for a thousand million of them."""
+    root = _registry().Quantity(1.0, unit).to_root_units()
+    if str(root.units) != "radian":
+        raise ValueError(f"{written!r} is no unit of angle; use one like {DISPLAY_UNITS['angle']!r}")
+    if root.magnitude > _LARGEST_ANGLE:
+        raise ValueError(f"{written!r} is {root.magnitude:.3g} rad; write 'deg' for degrees")
 
 
 def _no_unit(unit: str, dimension: str) -> str:
