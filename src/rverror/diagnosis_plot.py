@@ -202,10 +202,12 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     shown = ranking[:_RANKED]
     ax = axes_for(ax, height=1.4 + 0.24 * max(len(shown), 4))
     alike = {(key, tuple(indices.items())) for key, indices in (addition.indistinguishable if addition else ())}
+    if addition:  # fits at the load choose, not these scores of linear waveforms
+        alike.add((addition.effect.key, tuple(addition.effect.indices.items())))
     behind = [ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown]
     errors = [_error_behind(candidate, ranking[0]) for candidate in shown]
     for at, (candidate, difference, error) in enumerate(zip(shown, behind, errors, strict=True)):
-        full = at == 0 or (candidate.key, tuple(candidate.indices.items())) in alike
+        full = (candidate.key, tuple(candidate.indices.items())) in alike
         bar = None if error is None else [error]
         face = _AFTER if full else "white"
         ax.errorbar([difference], [at], xerr=bar, fmt="o", color=_AFTER, mfc=face, ms=5, capsize=2.5, lw=1.0)
@@ -213,7 +215,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     gain = f"the best takes off {figures(ranking[0].heldout_gain)}" if ranking else "none was scored"
     if addition:
         added = plain(describe(addition.effect.key, addition.effect.indices))
-        title = f"candidates of round {round}: {gain}; added: {added}"
+        title = f"candidates of round {round}: {gain}\nadded: {added}"
     else:
         title = f"candidates of the last round: {gain}; nothing more added"
     ax.set(
@@ -229,14 +231,12 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D(
-            [], [], marker="o", ls="", color=_AFTER, label="best, and what cannot be told from it" if alike else "best"
-        ),
+        Line2D([], [], marker="o", ls="", color=_AFTER, label="added at the load, and what cannot be told from it"),
         Line2D(
             [], [], marker="o", ls="", color=_AFTER, mfc="white", label="others; bars: standard error of the difference"
         ),
     ]
-    legend_below(ax, columns=2, handles=handles)
+    legend_below(ax, columns=2, handles=handles if addition else handles[1:])
     return ax
 
 
@@ -297,7 +297,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)
     size = np.where(shown, before, 0.0)
     lobes = SIDELOBES * float(size.max(initial=0.0)) if within else 0.0
-    least = np.full(order.shape, max(_STANDS_OUT * middle, bottom, lobes))
+    least = np.maximum(_STANDS_OUT * np.maximum(floor, middle), max(bottom, lobes))
     for line in diagnosis.unexplained:
         least[np.abs(order - line.order) <= max(within, _SAME_ORDER)] = bottom
     chosen = strongest(size, floor=least, apart=apart)

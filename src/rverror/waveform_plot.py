@@ -80,7 +80,8 @@ class Parts:
         order = np.argsort(-np.abs(self.rows).max(axis=1), kind="stable")
         kept, others = np.sort(order[:most]), order[most:]
         rows = np.concatenate([self.rows[kept], self.rows[others].sum(axis=0, keepdims=True)])
-        return Parts(self.theta, rows, (*(self.names[i] for i in kept), f"sum of the {others.size} others"))
+        rest = "the other one" if others.size == 1 else f"sum of the {others.size} others"
+        return Parts(self.theta, rows, (*(self.names[i] for i in kept), rest))
 
 
 def parts_of(model: Model, theta: Any | None, **motion: Any) -> Parts:
