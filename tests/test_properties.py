@@ -249,7 +249,8 @@ def mirrored(unit: Reducer, key: str, indices: dict[str, Any]) -> tuple[dict[str
         if isinstance(moved.get(name), int):
             moved[name] = -moved[name] % count
     if "lobe" in moved:  # counted from a root, so the first one on one side is the last on the other
-        moved["lobe"] = unit.disc_lobes - 1 - moved["lobe"]
+        past = indices["disc"] * unit.pins % unit.discs > 0  # the root after the eccentric is the one before it
+        moved["lobe"] = (unit.disc_lobes - 1 - moved["lobe"] - past) % unit.disc_lobes
     signs = []
     for parameter in rverror.CATALOGUE[key].parameters:
         name = parameter.name
