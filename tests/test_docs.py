@@ -1,8 +1,10 @@
 """The pages: generated ones are up to date, examples run, links lead somewhere, stated identities hold."""
 
+import importlib
 import itertools
 import math
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,10 @@ import pytest
 
 import rverror
 from rverror import docs_tables
-from rverror.action_line import cross, dot, radial_and_tangential
+from rverror.action_line import Clearance, cross, dot, radial_and_tangential
 from rverror.catalogue import CATALOGUE, source
-from rverror.compose import closed_form_forces, pose
+from rverror.cli import main
+from rverror.compose import closed_form_forces, pose, source_matrix
 from rverror.feedback import feedback_factor, loop_gain
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -74,6 +77,209 @@ def test_examples_run(page):
         exec(compile(block, names(page), "exec"), namespace)
     if page.name == "index.md":
         assert namespace["peak_to_peak"] == pytest.approx(18.5, abs=0.05)
+
+
+def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
+    """Files as the page has them, commands in its order, and what it shows of their output."""
+    monkeypatch.chdir(tmp_path)
+    page = text(DOCS / "start.md")
+    for name, written in re.findall(r"```toml\n# ([\w-]+\.toml)\n(.*?)```", page, flags=re.DOTALL):
+        (tmp_path / name).write_text(written, encoding="utf-8")
+    commands = re.findall(r"```console\n(.*?)```", page, flags=re.DOTALL)
+    assert len(commands) >= 3
+    for command in commands:
+        program, *arguments = shlex.split(command)
+        assert program == "rverror"
+        assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    shown = page.partition("Some seconds later:\n\n```text\n")[2].partition("```")[0]
+    for line in shown.splitlines():
+        # times and the last digits may differ from machine to machine
+        words = re.sub(r"[-\d.,\[\]]+", "#", line)
+        assert words in re.sub(r"[-\d.,\[\]]+", "#", printed), line
+    assert "added: crank.eccentricity" in re.sub("Added 1", "added", printed)
+    assert rverror.load_model(tmp_path / "with-cause.toml").effects[-1].key == "crank.eccentricity"
+    assert rverror.load_model(tmp_path / "measured.toml").effects[0].uncertainty == pytest.approx(5e-4)
+    assert (tmp_path / "found.html").stat().st_size > 10_000
+
+
+# --- nomenclature --------------------------------------------------------------------------------------------------
+
+SYMBOLS = re.findall(r"^\| \$(.+?)\$ \| (.+) \|$", text(DOCS / "nomenclature.md"), flags=re.MULTILINE)
+
+
+def formulas(page):
+    prose = re.sub(r"```.*?```", "", text(page), flags=re.DOTALL)
+    return [block or inline for block, inline in re.findall(r"\$\$(.*?)\$\$|\$([^$]+?)\$", prose, flags=re.DOTALL)]
+
+
+@pytest.mark.parametrize(("symbol", "rest"), SYMBOLS, ids=[symbol for symbol, _ in SYMBOLS])
+def test_symbols_stand_where_the_nomenclature_says(symbol, rest):
+    name, unit, chinese, german, python = rest.split(" | ")
+    assert all((unit, chinese, german))
+    before = "" if symbol.startswith("\\") else r"(?<![a-zA-Z\\])"
+    found = re.compile(before + re.escape(symbol) + r"(?![a-zA-Z])")
+    target = re.fullmatch(r"\[.+\]\((.+)\)", name)[1]
+    assert any(found.search(formula) for formula in formulas(DOCS / target)), f"{symbol} is not in {target}"
+    first, *path = python.strip("`").removeprefix("rverror.").split(".")
+    thing = getattr(rverror, first, None)
+    if not isinstance(thing, type):
+        thing = importlib.import_module(f"rverror.{first}")
+    for part in path:
+        assert hasattr(thing, part) or part in thing.__dataclass_fields__
+
+
+def test_nomenclature_names_every_parameter_of_the_geometry():
+    python = {rest.split(" | ")[4].strip("`") for _, rest in SYMBOLS}
+    plain = {
+        "module",
+        "gear_backlash",
+        "stiffness",
+        "rated_torque",
+        "crank_circle_radius",
+        "name",
+    }  # words, not symbols
+    for name in rverror.Reducer.__dataclass_fields__:
+        assert (f"Reducer.{name}" in python) != (name in plain), name
+
+
+# --- the equations of the catalogue page, read once more with complex numbers ---------------------------------------
+
+
+class Plane:
+    """Points and directions of an RV-40E as complex numbers; the symbols are those of the catalogue page."""
+
+    def __init__(self, theta, direction):
+        unit = self.unit = rverror.reducer("RV-40E")
+        self.theta, self.sign = theta, direction
+        self.R, self.nu = unit.ratio, -unit.disc_lobes / (unit.pins - unit.disc_lobes)
+        self.beta = [theta + 2 * np.pi * j / unit.cranks for j in range(unit.cranks)]
+        self.r = np.exp(1j * np.array(self.beta))
+        self.t = 1j * self.r
+        self.gamma = 2 * np.pi * np.arange(unit.pins)[:, None] / unit.pins
+        self.p = np.exp(1j * self.gamma) * np.ones(theta.size)
+        self.eps = np.exp(1j * (self.nu * theta + 2 * np.pi * np.arange(unit.discs)[:, None] / unit.discs))
+        a, Rp, rp = unit.eccentricity, unit.pin_circle_radius, unit.pin_radius
+        towards = a * unit.pins * self.eps[:, None] - Rp * self.p
+        self.n = towards / abs(towards)
+        self.q = Rp * self.p + rp * self.n
+        point = self.q - a * self.eps[:, None]
+        self.psi = np.angle(point * np.exp(-1j * theta))
+        self.tau = 1j * point / abs(point)
+
+    def wave(self, angle):
+        return np.array([np.cos(angle), np.sin(angle)])
+
+
+def away(angle):
+    return np.angle(np.exp(1j * angle))
+
+
+def lobe(g, disc, number):
+    zc = g.unit.disc_lobes
+    x = away(g.psi[disc] - 2 * np.pi * disc / g.unit.discs - 2 * np.pi * (number + 0.5) / zc)
+    return np.where(abs(x) < np.pi / zc, np.cos(zc * x / 2) ** 2, 0)
+
+
+XY = np.array([[1], [1j]])
+FLANKS = np.array([[1], [-1]])  # that of forward motion, that of reverse
+
+#: Indices, and the vector of each parameter at the contact: complex for vectors, real for angles.
+READ = {
+    "involute.center_distance": ({"crank": 1}, lambda g: [-g.r[1], -g.t[1]]),
+    "involute.sun_eccentricity": ({}, lambda g: XY * np.exp(1j * g.R * g.theta)),
+    "involute.sun_offset": ({}, lambda g: XY),
+    "involute.planet_eccentricity": ({"crank": 0}, lambda g: -XY * np.exp(1j * g.nu * g.theta)),
+    "involute.sun_pitch": (
+        {"harmonic": 2},
+        lambda g: g.wave(2 * (g.beta - g.R * g.theta))[..., None, :] * g.t[:, None],
+    ),
+    "involute.planet_pitch": (
+        {"crank": 1, "harmonic": 3},
+        lambda g: g.wave(3 * (g.beta[1] + np.pi - g.nu * g.theta)) * g.t[1],
+    ),
+    "involute.tooth_thinning": ({"member": "sun"}, lambda g: [-0.5 * FLANKS * g.t[:, None]]),
+    "involute.spline_clearance": ({"crank": 0}, lambda g: [0.5 / g.unit.spline_radius * FLANKS[:, None]]),
+    "crank.eccentricity": ({"crank": 0, "disc": 1}, lambda g: [-g.eps[1], -1j * g.eps[1]]),
+    "crank.index": ({"crank": 1}, lambda g: [1]),
+    "cycloid.disc_profile": ({"disc": 1, "harmonic": 2}, lambda g: g.wave(2 * g.psi[1]) * g.n[1]),
+    "cycloid.disc_pitch": ({"disc": 0, "harmonic": 3}, lambda g: -g.wave(3 * g.psi[0]) * g.tau[0]),
+    "cycloid.disc_lobe": ({"disc": 1, "lobe": 7}, lambda g: [lobe(g, 1, 7) * g.n[1]]),
+    "cycloid.pin_position": ({"pin": 3}, lambda g: [g.p[3], 1j * g.p[3]]),
+    "cycloid.pin_circle": ({"harmonic": 2}, lambda g: [w * e for e in (g.p, 1j * g.p) for w in g.wave(2 * g.gamma)]),
+    "cycloid.pin_radius": ({"pin": "all"}, lambda g: [g.n]),
+    "cycloid.profile_modification": ({}, lambda g: [-g.n, (g.n * g.p.conj()).real * g.n]),
+    "cycloid.disc_bore_position": ({"disc": 0, "crank": 1}, lambda g: [g.r[1], g.t[1]]),
+    "coupling.carrier_bore_position": ({"crank": 1}, lambda g: [-g.r[1], -g.t[1]]),
+    "coupling.carrier_runout": ({}, lambda g: -XY * np.exp(1j * g.theta)),
+    "load.torsion": ({}, lambda g: [-g.sign * TORQUE]),
+    "sensor.encoder_eccentricity": ({}, lambda g: g.wave(g.theta)),
+    "sensor.encoder_ellipticity": ({}, lambda g: g.wave(2 * g.theta)),
+    "sensor.input_coupling": ({"harmonic": 2}, lambda g: g.wave(2 * g.R * g.theta) / g.R),
+    "sensor.index_offset": ({}, lambda g: [0]),
+    "sensor.ratio_error": ({}, lambda g: [g.theta]),
+    "sensor.drift": ({}, lambda g: [np.linspace(0, 1, g.theta.size)]),
+    "sensor.time_offset": ({}, lambda g: [g.sign / SECONDS]),
+    "empirical.order": ({"frame": "housing", "harmonic": 2}, lambda g: g.wave(2 * 39 * g.theta)),
+}
+TORQUE, SECONDS = 7.0, 0.5  # N*mm; s for each radian of the output
+
+
+def plane(sign):
+    theta = np.linspace(0, 1.4, 211)[::sign]
+    g = Plane(theta, sign)
+    return g, pose(g.unit, theta, direction=sign, time=SECONDS * abs(theta - theta[0]), torque=TORQUE)
+
+
+def same_vectors(error, expected):
+    vector = error.vector
+    if error.contact in ("pin", "cam", "carrier", "mesh"):
+        vector = vector[..., 0, :] + 1j * vector[..., 1, :]
+    for one, other in zip(vector, expected, strict=True):
+        shape = np.broadcast_shapes(one.shape, np.shape(other))
+        np.testing.assert_allclose(np.broadcast_to(one, shape), np.broadcast_to(other, shape), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("key", READ)
+def test_equations_of_the_catalogue_are_those_of_the_code(key, sign):
+    g, motion = plane(sign)
+    indices, read = READ[key]
+    same_vectors(source(key).vector(motion, **indices), read(g))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("key", "contact"), [("crank.bearing_clearance", "cam"), ("coupling.bearing_clearance", "carrier")]
+)
+def test_clearances_of_the_catalogue_lag_by_the_sum_of_the_forces(key, contact, sign):
+    _, motion = plane(sign)
+    assert source(key).vector(motion) == Clearance(contact=contact)
+    forces = closed_form_forces(motion)
+    size = np.hypot(forces[contact][..., 0, :], forces[contact][..., 1, :])
+    lag = -sign * size.reshape(-1, motion.theta.size).sum(axis=0)
+    np.testing.assert_allclose(source_matrix(motion, forces, key, {})[0], lag, rtol=1e-12)
+
+
+def test_growth_of_the_catalogue():
+    g, motion = plane(1)
+    parts = {error.contact: error for error in source("thermal.growth").vector(motion)}
+    a, r6, eta = g.unit.eccentricity, g.unit.crank_radius, 11.5e-6
+    bore, offset = eta * r6 * g.r, eta * a * g.eps[:, None]
+    expected = {  # housing, discs, cranks, carrier, gears
+        "pin": [eta * g.q, offset - eta * g.q, 0, 0, 0],
+        "cam": [0, bore, -offset, 0, 0],
+        "carrier": [0, 0, 0, -bore, 0],
+        "mesh": [0, 0, 0, 0, bore[:, None]],
+    }
+    for contact, terms in expected.items():
+        same_vectors(parts.pop(contact), terms)
+    assert parts == {}
+
+
+def test_every_source_has_an_equation_that_is_read():
+    others = {"crank.bearing_clearance", "coupling.bearing_clearance", "thermal.growth", "shaft.eccentricity"}
+    assert set(docs_tables._EQUATION) == set(CATALOGUE) == set(READ) | others
 
 
 # --- the identities that the theory pages state ------------------------------------------------------------------

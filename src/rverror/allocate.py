@@ -336,6 +336,17 @@ def cost_front(
     ------
     InputError
         If an argument is out of its bounds; a limit that cannot be met is no error here.
+
+    Examples
+    --------
+    >>> from rverror.cost import Reciprocal
+    >>> from rverror.distribution import Uniform
+    >>> from rverror.tolerance import Block
+    >>> block, wave = Block(0, 0, 1, 1, Uniform()), np.array([[1.0, -1.0]])
+    >>> one = Stack(np.zeros(2), wave, (), np.zeros(1, int), np.ones(1), ("a",), (block,))
+    >>> front = cost_front(one, [Reciprocal(1.0, 1.0)], [2.0, 1.0], kind="worst", verify=1000)
+    >>> [round(point.allocation.cost, 6) for point in front]  # half the limit, twice the price
+    [1.0, 2.0]
     """
     task = _task(stack, costs, **options)
     points = []

@@ -44,6 +44,14 @@ def budget_text(found: ErrorBudget, *, limit: float | None = None) -> str:
     -------
     str
         Angles in arcsec.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um")]
+    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
+    >>> print(budget_text(found).splitlines()[0])
+    Error budget of RV-40E: 1 tolerance, 8 components, forward
     """
     closed, drawn = found.closed, found.units
     way = "forward" if found.direction > 0 else "reverse"
@@ -178,6 +186,14 @@ def budget_json(found: ErrorBudget, *, limit: float | None = None, files: Sequen
     -------
     dict
         Sizes in arcsec and um; numbers that are not determined are None.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]
+    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
+    >>> round(budget_json(found)["peak_to_peak_arcsec"]["worst_case"], 2)
+    18.51
     """
     drawn, closed = found.units, found.closed
     sizes = {
@@ -256,6 +272,18 @@ def allocation_text(found: Allocation, stack: Stack) -> str:
     -------
     str
         Angles in arcsec, widths in the units that people read.
+
+    Examples
+    --------
+    Half the peak-to-peak costs twice as much.
+
+    >>> import rverror
+    >>> from rverror.cost import Reciprocal
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
+    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
+    >>> print(allocation_text(found, cams).splitlines()[0])
+    Least cost for worst-case peak-to-peak within 37 arcsec
     """
     dimensions = _dimensions(stack)
     what = f"P{100 * found.level:g} of the peak-to-peak" if found.kind == "yield" else _KIND_WORDS[found.kind]
@@ -323,6 +351,16 @@ def allocation_json(found: Allocation, stack: Stack, *, files: Sequence[InputFil
     -------
     dict
         Sizes in arcsec and um.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> from rverror.cost import Reciprocal
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
+    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
+    >>> [(entry["width_before"], entry["unit"]) for entry in allocation_json(found, cams)["entries"]]
+    [(5.0, 'um')]
     """
     entries = []
     for e, (label, dimension) in enumerate(zip(found.labels, _dimensions(stack), strict=True)):

@@ -319,6 +319,19 @@ def transmission_error_by_effect(
     -------
     ndarray, shape (effects, n)
         rad.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> lead = rverror.effect("crank.index", crank=0, angle="4 mrad")
+    >>> wave = rverror.effect("crank.eccentricity", crank=0, disc=1, radial="5 um")
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"), (lead, wave))
+    >>> theta = np.linspace(0, 1, 5)
+    >>> parts = transmission_error_by_effect(unit, theta)
+    >>> parts.shape
+    (2, 5)
+    >>> bool(np.allclose(parts.sum(axis=0), transmission_error(unit, theta)))
+    True
     """
     rows = _influences(model, theta, direction=direction, time=time, torque=torque, forces=forces)
     parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]

@@ -68,6 +68,18 @@ def diagnose(model: Model, runs: Sequence[Run], *, progress: Progress | None = N
     -----
     docs/theory/diagnosis.md.  Runs must have two whole periods or more.  Every run has an offset of its own, but for
     those of one index label; where the index is unknown, the angle of the gear's marks is fitted.
+
+    Examples
+    --------
+    A drive of which only the motor's order is known; what it lacks is an eccentric motor shaft.
+
+    >>> import rverror
+    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
+    >>> error = 2e-5 * np.cos(14 * theta) + 1e-6 * rng.standard_normal(theta.size)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=error)
+    >>> found = diagnose(Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
+    >>> found.verdict, found.added[0].effect.key, dict(found.added[0].effect.indices)
+    ('explained', 'shaft.eccentricity', {'shaft': 'motor', 'harmonic': 1})
     """
     tell = progress or (lambda text: None)
     unit = model.mechanism

@@ -55,6 +55,13 @@ class Model(Viewed):
     ------
     ValueError
         If an effect's index is not one of the mechanism's.
+
+    Examples
+    --------
+    >>> from rverror.reducer import reducer
+    >>> unit = Model(reducer("RV-40E"), (effect("crank.index", crank=0, angle="2 mrad"),), "unit 17")
+    >>> unit.effects[0].values
+    (0.002,)
     """
 
     mechanism: Mechanism

@@ -49,6 +49,12 @@ def load_model(path: PathLike) -> Model:
     ------
     InputError
         If the file cannot be used; one line that names file, line, key and remedy.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> load_model(str(files("rverror") / "data" / "demo" / "model.toml")).name
+    'RV-40E example, as declared'
     """
     return _model(str(path), read_text(path))
 
@@ -73,6 +79,17 @@ def save_model(
     ------
     InputError
         If the file exists, cannot be written, or the model cannot be held by a file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from rverror.reducer import reducer
+    >>> unit = Model(reducer("RV-40E"), name="unit 17")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_model(Path(folder, "unit.toml"), unit)
+    ...     load_model(Path(folder, "unit.toml")) == unit
+    True
     """
     comments = [*header, *([] if source is None else [f"source: {source}"])]
     head = [f"# {_clean(line)}".rstrip() for text in comments for line in split_lines(text)]
@@ -103,6 +120,18 @@ def append_effects(
     ------
     InputError
         If the source is no model file, an effect does not fit it, or the target exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from rverror.model import effect
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     old, new = Path(folder, "unit.toml"), Path(folder, "with-cause.toml")
+    ...     size = old.write_text('[reducer]\\npreset = "RV-40E"  # as ordered\\n')
+    ...     append_effects(old, new, [effect("crank.index", crank=0, angle="2 mrad")])
+    ...     "# as ordered" in new.read_text(), load_model(new).effects[0].key
+    (True, 'crank.index')
     """
     text = read_text(source_path)
     before = _model(str(source_path), text)

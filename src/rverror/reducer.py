@@ -37,6 +37,11 @@ class Stiffness:
     -----
     The defaults are realistic for a reducer of the size of the RV-40E; none of the five sources prints a full set.
     Quantities and strings with a unit are converted.
+
+    Examples
+    --------
+    >>> Stiffness(pin_contact="250 kN/mm").pin_contact
+    250000.0
     """
 
     pin_contact: float = 2e5
@@ -385,6 +390,11 @@ class Drive:
     ------
     ValueError
         If the ratio or an order is zero or not finite.
+
+    Examples
+    --------
+    >>> Drive(ratio=14.0, shafts={"motor": 14.0, "planet": 3.5}).shafts["planet"]
+    3.5
     """
 
     ratio: float

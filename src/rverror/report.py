@@ -273,6 +273,15 @@ def to_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[st
     dict
         Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in
         ``newton_metre`` instead of ``arcsec``.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
+    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
+    >>> to_json(found)["verdict"], to_json(found)["added"]
+    ('nothing_missing', [])
     """
     scale = _SCALES[diagnosis.quantity]
     unit = diagnosis.declared.mechanism
@@ -355,6 +364,15 @@ def to_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
     -------
     str
         Ends with a line end.  Characters that cannot be printed show as their escapes.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
+    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
+    >>> print(to_text(found).splitlines()[0])
+    Verdict: nothing missing: the declared model accounts for all that is significant
     """
     scale = _SCALES[diagnosis.quantity]
     lines = [f"Verdict: {_VERDICTS[diagnosis.verdict]}", ""]

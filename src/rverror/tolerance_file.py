@@ -75,6 +75,16 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
     Notes
     -----
     The keys of a ``[[tolerance]]`` table stand in docs page ``theory/budget.md``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "tolerances.toml")
+    ...     size = file.write_text('[[tolerance]]\\nkey = "crank.eccentricity"\\ntolerance = "5 um"\\n')
+    ...     load_tolerances(file)[0].width
+    0.005
     """
     return _tolerances(str(path), read_text(path), model)
 
@@ -105,6 +115,17 @@ def save_widths(
     InputError
         If the source is no tolerance file, the numbers do not fit its entries, a width belongs to samples or stands
         where it cannot be replaced, or the target exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     old, new = Path(folder, "tolerances.toml"), Path(folder, "finer.toml")
+    ...     size = old.write_text('[[tolerance]]\\nkey = "crank.eccentricity"\\ntolerance = "5 um"  # drawing 12\\n')
+    ...     save_widths(old, new, [0.004])
+    ...     new.read_text().splitlines()[2]
+    'tolerance = "4 um"  # drawing 12'
     """
     name, text = str(source_path), read_text(source_path)
     before = _tolerances(name, text, None)

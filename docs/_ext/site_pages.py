@@ -1,0 +1,211 @@
+"""What the site does beyond plain pages: formulas as MathML, pictures of the catalogue, the API's names, notebooks.
+
+The pages are plain Markdown that also reads well where code is hosted.  A comment such as ``<!-- public names -->``
+marks the place at which the site has more; Sphinx gets the page with that written out.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import shutil
+from pathlib import Path
+from types import GenericAlias
+from typing import TYPE_CHECKING, Any
+
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+from sphinx.pycode import ModuleAnalyzer
+
+import rverror
+from rverror import docs_pictures, docs_tables
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
+    from sphinx.application import Sphinx
+    from sphinx.environment import BuildEnvironment
+    from sphinx.writers.html5 import HTML5Translator
+
+DOCS = Path(__file__).parents[1]
+EXAMPLES = DOCS.parent / "examples"
+#: Ending of notebooks among the pages; a plain .py is a file to link to.
+NOTEBOOK = ".nb.py"
+_LONG = 45  # characters of a formula that may not fit into a line on a phone
+
+
+# --- formulas ---------------------------------------------------------------------------------------------------------
+
+
+def mathml(tex: str, *, block: bool) -> str:
+    """Formula as MathML, which browsers show without script, by the converter that docutils brings.
+
+    TeX takes one digit for each part of a fraction where the converter takes the whole number, sets functions off from
+    their neighbours, and does not stretch bars.
+    """
+    tex = re.sub(r"(\\[dt]?frac)(\d)(\d)", r"\1{\2}{\3}", tex)
+    tex = re.sub(r"(?<=[\w})])(\s*)(\\(?:arc)?(?:sin|cos|tan)(?![a-zA-Z]))", r"\1\\,\2", tex)
+    tex = re.sub(r"(\\(?:arc)?(?:sin|cos|tan)(?![a-zA-Z])) *(?=\w|\\(?!bigl|Bigl|left)[a-zA-Z])", r"\1\\,", tex)
+    written = latex2mathml.tex2mathml(tex, as_block=block)
+    written = written.replace('<mo class="mathopen">|</mo>', '<mo stretchy="false" form="prefix">|</mo>')
+    return re.sub(r'<mo(?: class="mathclose")?>\|</mo>', '<mo stretchy="false" form="postfix">|</mo>', written)
+
+
+def visit_math(writer: HTML5Translator, node: nodes.math) -> None:
+    """Write an inline formula."""
+    tex = node.astext()
+    written = mathml(tex, block=False)
+    writer.body.append(f'<span class="long">{written}</span>' if len(tex) > _LONG else written)
+    raise nodes.SkipNode
+
+
+def visit_displaymath(writer: HTML5Translator, node: nodes.math_block) -> None:
+    """Write a formula that stands by itself; one that is too wide scrolls alone."""
+    writer.body.append(writer.starttag(node, "div", CLASS="formula"))
+    writer.body.append(mathml(node.astext(), block=True) + "</div>\n")
+    raise nodes.SkipNode
+
+
+# --- pages that are written from the code -----------------------------------------------------------------------------
+
+
+def catalogue() -> str:
+    """The catalogue page with the pictures of every source."""
+    page = docs_tables.catalogue_markdown(lambda entry: raw(docs_pictures.figures(entry)))
+    head, rest = page.split("\n", 1)
+    return f"{head}\n\n{raw(docs_pictures.symbol())}\n{rest}"
+
+
+def raw(html: str) -> str:
+    """HTML as a block of a Markdown page."""
+    return f"```{{raw}} html\n{html}\n```\n"
+
+
+def rooms() -> dict[str, list[str]]:
+    """Modules of each room, from the map on the architecture page."""
+    found: dict[str, list[str]] = {}
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    for line in page.partition("<!-- map -->")[2].partition("<!-- end of map -->")[0].splitlines():
+        if line.startswith("### "):
+            modules = found.setdefault(line[4:], [])
+        elif row := re.match(r"\| `(\w+)` \|", line):
+            modules.append(row[1])
+    return found
+
+
+def modules_of(room: str) -> str:
+    """Reference of all modules of a room."""
+    parts = []
+    for name in rooms()[room]:
+        if not name.startswith("__"):
+            members = ", ".join(own_names(f"rverror.{name}"))
+            option = f"\n   :members: {members}" if members else ""
+            parts.append(f"## rverror.{name}\n\n```{{eval-rst}}\n.. automodule:: rverror.{name}{option}\n```\n")
+    return "\n".join(parts)
+
+
+def own_names(module: str) -> list[str]:
+    """Public names that a module defines and describes, in the order of its text."""
+    loaded, told = importlib.import_module(module), ModuleAnalyzer.for_module(module)
+    told.analyze()
+    described = {name for owner, name in told.find_attr_docs() if not owner}
+    mine = {
+        name
+        for name, thing in vars(loaded).items()
+        # unwrapped: a cached function is no function to `inspect`
+        if (inspect.isclass(thing) or inspect.isfunction(inspect.unwrap(thing)))
+        and getattr(thing, "__module__", "") == module
+    }
+    aliases = {name for name, thing in vars(loaded).items() if isinstance(thing, GenericAlias)}
+    public = [name for name in (mine | described) - aliases if not name.startswith("_")]
+    return sorted(public, key=lambda name: told.tagorder.get(name, 0))
+
+
+def formulas_as_they_stand(app: Sphinx, kind: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Keep formulas of docstrings, set off by four spaces, from being read as markup."""
+    section, written = "", []
+    for at, line in enumerate(lines):
+        if set(line.strip()) == {"-"} and at:
+            section = lines[at - 1].strip()
+        before = next((text for text in reversed(lines[:at]) if text.strip()), "")
+        set_off = len(line) - len(line.lstrip()) >= len(before) - len(before.lstrip()) + 4
+        free = section in ("", "Notes") and at > 0 and not lines[at - 1].strip()
+        if line.strip() and set_off and free and not before.lstrip().startswith(("- ", ">>>", "..")):
+            indent = " " * (len(before) - len(before.lstrip()))
+            written += [f"{indent}::", ""]
+        written.append(line)
+    lines[:] = written
+
+
+def public_names() -> str:
+    """Table of the names that `import rverror` gives, each with a link and its first sentence."""
+    lines = ["| name | |", "| --- | --- |"]
+    for name in rverror.__all__:
+        home, sentence = described(name)
+        lines.append(f"| {{py:obj}}`rverror.{name} <{home}.{name}>` | {sentence} |")
+    return "\n".join(lines)
+
+
+def described(name: str) -> tuple[str, str]:
+    """Module in which a public name is at home, and the first sentence of what is said of it."""
+    thing = getattr(rverror, name)
+    if inspect.isclass(thing) or inspect.isfunction(thing):
+        text = inspect.getdoc(thing) or ""
+        return thing.__module__, re.split(r"\.(?:\s|$)", text.replace("\n", " "), maxsplit=1)[0].replace("`", "")
+    for path in sorted(Path(rverror.__file__).parent.glob("[!_]*.py")):
+        module = f"rverror.{path.stem}"
+        said = ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name))
+        if said and getattr(importlib.import_module(module), name) is thing:
+            return module, said[0].removesuffix(".")
+    raise LookupError(f"rverror.{name}: no `#:` comment says what it is")
+
+
+def write_out(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Give Sphinx the page with what only the site has."""
+    text = catalogue() if docname == "catalogue" else source[0]
+    text = re.sub(r"<!-- modules: (.+) -->", lambda found: modules_of(found[1]), text)
+    text = re.sub(r"<!-- public names -->", lambda _: public_names(), text)
+    # notebooks are pages here; other examples are files
+    text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/notebooks/([\w-]+)\.py\)", rf"](\1notebooks/\2{NOTEBOOK})", text)
+    text = re.sub(r"\]\(((?:\.\./)+(?:examples/[\w-]+\.ipynb|[A-Z]+\.md))\)", r"](<path:\1>)", text)
+    if docname.startswith("notebooks/"):
+        text = re.sub(r"\]\(([\w-]+)\.py\)", rf"](\1{NOTEBOOK})", text)
+    source[0] = text
+
+
+def always_new(app: Sphinx, env: BuildEnvironment, *changes: Any) -> list[str]:
+    """Pages that depend on the code, so on more than their own text."""
+    return [name for name in env.found_docs if name == "catalogue" or name.startswith("api/")]
+
+
+# --- notebooks --------------------------------------------------------------------------------------------------------
+
+
+def copy_notebooks(app: Sphinx) -> None:
+    """Put the notebooks of ``examples/notebooks`` among the pages; one that is gone there goes here too."""
+    folder = DOCS / "notebooks"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for path in sorted((EXAMPLES / "notebooks").glob("*.py")):
+        shutil.copy2(path, folder / (path.stem + NOTEBOOK))
+
+
+def read_notebook(text: str) -> NotebookNode:
+    """Notebook in percent format, to be run in the folder that it comes from."""
+    import jupytext
+    from nbformat.v4 import new_code_cell
+
+    notebook = jupytext.reads(text, fmt="py:percent")
+    there = new_code_cell("%cd -q ../../examples/notebooks", id="where", metadata={"tags": ["remove-cell"]})
+    notebook.cells.insert(0, there)
+    return notebook
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Tell Sphinx."""
+    app.add_html_math_renderer("mathml", (visit_math, None), (visit_displaymath, None))
+    app.connect("builder-inited", copy_notebooks)
+    app.connect("env-get-outdated", always_new)
+    app.connect("autodoc-process-docstring", formulas_as_they_stand, priority=400)  # before numpydoc
+    app.connect("source-read", write_out)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
