@@ -438,6 +438,14 @@ def test_scripts_rely_on_these_options(capsys: pytest.CaptureFixture[str]) -> No
             assert word in usage
 
 
+@pytest.mark.parametrize(("method", "noted"), [("closed", True), ("equilibrium", False)])
+def test_simulate_says_that_the_closed_form_knows_no_torque(
+    bench: Path, capsys: pytest.CaptureFixture[str], method: str, noted: bool
+) -> None:
+    assert call("simulate", "gear.toml", "--points", "64", "--torque", "20 N*m", "--method", method) == 0
+    assert ("give --method equilibrium" in capsys.readouterr().err) is noted
+
+
 def test_simulate_writes_the_file_and_says_so(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("simulate", "gear.toml", "--points", "64", "-o", "out.csv") == 0
     out, err = capsys.readouterr()
@@ -469,7 +477,7 @@ def test_several_runs_become_several_files(bench: Path, capsys: pytest.CaptureFi
     names = [f"b.enc-{sense}-{load}Nm.csv" for load in ("20", "2.5") for sense in ("forward", "reverse")]
     out, err = capsys.readouterr()
     assert [Path(line) for line in out.splitlines()] == [Path("folder") / name for name in names]
-    assert err == ""
+    assert [line.partition(";")[2] for line in err.splitlines()] == [" for such a run give --method equilibrium"]
     assert set(content(bench)) - before == {str(Path("folder") / name) for name in names}
     runs = {name: load_run(f"folder/{name}", GEAR) for name in names}
     for name, run in runs.items():
@@ -484,7 +492,7 @@ def test_several_runs_become_several_files(bench: Path, capsys: pytest.CaptureFi
     first = content(bench)
     assert call(*both) == 0
     assert content(bench) == first
-    assert capsys.readouterr().err.splitlines() == [f"rverror: replacing {Path('folder') / name}" for name in names]
+    assert capsys.readouterr().err.splitlines()[1:] == [f"rverror: replacing {Path('folder') / name}" for name in names]
     for sense in ("forward", "reverse"):
         assert call(*arguments, "--direction", sense) == 0
         joint = (bench / "folder" / f"b.enc-{sense}-20Nm.csv").read_text(encoding="utf-8")

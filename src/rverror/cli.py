@@ -163,6 +163,11 @@ def _simulate(options: argparse.Namespace) -> None:
         seed=options.seed,
         speed=options.speed,
     )
+    if options.torque and options.method == "closed":
+        tell(
+            "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "
+            "equilibrium; for such a run give --method equilibrium"
+        )
     if options.output is None:
         sys.stdout.write(run_text(runs[0]))
         return
