@@ -96,3 +96,23 @@ def test_flanks_that_lift_are_left_to_the_energy_of_all_parts(lead: float) -> No
     assert lifted == (lead > 1.0)
     seen = rverror.equilibrium(model, THETA, torque=TORQUE, direction=1)
     np.testing.assert_allclose(seen.transmission_error, x[:, 2], rtol=0, atol=1e-9 * abs(x[:, 2]).max())
+
+
+def test_a_start_with_all_pins_open_is_left_to_the_line_search() -> None:
+    """Without pins the held sun leaves the train one free motion: some condensed stiffness is singular to the last bit.
+
+    Three equal discs at 4096 angles have one of these.
+    """
+    unit = rverror.reducer("RV-40E", discs=3, cranks=3)
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    ground = rverror.Model(unit, (rverror.effect("cycloid.profile_modification", equidistant="0.2 mm"),))
+    stretch, system = laid_out(ground, theta, direction=1.0, torque=TORQUE)
+    nominal, *_ = stretch.condensed.settled(
+        laid_out(rverror.Model(unit), theta, direction=1.0, torque=TORQUE)[1], TORQUE, None
+    )
+    assert (system.closed(nominal).pins < 0).all()
+    cold, _, found = stretch.condensed.settled(system, TORQUE, None)
+    warm, _, again = stretch.condensed.settled(system, TORQUE, nominal)
+    assert found.all()
+    assert again.all()
+    np.testing.assert_allclose(warm, cold, rtol=0, atol=1e-9 * abs(cold).max())

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from rverror.action_line import Array
-from rverror.energy import Closed, Flags, Geometry, Layout, Steps, System, minimise
+from rverror.energy import Closed, Flags, Geometry, Layout, Steps, System, held, minimise
 
 _MOST_STEPS = 8
 _FEW = 0.7  # of the angles: then the others are left out of the next step
@@ -55,7 +55,9 @@ class Condensed:
     carried : ndarray, shape (n, discs, others)
         Share of a force on the others that the discs carry, negative.
     matrix : ndarray, shape (n, discs, discs)
-        Stiffness that the discs feel but for their pins.
+        Stiffness that the discs feel but for their pins, without which the train has one free motion.
+    held : ndarray, shape (n, discs, discs)
+        The same with a trace that holds it: a step from where all pins are open then leads far away, and no farther.
     pins : ndarray, shape (n, discs, 3, pins)
         How each pin closes with x, y and angle of its disc.
     on_pins : ndarray, shape (n, discs, 3, 3, pins)
@@ -69,6 +71,7 @@ class Condensed:
     inverse: Array
     carried: Array
     matrix: Array
+    held: Array
     pins: Array
     on_pins: Array
     flanks: Array
@@ -108,9 +111,9 @@ class Condensed:
         """Plain Newton steps, exact once no pin opens or closes; angles that do not settle need a line search."""
         x, at = start.copy(), np.arange(len(start))
         steps, found = np.zeros(len(x), dtype=np.intp), np.zeros(len(x), dtype=np.bool_)
-        parts = self.matrix, self.pins, self.on_pins, whole.pin_error, force
+        parts = self.matrix, self.held, self.pins, self.on_pins, whole.pin_error, force
         for step in range(_MOST_STEPS + 1):
-            matrix, rows, on_pins, errors, pull = parts
+            matrix, stiff, rows, on_pins, errors, pull = parts
             now = x[at]
             closing = np.einsum("kdc,kdcp->kdp", now.reshape(*rows.shape[:2], 3), rows) + errors
             pressed = np.einsum("kdcp,kdp->kdc", rows, np.maximum(closing, 0)).reshape(now.shape)
@@ -121,8 +124,8 @@ class Condensed:
                 break
             if moving.mean() < _FEW:
                 at, now, gradient, closing = at[moving], now[moving], gradient[moving], closing[moving]
-                parts = matrix, _, on_pins, _, _ = tuple(part[moving] for part in parts)
-            x[at] = now - _solved(_with_pins(matrix, on_pins, closing > 0), gradient)
+                parts = _, stiff, _, on_pins, _, _ = tuple(part[moving] for part in parts)
+            x[at] = now - _solved(_with_pins(stiff, on_pins, closing > 0), gradient)
             steps[at] += 1
         return x, steps, found
 
@@ -181,12 +184,14 @@ def condensed(contacts: Geometry) -> Condensed:
     carried = -across @ inverse
     pins = np.ascontiguousarray(contacts.pin_rows.transpose(0, 2, 1, 3))
     on_pins = reducer.stiffness.pin_contact * pins[:, :, :, None] * pins[:, :, None]
+    matrix = matrix[:, discs, discs] + carried @ np.swapaxes(across, 1, 2)
     return Condensed(
         discs=discs,
         others=others,
         inverse=inverse,
         carried=carried,
-        matrix=matrix[:, discs, discs] + carried @ np.swapaxes(across, 1, 2),
+        matrix=matrix,
+        held=held(matrix),
         pins=pins,
         on_pins=on_pins,
         flanks=flanks,
@@ -202,5 +207,5 @@ def _with_pins(matrix: Array, on_pins: Array, closed: Flags) -> Array:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Answers to a stack of systems, regular as their cams hold the discs."""
+    """Answers to a stack of systems that closed pins, or a trace of stiffness, make regular."""
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])

@@ -604,12 +604,16 @@ def _line_search(system: System, x: Array, descent: Array, state: State) -> tupl
     return reached, found
 
 
-def solved(matrix: Array, right: Array) -> Array:
-    """Solve a stack of symmetric systems; a trace of stiffness holds what no closed contact holds."""
-    size = matrix.shape[1]
+def held(matrix: Array) -> Array:
+    """Stiffness with a trace more, which holds what no closed contact holds."""
     own = np.einsum("nii->ni", matrix)
     trace = 1e-12 * np.maximum(own, 1e-9 * own.max(axis=1, keepdims=True))  # each in its own unit
-    return np.asarray(np.linalg.solve(matrix + trace[:, :, None] * np.eye(size), right[..., None])[..., 0])
+    return np.asarray(matrix + trace[:, :, None] * np.eye(matrix.shape[1]), dtype=np.float64)
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Solve a stack of symmetric systems, held."""
+    return np.asarray(np.linalg.solve(held(matrix), right[..., None])[..., 0])
 
 
 def refined(matrix: Array, right: Array) -> Array:
