@@ -120,6 +120,17 @@ def test_two_effects_of_one_frame_are_both_found(monkeypatch: pytest.MonkeyPatch
     assert at_the_noise(found)
 
 
+def test_two_effects_of_one_frame_are_kept_beside_an_order_that_nothing_explains(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    try_only(monkeypatch, "crank.bearing_clearance", "crank.eccentricity", "involute.planet_pitch")
+    model, runs = bench((CLEARANCE, PITCH), torque=20e3)
+    runs = [replace(run, values=run.values + 2 * ARCSEC * np.cos(36 * run.conditions.theta)) for run in runs]
+    found = searched(model, UNIT, runs, lambda text: None)
+    assert {addition.effect.key for addition in found.added} == {CLEARANCE.key, PITCH.key}
+    assert [line.order for line in found.lines] == [36.0]
+
+
 def test_one_large_wave_is_named_alone_before_two_stand_in_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """From nothing the fit ends in the wrong place, another harmonic; from workshop sizes it does not."""
     try_only(
