@@ -31,10 +31,10 @@ from time import perf_counter  # noqa: E402
 import numpy as np  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.catalogue import CATALOGUE, Mechanism  # noqa: E402
-from rverror.fit import FitRun, joint_fit  # noqa: E402
-from rverror.prediction import Conditions, Predictor  # noqa: E402
-from rverror.simulate import coloured_noise  # noqa: E402
+from rverror.diagnosis.fit import FitRun, joint_fit  # noqa: E402
+from rverror.geartrain.kinematics import Conditions  # noqa: E402
+from rverror.geartrain.mechanism import Mechanism  # noqa: E402
+from rverror.statics.prediction import Predictor  # noqa: E402
 
 ARCSEC = math.pi / 648000
 POINTS, TURNS, TORQUE, NOISE = 2048, 3, 20e3, 0.49 * ARCSEC
@@ -68,7 +68,7 @@ def visible(unit: Mechanism) -> list[tuple[str, dict]]:
     declared = [(key, indices) for key, indices, _ in DECLARED]
     return [
         (key, dict(indices))
-        for key, entry in CATALOGUE.items()
+        for key, entry in rverror.CATALOGUE.items()
         if entry.applies_to(unit) and entry.periodic and entry.tried
         for indices in entry.candidates(unit)
         if entry.orders(unit, indices) and (key, dict(indices)) not in declared
@@ -89,7 +89,7 @@ def spread(values: np.ndarray) -> float:
 def undeclared(rng: np.random.Generator, unit: Mechanism, true: tuple, choice: tuple, size: float) -> tuple:
     """Effect in a random direction of its parameters, scaled to the size, and its rms over the noise."""
     key, indices = choice
-    parameters = CATALOGUE[key].parameters
+    parameters = rverror.CATALOGUE[key].parameters
     direction = rng.normal(size=len(parameters)) * [p.plausible for p in parameters]
     direction = np.abs(direction) if any(p.least == 0 for p in parameters) else direction
     wanted, base, scale = size * NOISE / math.sqrt(TURNS), waves(unit, true), 0.05 / math.sqrt(len(parameters))
@@ -149,7 +149,7 @@ def trial(job: tuple[int, int, bool]) -> Outcome:
     for direction, wave in zip((1, -1), error, strict=True):
         if forward_only and direction < 0:
             continue
-        noise = coloured_noise(
+        noise = rverror.coloured_noise(
             TURNS * POINTS, rms=SLOW * NOISE, step=1.0, correlation=CORRELATION, random=rng
         ) + WHITE * NOISE * rng.standard_normal(TURNS * POINTS)
         theta = 2 * np.pi * np.arange(TURNS * POINTS) / POINTS

@@ -37,9 +37,7 @@ from blind_trial import (  # noqa: E402
 )
 
 import rverror  # noqa: E402
-from rverror.catalogue import CATALOGUE  # noqa: E402
-from rverror.shared_zero import BACKLASH_SHARE, WINDUP_SHARE, backlash_lost_motion  # noqa: E402
-from rverror.simulate import coloured_noise  # noqa: E402
+from rverror.diagnosis.shared_zero import BACKLASH_SHARE, WINDUP_SHARE, backlash_lost_motion  # noqa: E402
 
 GROWING = ("sensor.drift", "sensor.ratio_error", "sensor.time_offset")
 LOST_MOTION = (
@@ -78,7 +76,7 @@ def unknown(unit: rverror.Reducer) -> float:
 
 def missing_effect(rng: np.random.Generator, unit: rverror.Reducer, key: str, size: float) -> rverror.Effect:
     """Effect of the size asked for, on a crank or member drawn at random."""
-    entry = CATALOGUE[key]
+    entry = rverror.CATALOGUE[key]
     choices = list(entry.candidates(unit))
     indices = dict(choices[rng.integers(len(choices))])
     plausible = np.array([p.plausible for p in entry.parameters])
@@ -98,7 +96,7 @@ def missing_effect(rng: np.random.Generator, unit: rverror.Reducer, key: str, si
 def trial(job: tuple[str, float, int]) -> tuple[str, float, str]:
     """Make a unit, diagnose it, compare."""
     key, size, seed = job
-    rng = np.random.default_rng([seed, list(CATALOGUE).index(key), int(size)])
+    rng = np.random.default_rng([seed, list(rverror.CATALOGUE).index(key), int(size)])
     unit = rverror.reducer("RV-40E")
     if key == "involute.spline_clearance":
         unit = rverror.reducer("RV-40E", spline_radius=7.0)
@@ -108,10 +106,10 @@ def trial(job: tuple[str, float, int]) -> tuple[str, float, str]:
         true.append(rverror.Effect(name, indices, tuple(values)))
         declared.append(rverror.Effect(name, indices, tuple(values + rng.normal(0, UNCERTAINTY, 2)), UNCERTAINTY))
     effect = missing_effect(rng, unit, key, size)
-    beyond = CATALOGUE[key].at_output
+    beyond = rverror.CATALOGUE[key].at_output
     runs = []
     for direction, wave in zip((1.0, -1.0), waves(unit, (*true, *(() if beyond else (effect,)))), strict=True):
-        noise = coloured_noise(
+        noise = rverror.coloured_noise(
             TURNS * POINTS, rms=SLOW * NOISE, step=1.0, correlation=CORRELATION, random=rng
         ) + WHITE * NOISE * rng.standard_normal(TURNS * POINTS)
         theta = 2 * np.pi * np.arange(TURNS * POINTS) / POINTS

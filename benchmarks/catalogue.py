@@ -23,10 +23,8 @@ from time import perf_counter  # noqa: E402
 import numpy as np  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.catalogue import CATALOGUE  # noqa: E402
-from rverror.compose import closed_form_forces, effect_matrix, effect_values, pose  # noqa: E402
-from rverror.kinematics import frame_orders  # noqa: E402
-from rverror.model import Effect  # noqa: E402
+from rverror.geartrain.contacts import closed_form_forces, pose  # noqa: E402
+from rverror.model.compose import effect_matrix, effect_values  # noqa: E402
 
 ANGLES, REPEATS = 4096, 5
 HARMONICS = range(1, 9)
@@ -56,29 +54,29 @@ KEYS = (
 )
 
 
-def all_effects(unit: rverror.Reducer) -> tuple[Effect, ...]:
+def all_effects(unit: rverror.Reducer) -> tuple[rverror.Effect, ...]:
     """Every source with every index, harmonics 1 to 8, in the order of `KEYS`, sizes between -5 and 5 um."""
     rng = np.random.default_rng(0)
     effects = []
     for key in KEYS:
-        entry = CATALOGUE[key]
+        entry = rverror.CATALOGUE[key]
         sets: list[dict[str, int | str]] = [{}]
         for index in entry.indices:
             values = HARMONICS if index.name == "harmonic" else index.allowed(unit)
             sets = [s | {index.name: value} for s in sets for value in values]
         for indices in sets:
             values = tuple(0.005 * rng.uniform(-1, 1, len(entry.parameters)))
-            effects.append(Effect(key, indices, values))
+            effects.append(rverror.Effect(key, indices, values))
     return tuple(effects)
 
 
-def plain_columns(unit: rverror.Reducer, effects: tuple[Effect, ...], theta: float) -> list[float]:
+def plain_columns(unit: rverror.Reducer, effects: tuple[rverror.Effect, ...], theta: float) -> list[float]:
     """Influence of every parameter at one angle, forward motion, in plain Python floats."""
     z_c, z_p, a, r6 = unit.disc_lobes, unit.pins, unit.eccentricity, unit.crank_radius
     discs, cranks, ratio = range(unit.discs), range(unit.cranks), unit.ratio
     stage = unit.planet_teeth / unit.sun_teeth
     feedback = z_c * stage / ratio
-    turns = frame_orders(unit)
+    turns = rverror.frame_orders(unit)
     ahead = [turns["crank"] * theta + 2 * math.pi * k / unit.discs for k in discs]
     place = [theta + 2 * math.pi * j / unit.cranks for j in cranks]
 

@@ -28,25 +28,23 @@ import scipy  # noqa: E402
 from catalogue import HARMONICS, KEYS  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.catalogue import CATALOGUE  # noqa: E402
-from rverror.tolerance import Stack, stack, tolerance  # noqa: E402
-from rverror.units import ARCSEC  # noqa: E402
-from rverror.virtual_units import VirtualUnits, sampler, uniforms, virtual_units  # noqa: E402
+from rverror import ARCSEC  # noqa: E402
+from rverror.tolerances.sampling import sampler, uniforms  # noqa: E402
 
 BLOCKS = (128, 256, 512, 1024, 2048)
 #: Angles of the measuring chain, in place of the lengths of parts.
 WIDTHS = {"length": "5 um", "angle": "10 arcsec"}
 
 
-def rv40e() -> Stack:
+def rv40e() -> rverror.Stack:
     """Every source with every index, harmonics 1 to 8, each with a tolerance of 5 um or 10 arcsec."""
     tolerances = []
     for key in KEYS:
-        entry = CATALOGUE[key]
+        entry = rverror.CATALOGUE[key]
         harmonics = {index.name: tuple(HARMONICS) for index in entry.indices if index.name == "harmonic"}
         mean = "10 um" if entry.parameters[0].least == 0 else None  # a clearance does not come out negative
-        tolerances.append(tolerance(key, WIDTHS[entry.parameters[0].dimension], mean=mean, **harmonics))
-    return stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
+        tolerances.append(rverror.tolerance(key, WIDTHS[entry.parameters[0].dimension], mean=mean, **harmonics))
+    return rverror.stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
 
 
 def bare(values: np.ndarray, waveforms: np.ndarray, buffer: np.ndarray, count: int) -> float:
@@ -59,19 +57,19 @@ def bare(values: np.ndarray, waveforms: np.ndarray, buffer: np.ndarray, count: i
     return process_time() - start
 
 
-def timed(given: Stack, count: int, **settings: object) -> tuple[float, VirtualUnits]:
+def timed(given: rverror.Stack, count: int, **settings: object) -> tuple[float, rverror.VirtualUnits]:
     """Processor time of virtual units, draws included, s; and the units."""
     start = process_time()
-    units = virtual_units(given, count, **settings)
+    units = rverror.virtual_units(given, count, **settings)
     return process_time() - start, units
 
 
-def with_workers(given: Stack, count: int, workers: int) -> float:
+def with_workers(given: rverror.Stack, count: int, workers: int) -> float:
     """Elapsed time of virtual units by so many processes that are up and have loaded what they need, s."""
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        virtual_units(given, 64 * workers, executor=pool)
+        rverror.virtual_units(given, 64 * workers, executor=pool)
         start = perf_counter()
-        virtual_units(given, count, executor=pool)
+        rverror.virtual_units(given, count, executor=pool)
         return perf_counter() - start
 
 

@@ -44,7 +44,7 @@ nb_execution_cache_path = str(
     / "build"
     / "notebooks"
     / hashlib.sha256(
-        b"".join(path.read_bytes() for path in sorted(Path(rverror.__file__).parent.glob("*.py")))
+        b"".join(path.read_bytes() for path in sorted(Path(rverror.__file__).parent.rglob("*.py")))
     ).hexdigest()[:16]
 )
 nb_execution_raise_on_error = True

@@ -18,24 +18,22 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.tolerance import stack, tolerance  # noqa: E402
-from rverror.units import ARCSEC  # noqa: E402
-from rverror.virtual_units import VirtualUnits, virtual_units  # noqa: E402
+from rverror import ARCSEC  # noqa: E402
 
 COUNT = 2000
 
 unit = rverror.Model(rverror.reducer("RV-40E"))
 tolerances = (
-    tolerance("crank.eccentricity", "5 um"),
-    tolerance("cycloid.disc_bore_position", "5 um"),
-    tolerance("cycloid.disc_pitch", "4 um", harmonic=(1, 2), correlation=0.5),
-    tolerance("cycloid.pin_position", "5 um"),
-    tolerance("sensor.encoder_eccentricity", "5 arcsec"),
+    rverror.tolerance("crank.eccentricity", "5 um"),
+    rverror.tolerance("cycloid.disc_bore_position", "5 um"),
+    rverror.tolerance("cycloid.disc_pitch", "4 um", harmonic=(1, 2), correlation=0.5),
+    rverror.tolerance("cycloid.pin_position", "5 um"),
+    rverror.tolerance("sensor.encoder_eccentricity", "5 arcsec"),
 )
-parts = stack(unit, tolerances)
+parts = rverror.stack(unit, tolerances)
 
 
-def told(units: VirtualUnits) -> None:
+def told(units: rverror.VirtualUnits) -> None:
     """P50, P95 and P99 of the peak-to-peak, and the yield at 40 arcsec."""
     for probability in (0.5, 0.95, 0.99):
         found = units.quantile(probability)
@@ -45,7 +43,7 @@ def told(units: VirtualUnits) -> None:
     print(f"  within 40 arcsec: {100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f})")
 
 
-def on_a_cluster() -> tuple[VirtualUnits, VirtualUnits] | None:
+def on_a_cluster() -> tuple[rverror.VirtualUnits, rverror.VirtualUnits] | None:
     """The same units by a cluster, its chunks kept in a folder; then from the folder alone."""
     try:
         from distributed import Client, LocalCluster
@@ -56,8 +54,8 @@ def on_a_cluster() -> tuple[VirtualUnits, VirtualUnits] | None:
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
     ):
-        units = virtual_units(parts, COUNT, executor=client.get_executor(), folder=folder)
-        return units, virtual_units(parts, COUNT, folder=folder)
+        units = rverror.virtual_units(parts, COUNT, executor=client.get_executor(), folder=folder)
+        return units, rverror.virtual_units(parts, COUNT, folder=folder)
 
 
 # %% [markdown]
@@ -65,7 +63,7 @@ def on_a_cluster() -> tuple[VirtualUnits, VirtualUnits] | None:
 
 # %%
 if __name__ == "__main__":
-    here = virtual_units(parts, COUNT)
+    here = rverror.virtual_units(parts, COUNT)
     print(f"{here.count} virtual RV-40E, {parts.influence.shape[0]} part errors, in chunks of {here.chunk}:")
     told(here)
     answer = on_a_cluster()

@@ -13,10 +13,7 @@ from functools import cache
 import numpy as np
 
 import rverror
-from rverror.action_line import ErrorVector
-from rverror.catalogue import Index, Parameter, Source, extended
-from rverror.simulate import coloured_noise
-from rverror.units import ARCSEC, to_display
+from rverror import ARCSEC
 
 POINTS, REVOLUTIONS = 2048, 4
 TURN = 2 * np.pi * np.arange(POINTS) / POINTS
@@ -57,7 +54,7 @@ def bench_run(torque, direction, seed):
     curve = np.linalg.solve(np.vander(swing), windup)
     error = np.tile(curve[0] * here**2 + curve[1] * here + curve[2], REVOLUTIONS)
     noise = {"rms": 0.4 * ARCSEC, "step": TURN[1], "correlation": np.radians(2)}
-    error += coloured_noise(error.size, **noise, random=np.random.default_rng(seed))
+    error += rverror.coloured_noise(error.size, **noise, random=np.random.default_rng(seed))
     theta = TURN[1] * np.arange(error.size)
     return rverror.run_from_arrays(
         input_angle=unit.ratio * theta[::direction],
@@ -118,31 +115,32 @@ def cogging(pose, *, detents):
     """Cogging torque of the load motor, c cos(h theta) + s sin(h theta), h detents a turn, by the compliance."""
     wave = detents * pose.theta
     turned = compliance(pose.torque) * np.stack([np.cos(wave), np.sin(wave)])  # (terms, n)
-    return ErrorVector(contact="output", vector=turned[:, None])  # (terms, 1, n)
+    return rverror.ErrorVector(contact="output", vector=turned[:, None])  # (terms, 1, n)
 
 
-entry = Source(
-    "load.cogging",  # of the family load: at the output, beyond the gear train
+entry = rverror.Source(
+    "load.cogging",
     cogging,
-    (Index("detents", allowed=lambda mechanism: range(1, 1000), tried=lambda mechanism: (36,)),),
-    (Parameter("cos", "torque", plausible=20e3), Parameter("sin", "torque", plausible=20e3)),
+    (rverror.Index("detents", allowed=lambda mechanism: range(1, 1000), tried=lambda mechanism: (36,)),),
+    (rverror.Parameter("cos", "torque", plausible=20e3), rverror.Parameter("sin", "torque", plausible=20e3)),
     "output",
     lambda mechanism, indices: (float(indices["detents"]),),
     "load motor, 12 poles in 36 slots",
     "cogging torque of the load motor",
+    acts="output",  # beyond the gear train
 )
 
 # %% [markdown]
 # Inside the block the catalogue has the entry, and diagnosis tries it among all others.
 
 # %%
-with extended(entry):
+with rverror.extended(entry):
     explained = rverror.diagnose(declared, runs)
     print("with load.cogging in the catalogue:", explained.verdict)
     for addition in explained.added:
         print(f"  added: {addition.effect.key}, {addition.effect.indices['detents']} detents a turn")
         for estimate in addition.estimates:
-            low, size, high = (to_display(v, "torque") for v in (estimate.low, estimate.value, estimate.high))
+            low, size, high = (rverror.to_display(v, "torque") for v in (estimate.low, estimate.value, estimate.high))
             print(f"  {estimate.name} {size:.2f} N*m, 95 % [{low:.2f}, {high:.2f}]")
     print(f"  the bench was given {COGGING / 1e3 * np.cos(PHASE):.2f} and {COGGING / 1e3 * np.sin(PHASE):.2f} N*m")
 

@@ -7,7 +7,7 @@
 import numpy as np
 
 import rverror
-from rverror.units import ARCSEC
+from rverror import ARCSEC
 
 unit = rverror.reducer("RV-40E")
 model = rverror.Model(

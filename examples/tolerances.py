@@ -6,20 +6,17 @@
 
 # %%
 import rverror
-from rverror.allocate import terms
-from rverror.assembly import mounting_choices, phasing_gain
-from rverror.cost import Reciprocal, ReciprocalSquare
-from rverror.units import ARCSEC
+from rverror import ARCSEC, costs
 
 unit = rverror.reducer("RV-40E")
 model = rverror.Model(unit, name="RV-40E")
 tolerances = (
-    rverror.tolerance("crank.eccentricity", "5 um", cost=ReciprocalSquare(price=12.0, at=0.005, base=5.0)),
-    rverror.tolerance("cycloid.disc_bore_position", "6 um", cost=Reciprocal(price=10.0, at=0.006, base=4.0)),
-    rverror.tolerance("cycloid.pin_position", "6 um", cost=Reciprocal(price=15.0, at=0.006, base=10.0)),
+    rverror.tolerance("crank.eccentricity", "5 um", cost=costs.ReciprocalSquare(price=12.0, at=0.005, base=5.0)),
+    rverror.tolerance("cycloid.disc_bore_position", "6 um", cost=costs.Reciprocal(price=10.0, at=0.006, base=4.0)),
+    rverror.tolerance("cycloid.pin_position", "6 um", cost=costs.Reciprocal(price=15.0, at=0.006, base=10.0)),
     # both discs are ground together, so their pitch errors are alike
     rverror.tolerance(
-        "cycloid.disc_pitch", "4 um", harmonic=1, correlation=0.8, cost=Reciprocal(price=6.0, at=0.004, base=2.0)
+        "cycloid.disc_pitch", "4 um", harmonic=1, correlation=0.8, cost=costs.Reciprocal(price=6.0, at=0.004, base=2.0)
     ),
 )  # prices are made up
 
@@ -28,22 +25,22 @@ tolerances = (
 
 # %%
 budget = rverror.error_budget(model, tolerances, count=2**14, index_count=2**11)
-print(rverror.budget_text(budget, limit=40 * ARCSEC))
+print(rverror.to_text(budget, limit=40 * ARCSEC))
 
 # %% [markdown]
 # The allocation: least cost within the limit, verified by units that took no part in finding it.
 
 # %%
 stack = rverror.stack(model, tolerances)
-bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14, **terms(tolerances))
-print(rverror.allocation_text(bought, stack))
+bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14, **rverror.terms(tolerances))
+print(rverror.to_text(bought))
 
 # %% [markdown]
 # Assembly: parts that are measured can be mounted where their errors cancel.  Discs, cranks and planets of an RV-40E
 # leave a builder some ways; the best one of each unit against any.
 
 # %%
-gain = phasing_gain(stack, mounting_choices(stack, unit), units=64)
+gain = rverror.phasing_gain(stack, rverror.mounting_choices(stack, unit), units=64)
 print(
     f"mean peak-to-peak at random {gain.random_mean / ARCSEC:.1f} arcsec, in the best of {gain.arrangements} "
     f"arrangements {gain.chosen_mean / ARCSEC:.1f} arcsec"

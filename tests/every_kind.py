@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import rverror
-from rverror.allocate import terms
-from rverror.cost import Grades, Reciprocal
-from rverror.diagnosis import Addition, Candidate, Diagnosis, Estimate, Line, Residual, Trace
-from rverror.units import ARCSEC
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.result import Addition, Candidate, Diagnosis, Estimate, Line, Residual, Trace
+from rverror.tolerances.allocation import terms
+from rverror.tolerances.cost import Grades, Reciprocal
 
 HOSTILE = """<script>alert("1")</script> & 'b' <img src=x onerror=alert(1)>"""
 TORQUE = 412e3

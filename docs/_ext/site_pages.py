@@ -14,12 +14,13 @@ from pathlib import Path
 from types import GenericAlias
 from typing import TYPE_CHECKING, Any
 
+import catalogue_pictures
+import catalogue_tables
 from docutils import nodes
 from docutils.utils.math import latex2mathml
 from sphinx.pycode import ModuleAnalyzer
 
 import rverror
-from rverror import docs_pictures, docs_tables
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -71,9 +72,9 @@ def visit_displaymath(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 def catalogue() -> str:
     """The catalogue page with the pictures of every source."""
-    page = docs_tables.catalogue_markdown(lambda entry: raw(docs_pictures.figures(entry)))
+    page = catalogue_tables.catalogue_markdown(lambda entry: raw(catalogue_pictures.figures(entry)))
     head, rest = page.split("\n", 1)
-    return f"{head}\n\n{raw(docs_pictures.symbol())}\n{rest}"
+    return f"{head}\n\n{raw(catalogue_pictures.symbol())}\n{rest}"
 
 
 def raw(html: str) -> str:
@@ -81,26 +82,22 @@ def raw(html: str) -> str:
     return f"```{{raw}} html\n{html}\n```\n"
 
 
-def rooms() -> dict[str, list[str]]:
-    """Modules of each room, from the map on the architecture page."""
-    found: dict[str, list[str]] = {}
-    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    for line in page.partition("<!-- map -->")[2].partition("<!-- end of map -->")[0].splitlines():
-        if line.startswith("### "):
-            modules = found.setdefault(line[4:], [])
-        elif row := re.match(r"\| `(\w+)` \|", line):
-            modules.append(row[1])
-    return found
+def modules() -> list[str]:
+    """Every module by its full name, a room before what is in it."""
+    package = Path(rverror.__file__).parent
+    names = [".".join(path.relative_to(package.parent).with_suffix("").parts) for path in package.rglob("[!_]*.py")]
+    names += [".".join(path.parent.relative_to(package.parent).parts) for path in package.rglob("__init__.py")]
+    return sorted(names)
 
 
 def modules_of(room: str) -> str:
-    """Reference of all modules of a room."""
+    """Reference of a room and of all modules in it."""
     parts = []
-    for name in rooms()[room]:
-        if not name.startswith("__"):
-            members = ", ".join(own_names(f"rverror.{name}"))
+    for name in modules():
+        if f"{name}.".startswith(f"rverror.{room}."):
+            members = ", ".join(own_names(name))
             option = f"\n   :members: {members}" if members else ""
-            parts.append(f"## rverror.{name}\n\n```{{eval-rst}}\n.. automodule:: rverror.{name}{option}\n```\n")
+            parts.append(f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}{option}\n```\n")
     return "\n".join(parts)
 
 
@@ -141,22 +138,25 @@ def public_names() -> str:
     """Table of the names that `import rverror` gives, each with a link and its first sentence."""
     lines = ["| name | |", "| --- | --- |"]
     for name in rverror.__all__:
-        home, sentence = described(name)
-        lines.append(f"| {{py:obj}}`rverror.{name} <{home}.{name}>` | {sentence} |")
+        if name.startswith("__"):
+            continue
+        full, sentence = described(name)
+        lines.append(f"| {{py:obj}}`rverror.{name} <{full}>` | {sentence} |")
     return "\n".join(lines)
 
 
 def described(name: str) -> tuple[str, str]:
-    """Module in which a public name is at home, and the first sentence of what is said of it."""
+    """Full name under which a public name is described, and the first sentence of what is said of it."""
     thing = getattr(rverror, name)
+    if inspect.ismodule(thing):
+        return thing.__name__, (inspect.getdoc(thing) or "").partition("\n")[0].removesuffix(".")
     if inspect.isclass(thing) or inspect.isfunction(thing):
-        text = inspect.getdoc(thing) or ""
-        return thing.__module__, re.split(r"\.(?:\s|$)", text.replace("\n", " "), maxsplit=1)[0].replace("`", "")
-    for path in sorted(Path(rverror.__file__).parent.glob("[!_]*.py")):
-        module = f"rverror.{path.stem}"
+        text = (inspect.getdoc(thing) or "").replace("\n", " ")
+        return f"{thing.__module__}.{name}", re.split(r"\.(?:\s|$)", text, maxsplit=1)[0].replace("`", "")
+    for module in modules():
         said = ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name))
         if said and getattr(importlib.import_module(module), name) is thing:
-            return module, said[0].removesuffix(".")
+            return f"{module}.{name}", said[0].removesuffix(".")
     raise LookupError(f"rverror.{name}: no `#:` comment says what it is")
 
 

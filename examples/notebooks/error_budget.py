@@ -23,9 +23,7 @@
 import numpy as np
 
 import rverror
-from rverror.contact_correction import contact_correction
-from rverror.figure import new_figure
-from rverror.units import ARCSEC
+from rverror import ARCSEC
 
 # %% [markdown]
 # ## The tolerances
@@ -115,12 +113,12 @@ found.plot(kind="envelope").figure
 # %%
 torques = (20, 100, 412)  # N*m; the last one is rated
 loaded = [
-    contact_correction(model, tolerances, stack, found.units, torque=f"{torque} N*m", count=16, points=512)
+    rverror.contact_correction(model, tolerances, stack, found.units, torque=f"{torque} N*m", count=16, points=512)
     for torque in torques
 ]
 
 # %%
-figure, (ax,) = new_figure(width=7.0, height=4.0)
+figure, (ax,) = rverror.new_figure(width=7.0, height=4.0)
 means = [at.peak_to_peak.mean() for at in loaded]
 low, middle, high = (np.array([getattr(m, end) for m in means]) / ARCSEC for end in ("low", "value", "high"))
 ax.plot(torques, np.array([at.peak_to_peak.dear for at in loaded]) / ARCSEC, color="0.7", lw=0.8)

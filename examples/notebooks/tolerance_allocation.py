@@ -26,9 +26,7 @@ from dataclasses import replace
 import numpy as np
 
 import rverror
-from rverror.allocate import FrontPoint, terms
-from rverror.units import ARCSEC
-from rverror.virtual_units import virtual_units
+from rverror import ARCSEC
 
 # %% [markdown]
 # ## Tolerances with a price
@@ -55,7 +53,7 @@ print(f"{'all':46} {sum(item.cost.cost(item.width) for item in tolerances):5.1f}
 theta = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
 stack = rverror.stack(model, tolerances, theta=theta)
 few = {"sample": 2**10, "verify": 2**12}
-found = rverror.allocate(stack, limit="26 arcsec", **few, **terms(tolerances))
+found = rverror.allocate(stack, limit="26 arcsec", **few, **rverror.terms(tolerances))
 found
 
 # %%
@@ -102,8 +100,8 @@ for rate in found.tighten_first:
 # finer pins. On the right it runs out into the base prices.
 
 # %%
-points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few, **terms(tolerances))
-front = sorted((*points, FrontPoint(found.limit, found)), key=lambda point: point.limit)
+points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few, **rverror.terms(tolerances))
+front = sorted((*points, rverror.FrontPoint(found.limit, found)), key=lambda point: point.limit)
 ax = found.plot(kind="front", front=front)
 ax.figure
 
@@ -129,7 +127,7 @@ for here, there in zip(front, [*front[1:], None], strict=True):
 
 # %%
 whole = replace(rverror.stack(model, tolerances), width=np.array(found.widths))
-p99 = virtual_units(whole, 2**13, seed=7).quantile(0.99)
+p99 = rverror.virtual_units(whole, 2**13, seed=7).quantile(0.99)
 print(f"P99 {p99.value / ARCSEC:.2f} arcsec  95 % [{p99.low / ARCSEC:.2f}, {p99.high / ARCSEC:.2f}], limit 26 arcsec")
 
 # %% [markdown]

@@ -32,9 +32,7 @@ from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
 import rverror
-from rverror.bench_draft import draft_mapping
-from rverror.diagnosis import describe
-from rverror.units import ARCSEC
+from rverror import ARCSEC
 
 temporary = TemporaryDirectory()
 folder = Path(temporary.name)
@@ -103,7 +101,7 @@ read("forward.csv")
 
 # %%
 with chdir(folder):
-    print(draft_mapping("forward.csv"))
+    print(rverror.draft_mapping("forward.csv"))
 
 # %% [markdown]
 # Two names and their units, and where the load stands. One sign is still missing here, to see what happens:
@@ -218,11 +216,11 @@ ax.figure
 found = rverror.diagnose(declared, runs)
 print("verdict:", found.verdict)
 for addition in found.added:
-    print(describe(addition.effect.key, addition.effect.indices))
+    print(rverror.describe(addition.effect.key, addition.effect.indices))
     for e in addition.estimates:
         print(f"    {e.name:10} {1e3 * e.value:6.2f} um, 95 % [{1e3 * e.low:.2f}, {1e3 * e.high:.2f}]")
     for other in addition.indistinguishable:
-        print("    or", describe(*other))
+        print("    or", rverror.describe(*other))
 before, after = (residual.heldout_rms / ARCSEC for residual in (found.before, found.after))
 print(f"held-out rms: {before:.2f} arcsec before, {after:.2f} after, noise {found.noise_rms / ARCSEC:.2f}")
 

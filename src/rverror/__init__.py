@@ -1,48 +1,100 @@
 """rverror: the output error of rotary vector (RV) reducers, from part errors to transmission error and back."""
+# ruff: noqa: I001 - the imports stand by doors, in each by rooms
 
-from rverror.allocate import Allocation, allocate, cost_front
-from rverror.batch import diagnose_folder
-from rverror.budget import Budget, budget
-from rverror.budget_report import allocation_json, allocation_text, budget_json, budget_text
-from rverror.catalogue import CATALOGUE
-from rverror.compose import influence, transmission_error, transmission_error_by_effect
-from rverror.diagnose import Diagnosis, diagnose
-from rverror.equilibrium import Equilibrium, Linearisation, equilibrium, linearise
-from rverror.error_budget import ErrorBudget, error_budget
-from rverror.errors import InputError
-from rverror.measurement import Run, load_run, run_from_arrays, write_run
-from rverror.model import Effect, Model, effect
-from rverror.model_file import append_effects, load_model, save_model
-from rverror.reducer import Drive, Reducer, Stiffness, reducer
-from rverror.report import to_json, to_text
-from rverror.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
-from rverror.simulate import simulate, simulate_runs
-from rverror.tables import to_pandas, to_xarray
-from rverror.tolerance import Stack, Tolerance, stack, tolerance
-from rverror.tolerance_file import load_tolerances, save_widths
-from rverror.virtual_units import VirtualUnits, virtual_units
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+# Model and influence: what is declared of a unit, what it does to the output, and how an effect of one's own is added.
+from rverror.base.errors import InputError
+from rverror.base.text import describe
+from rverror.base.units import ARCSEC, to_core, to_display
+from rverror.base.version import __version__
+from rverror.geartrain.action_line import ErrorVector
+from rverror.geartrain.kinematics import folded_order, frame_orders, fundamental_orders
+from rverror.geartrain.mechanism import Drive, Reducer, Stiffness, reducer
+from rverror.geartrain.source import Index, Parameter, Source
+from rverror.model.catalogue import CATALOGUE, extended
+from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
+from rverror.model.effects import Effect, Model, effect
+from rverror.model.model_file import append_effects, load_model, save_model
+from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
+from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
+
+# Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
+from rverror.runs.bench.draft import draft_mapping
+from rverror.runs.bench.mapping import load_mapping
+from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
+from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
+from rverror.diagnosis.loop import Diagnosis, diagnose
+
+# Tolerances: what they make of the error, and which to buy.
+from rverror.tolerances import cost as costs
+from rverror.tolerances import distribution as distributions
+from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
+from rverror.tolerances.assembly import mounting_choices, phasing_gain
+from rverror.tolerances.closed_form import Budget, budget
+from rverror.tolerances.control_variate import ContactCorrection, contact_correction
+from rverror.tolerances.full_budget import ErrorBudget, error_budget
+from rverror.tolerances.sampling import VirtualUnits, virtual_units
+from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
+from rverror.tolerances.tolerance_file import load_tolerances, save_widths
+
+# Pictures and tables: any result as text, JSON, page, table or plot.
+from rverror.base import viewed as _viewed
+from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
+from rverror.views.envelope import input_files
+from rverror.views.report import to_html, to_json, to_text
+from rverror.views.tables import to_pandas, to_xarray
+
+# Loaded when they are first asked for: plots, reference cases for other tools, folders of many units.
+if TYPE_CHECKING:
+    from rverror.app.batch import diagnose_folder
+    from rverror.reference.cases import read_case
+    from rverror.reference.comparison import Comparison, compare
+    from rverror.views.plots.drawing import draw, order_map
+    from rverror.views.plots.figure import line_style, new_figure
+
+_LATER = {
+    "Comparison": "reference.comparison",
+    "compare": "reference.comparison",
+    "diagnose_folder": "app.batch",
+    "draw": "views.plots.drawing",
+    "line_style": "views.plots.figure",
+    "new_figure": "views.plots.figure",
+    "order_map": "views.plots.drawing",
+    "read_case": "reference.cases",
+}
 
 __all__ = [
+    "ARCSEC",
     "CATALOGUE",
     "Allocation",
     "Budget",
+    "Comparison",
+    "ContactCorrection",
     "Diagnosis",
     "Drive",
     "Effect",
     "Equilibrium",
     "ErrorBudget",
+    "ErrorVector",
+    "FrontPoint",
+    "Index",
+    "Influence",
     "InputError",
     "Linearisation",
     "Model",
+    "NotConvergedError",
+    "Parameter",
     "Reducer",
     "Run",
+    "Source",
     "Stack",
     "Stiffness",
     "Tolerance",
     "TorsionCurve",
     "VirtualUnits",
+    "__version__",
     "allocate",
     "allocation_json",
     "allocation_text",
@@ -51,18 +103,38 @@ __all__ = [
     "budget",
     "budget_json",
     "budget_text",
+    "coloured_noise",
+    "compare",
+    "contact_correction",
     "cost_front",
+    "costs",
+    "describe",
     "diagnose",
     "diagnose_folder",
+    "distributions",
+    "draft_mapping",
+    "draw",
     "effect",
     "equilibrium",
     "error_budget",
+    "extended",
+    "folded_order",
+    "frame_orders",
+    "fundamental_orders",
     "influence",
+    "input_files",
+    "line_style",
     "linearise",
+    "load_mapping",
     "load_model",
     "load_run",
     "load_tolerances",
     "lost_motion",
+    "mounting_choices",
+    "new_figure",
+    "order_map",
+    "phasing_gain",
+    "read_case",
     "reducer",
     "run_from_arrays",
     "save_model",
@@ -70,6 +142,10 @@ __all__ = [
     "simulate",
     "simulate_runs",
     "stack",
+    "terms",
+    "to_core",
+    "to_display",
+    "to_html",
     "to_json",
     "to_pandas",
     "to_text",
@@ -82,3 +158,25 @@ __all__ = [
     "virtual_units",
     "write_run",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+@_viewed.picture_of.register
+def _picture_of(thing: _viewed.Viewed, **options: Any) -> Any:
+    return __getattr__("draw")(thing, **options)
+
+
+@_viewed.page_of.register
+def _page_of(thing: _viewed.Viewed) -> str:
+    from rverror.views.notebook import page
+
+    return page(thing)

@@ -2,6 +2,6 @@
 
 import sys
 
-from rverror.cli import main
+from rverror.app.command_line import main
 
 sys.exit(main())

@@ -1,0 +1,356 @@
+"""Pages of the documentation that are written from the code: the catalogue, and the frames and orders of a reducer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from rverror.base.units import DISPLAY_UNITS, to_display
+from rverror.geartrain.action_line import CONTACT_AXES
+from rverror.geartrain.contacts import closed_form_forces, pose
+from rverror.geartrain.kinematics import frame_orders, fundamental_orders, samples_needed
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, reducer
+from rverror.geartrain.source import Index, IndexValue, Parameter, Source
+from rverror.model.catalogue import CATALOGUE
+from rverror.model.compose import source_matrix
+
+#: What a waveform leaves in a record of the transmission error.
+NOTHING = "nothing"
+CONSTANT = "constant"
+LOST_MOTION = "lost motion"
+WAVE = "wave"
+
+_WHY = {
+    "involute.center_distance": "turns with the carrier, as the line of action does",
+    "involute.sun_eccentricity": "a floating sun between evenly spaced planets gives way",
+    "involute.sun_offset": "the sun floats",
+    "involute.sun_pitch": "the meshes cancel what is no multiple of the number of planets",
+    "involute.tooth_thinning": "sets the place of the loaded flank only; which gear lost the tooth is never visible",
+    "involute.spline_clearance": "sets the place of the loaded flank only",
+    "crank.index": "the crank stays turned by it",
+    "cycloid.pin_circle": "evenly spaced discs cancel harmonics that are no multiple of their number",
+    "coupling.carrier_bore_position": "turns with the carrier, as the force on the bore does",
+    "coupling.bearing_clearance": "the force on a bore is constant in the carrier, and so is its journal's place",
+    "coupling.carrier_runout": "the forces on all bores cancel",
+    "thermal.growth": "changes play alone; the same rise of all parts leaves nothing",
+    "load.torsion": "constant at constant torque",
+    "sensor.time_offset": "at constant speed the reading lags by a constant angle, each way",
+}
+
+
+#: What `Source.frame` says of what is fixed in no part.
+_FIXED = {
+    "direction": "no part, changes with the direction of motion",
+    "bearing": "no part, turns with the load on the bearing",
+}
+
+#: Error vector of each source, per parameters as `Source.parameters` has them; symbols as `_SOURCES_HEAD` says.
+_EQUATION = {
+    "involute.center_distance": r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
+    "involute.sun_eccentricity": r"$\delta = C(R\theta)\,(x, y)$",
+    "involute.sun_offset": r"$\delta = (x, y)$",
+    "involute.planet_eccentricity": r"$\delta = -C(\nu\theta)\,(x, y)$",
+    "involute.sun_pitch": r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j - R\theta$",
+    "involute.planet_pitch": r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
+    "involute.tooth_thinning": r"$\delta = \mp\tfrac{1}{2} e\, t_j$",
+    "involute.spline_clearance": r"$\delta = \pm e / (2 r_s)$, an angle",
+    "crank.eccentricity": r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
+    "crank.bearing_clearance": r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
+    "crank.index": r"$\delta = e$, an angle",
+    "cycloid.disc_profile": r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
+    "cycloid.disc_pitch": r"$\delta = -(c\cos h\psi_i + s\sin h\psi_i)\, \tau_i$",
+    "cycloid.disc_lobe": (
+        r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$"
+    ),
+    "cycloid.pin_position": r"$\delta = e_r\, p_i + e_t\, p_i^\perp$",
+    "cycloid.pin_circle": (
+        r"$\delta = (c_r\cos h\gamma_i + s_r\sin h\gamma_i)\, p_i "
+        r"+ (c_t\cos h\gamma_i + s_t\sin h\gamma_i)\, p_i^\perp$"
+    ),
+    "cycloid.pin_radius": r"$\delta = e\, n_i$",
+    "cycloid.profile_modification": r"$\delta = -\Delta_e\, n_i + \Delta_s\, (n_i \cdot p_i)\, n_i$",
+    "cycloid.disc_bore_position": r"$\delta = e_r\, r_j + e_t\, t_j$",
+    "coupling.carrier_bore_position": r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
+    "coupling.bearing_clearance": r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
+    "coupling.carrier_runout": r"$\delta = -C(\theta)\,(x, y)$",
+    "thermal.growth": (
+        r"with $\eta = \alpha\,\Delta T$ of each part and $q_i = R_p\, p_i + r_p\, n_i$: "
+        r"pin $\eta_{housing}\, q_i - \eta_{discs}\, (q_i - a\,\epsilon_k)$, "
+        r"cam $\eta_{discs}\, r_6\, r_j - \eta_{cranks}\, a\,\epsilon_k$, "
+        r"carrier $-\eta_{carrier}\, r_6\, r_j$, mesh $\eta_{gears}\, r_6\, r_j$"
+    ),
+    "load.torsion": r"$\delta = \mp e\, T$",
+    "sensor.encoder_eccentricity": r"$\delta = c\cos\theta + s\sin\theta$",
+    "sensor.encoder_ellipticity": r"$\delta = c\cos 2\theta + s\sin 2\theta$",
+    "sensor.input_coupling": r"$\delta = (c\cos hR\theta + s\sin hR\theta)/R$",
+    "sensor.index_offset": r"none of its own: all other gear errors are taken at $\theta + e$",
+    "sensor.ratio_error": r"$\delta = e\,\theta$",
+    "sensor.drift": r"$\delta = e\,(t - t_0)/(t_1 - t_0)$ over the time $t$ of a run",
+    "sensor.time_offset": r"$\delta = e\,\dot\theta$",
+    "shaft.eccentricity": r"$\delta = c\cos ho\theta + s\sin ho\theta$, the shaft turning $o$ times a turn",
+    "empirical.order": r"$\delta = c\cos ho\theta + s\sin ho\theta$, $o$ the order of the frame",
+}
+
+
+class Closed:
+    """Closed-form motion and forces of a mechanism over one turn forward and one in reverse, made once."""
+
+    def __init__(self, mechanism: Reducer | Drive, samples: int) -> None:
+        """Pose the mechanism at `samples` angles and share the load out."""
+        theta = 2 * np.pi * np.arange(samples) / samples
+        senses = ((theta, 1), (theta[::-1], -1))
+        motions = [pose(mechanism, angle, direction=d, time=theta, torque=1.0) for angle, d in senses]
+        self._runs = [(motion, closed_form_forces(motion)) for motion in motions]
+        # an influence of a thousandth of 1/r6 or of an angle is rounding where a column's own scale is 0
+        self._least = 1e-3 / mechanism.crank_radius if isinstance(mechanism, Reducer) else 1e-3
+
+    def visibility(self, entry: Source, indices: Mapping[str, IndexValue]) -> dict[str, str]:
+        """What each parameter of a source leaves in a record over one output turn.
+
+        Parameters
+        ----------
+        entry : Source
+        indices : mapping
+            Indices of the source.
+
+        Returns
+        -------
+        dict
+            For each parameter `NOTHING` at all; a `CONSTANT`, the same in both directions, which goes with the
+            record's offset; `LOST_MOTION`, a constant that differs between the directions, visible only where forward
+            and reverse runs share their zero; or a `WAVE`.
+        """
+        forward, reverse = (source_matrix(motion, forces, entry.key, indices) for motion, forces in self._runs)
+        rounding = 1e-9 * max(float(np.abs(forward).max()), float(np.abs(reverse).max()), self._least)
+        found = {}
+        for parameter, f, r in zip(entry.parameters, forward, reverse, strict=True):
+            if max(np.abs(f).max(), np.abs(r).max()) < rounding:
+                found[parameter.name] = NOTHING
+            elif max(np.ptp(f), np.ptp(r)) > rounding:
+                found[parameter.name] = WAVE
+            else:
+                found[parameter.name] = LOST_MOTION if abs(f.mean() - r.mean()) > rounding else CONSTANT
+        return found
+
+
+def example_drive() -> Drive:
+    """A drive of 14 to 1, for sources that act in no reducer."""
+    return Drive(ratio=14.0, shafts={"motor": 14.0})
+
+
+def mechanism_for(entry: Source) -> Mechanism:
+    """Mechanism in which a source is shown: an RV-40E where it acts there, else `example_drive`.
+
+    Parameters
+    ----------
+    entry : Source
+
+    Returns
+    -------
+    Reducer or Drive
+    """
+    unit = reducer("RV-40E")
+    return unit if entry.applies_to(unit) else example_drive()
+
+
+def catalogue_markdown(more: Callable[[Source], str] | None = None) -> str:
+    """Text of the page ``docs/catalogue.md``, from the registry and the closed form of an RV-40E.
+
+    Parameters
+    ----------
+    more : callable, optional
+        What else stands below each source, Markdown: pictures, where a page can show them.
+
+    Returns
+    -------
+    str
+        Markdown, one line break at the end.
+    """
+    unit = reducer("RV-40E")
+    closed = Closed(unit, samples_needed(unit))
+    left = {entry.key: _left(closed, unit, entry) if entry.applies_to(unit) else "" for entry in CATALOGUE.values()}
+    lines = [_CATALOGUE_HEAD, _line("key", "what", "fixed in", "leading orders"), _line(*["---"] * 4)]
+    lines += [
+        _line(f"`{entry.key}`", entry.summary, entry.frame, _leading_orders(entry)) for entry in CATALOGUE.values()
+    ]
+    lines += ["", _SOURCES_HEAD]
+    for entry in CATALOGUE.values():
+        lines += [_section(entry, left[entry.key]), *([more(entry), ""] if more else [])]
+    lines += [_INVISIBLE_HEAD, _line("key", "parameters and what they leave", "why"), _line(*["---"] * 3)]
+    lines += [_line(f"`{key}`", text, _WHY.get(key, "-")) for key, text in left.items() if text]
+    return "\n".join([*lines, "", _CATALOGUE_TAIL])
+
+
+def frames_markdown(unit: Reducer) -> str:
+    """Table of the turns of every part of a reducer and the orders of what is fixed in it.
+
+    Parameters
+    ----------
+    unit : Reducer
+
+    Returns
+    -------
+    str
+        Markdown table, one line break at the end.
+    """
+    turns, orders = frame_orders(unit), fundamental_orders(unit)
+    lines = [_line("part", "turns in the housing", "turns in the carrier", "order of an error fixed in it")]
+    lines.append(_line(*["---"] * 4))
+    lines += [
+        _line(part, f"{turn:+g}", f"{turn - turns['carrier']:+g}", f"{orders[part]:g} h")
+        for part, turn in turns.items()
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _section(entry: Source, left: str) -> str:
+    """One source in full, as a heading, a sentence and a list."""
+    felt = "; ".join(CONTACT_AXES[contact].partition(":")[0] for contact in _contacts(entry))
+    lines = [
+        f"### `{entry.key}`",
+        "",
+        entry.summary[0].upper() + entry.summary[1:] + ".",
+        "",
+        f"- Error vector: {_EQUATION[entry.key]}.",
+        f"- Felt at: {felt}. Fixed in: {_FIXED.get(entry.frame, entry.frame)}.",
+        f"- Parameters: {_parameters(entry.parameters)}.",
+    ]
+    if entry.indices:
+        lines.append("- Indices: " + ", ".join(f"`{index.name}`" for index in entry.indices) + ".")
+    orders = _leading_orders(entry)
+    lines.append(f"- Leading orders: {'none' if orders == '-' else orders.replace(' ...', ' and more')}.")
+    if left:
+        lines.append(f"- Leaves no wave: {left}.")
+    lines.append(f"- Reference: {entry.reference}. Function: `{entry.vector.__module__}.{entry.vector.__name__}`.")
+    return "\n".join([*lines, ""])
+
+
+def shown_indices(entry: Source) -> dict[str, IndexValue]:
+    """Index values with which a source is shown: of those that diagnosis tries the first of the lowest order.
+
+    Parameters
+    ----------
+    entry : Source
+
+    Returns
+    -------
+    dict
+    """
+    mechanism = mechanism_for(entry)
+    return min(entry.candidates(mechanism), key=lambda indices: min(entry.orders(mechanism, indices), default=np.inf))
+
+
+def _contacts(entry: Source) -> tuple[str, ...]:
+    """Contacts at which a source has a vector."""
+    motion = pose(mechanism_for(entry), [0.0, 0.1], time=[0.0, 1.0], torque=1.0)
+    vector = entry.vector(motion, **shown_indices(entry))
+    parts = vector if isinstance(vector, tuple) else (vector,)
+    return tuple(dict.fromkeys(part.contact for part in parts))
+
+
+def _parameters(parameters: Sequence[Parameter]) -> str:
+    """Names and dimension, and the largest size that is plausible, in the unit in which people read it."""
+    names, first = ", ".join(f"`{p.name}`" for p in parameters), parameters[0]
+    size = f"{to_display(first.plausible, first.dimension):g} {DISPLAY_UNITS[first.dimension]}"
+    bounds = f"from 0, plausible up to {size}" if first.least == 0 else f"plausible up to {size}"
+    return f"{names} ({first.dimension.replace('_', ' ')}, {bounds})"
+
+
+def _leading_orders(entry: Source) -> str:
+    """The first leading orders over the index sets that diagnosis tries."""
+    unit = mechanism_for(entry)
+    if isinstance(unit, Drive):
+        return "h times the shaft's turns"
+    found: dict[float, None] = {}
+    for indices in entry.candidates(unit):
+        found.update(dict.fromkeys(entry.orders(unit, indices)))
+    first = [f"{order:g}" for order in sorted(found)]
+    return ", ".join(first[:4]) + (" ..." if len(first) > 4 else "") or "-"
+
+
+def _left(closed: Closed, unit: Reducer, entry: Source) -> str:
+    """Parameters that leave no wave, grouped by what they leave and by the index sets for which they do."""
+    candidates = list(entry.candidates(unit))
+    try:
+        by_set = [closed.visibility(entry, indices) for indices in candidates]
+    except ValueError:  # not in the closed form
+        return ""
+    parts = []
+    for parameter in entry.parameters:
+        kinds = [found[parameter.name] for found in by_set]
+        for kind in sorted(set(kinds) - {WAVE}):
+            which = [indices for indices, k in zip(candidates, kinds, strict=True) if k == kind]
+            parts.append((f"{kind}{_where(entry.indices, which, candidates)}", parameter.name))
+    texts = dict.fromkeys(text for text, _ in parts)
+    return "; ".join(", ".join(f"`{name}`" for t, name in parts if t == text) + f": {text}" for text in texts)
+
+
+def _where(
+    indices: Sequence[Index], which: Sequence[Mapping[str, IndexValue]], of: Sequence[Mapping[str, IndexValue]]
+) -> str:
+    """Index values that tell the chosen sets from the rest; empty where all are chosen."""
+    if len(which) == len(of):
+        return ""
+    words = []
+    for index in indices:
+        chosen, every = ({str(s[index.name]): None for s in sets} for sets in (which, of))
+        if len(chosen) < len(every):
+            words.append(f"{index.name} {', '.join(chosen)}")
+    return f" ({'; '.join(words)})"
+
+
+def _line(*cells: str) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+_CATALOGUE_HEAD = """# Catalogue of error sources
+
+Every source that rverror knows, written from the registry (`python docs/_ext/catalogue_tables.py`); a test compares
+the two. Orders are per output turn of an RV-40E with two discs, the first few of those that diagnosis tries; "-" where
+the closed form holds no order: a constant, or nothing. h is the harmonic. Directions, frames and signs:
+[conventions](conventions.md). How a source turns into output error: [the principle](theory/principle.md). The texts
+that references name by number: [bibliography](bibliography.md).
+"""
+
+_SOURCES_HEAD = r"""## Each source
+
+The output error is $\Delta\Theta = \sum \lambda\, n \cdot \delta$ over the contacts at which a source is felt: its
+error vector $\delta$, displacement of the driving less that of the driven surface, times the force $\lambda n$ that the
+contact carries per unit of output torque ([the principle](theory/principle.md)). Angles at the spline and at the output
+take the place of vectors there. In the formulas:
+
+- $p_i$, $r_j$, $\epsilon_k$: unit vectors from the housing's centre to pin $i$ and to crank $j$, and along the
+  eccentric direction of disc $k$; $\perp$ turns one by a quarter turn counter-clockwise, and $t_j = r_j^\perp$.
+- $n_i$: from pin $i$ into the disc along the contact normal; $\tau_i$: the tangent at that contact about the disc's
+  centre, at the angle $\psi_i$ in the disc's frame; $\psi_l$ the crest of lobe $l$.
+- $\gamma_i$, $\beta_j$: angles of pin $i$ and crank $j$ in the housing; $\nu = -z_c/(z_p - z_c)$: turns of the cranks;
+  $C(x)$: a turn by $x$.
+- $e$ or what stands in its place: the parameters, in the order in which they are listed; $c$ and $s$ those of a cosine
+  and a sine, $h$ the harmonic.
+- Upper signs: forward, or the flank that carries forward; lower signs: reverse. Clearances take the $\lambda$ of the
+  bearings as positive.
+"""
+
+_INVISIBLE_HEAD = """## What a record of the transmission error does not show
+
+A record has no zero of its own, so a constant goes with its offset. A constant that differs between the directions is
+lost motion: it shows only where forward and reverse runs share one zero (`# index:` in the run files). Under the closed
+form (rigid bearings, equal stiffness, all loaded pins in contact):
+"""
+
+_CATALOGUE_TAIL = """Further, among the sources that do leave waves:
+
+- Equal errors of two discs, equally oriented, cancel their odd harmonics: disc profile, disc pitch, disc bores.
+- Two discs in antiphase cancel the odd multiples of the housing's order that they share: of a pin's 39, 78, 117 only 78
+  stays.
+- Tangential errors that are alike at all cams, or at all bores of the discs, are constants.
+- Which of several equal cranks or discs carries an error cannot be told from linear waveforms; contact at light load
+  may break the tie.
+- A pin or flank that is drawn back only unloads itself. Under the closed form it still carries its share; in a real
+  unit its neighbours take over, so it leaves less than the wave, and no more as it is drawn back further.
+"""
+
+
+if __name__ == "__main__":
+    print(catalogue_markdown(), end="")

@@ -1,0 +1,420 @@
+"""Many units at once: a folder of them diagnosed through any executor, resumed where it was left."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
+from rverror.base.version import __version__
+from rverror.diagnosis.loop import diagnose
+from rverror.model.model_file import load_model
+from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.mapping import load_mapping
+from rverror.runs.measurement import load_run
+from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.envelope import input_files
+from rverror.views.report import to_json
+
+MODEL = "model.toml"
+SUMMARY = "summary.csv"
+COLUMNS = (
+    "unit",
+    "state",
+    "verdict",
+    "keys",
+    "heldout_rms_before",
+    "heldout_rms_after",
+    "rms_unit",
+    "seconds",
+    "error",
+)
+
+#: What the BLAS libraries read when numpy is imported: workers that each take all cores slow one another down.
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_MOST_WORKERS = 61  # a limit of Windows
+#: An interrupt is for the parent, which then ends the workers; they would each print a traceback.
+_LEAVE_INTERRUPT = (signal.SIGINT, signal.SIG_IGN)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class UnitOutcome:
+    """What became of one unit.
+
+    Attributes
+    ----------
+    unit : str
+        Name of its folder.
+    state : str
+        ``diagnosed`` now, ``kept`` from an earlier call with the same inputs and version, or ``failed``.
+    verdict : str
+        As in `Diagnosis`; empty where it failed.
+    keys : tuple of str
+        Catalogue keys of what was added.
+    before, after : float or None
+        Held-out rms of the declared model as printed and with what was added, in `rms_unit`.
+    rms_unit : str
+        ``arcsec``, or ``N*m`` for a torque ripple.
+    seconds : float or None
+        Time in the worker; None where the result was kept.
+    error : str
+        One line where it failed, else empty.
+    replaced : str
+        Why an earlier result was replaced; empty where there was none.
+    """
+
+    unit: str
+    state: str
+    verdict: str = ""
+    keys: tuple[str, ...] = ()
+    before: float | None = None
+    after: float | None = None
+    rms_unit: str = ""
+    seconds: float | None = None
+    error: str = ""
+    replaced: str = ""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Result of `diagnose_folder`.
+
+    Attributes
+    ----------
+    outcomes : tuple of UnitOutcome
+        In the order of the names.
+    notes : tuple of str
+        Folders with runs that were no units.
+    """
+
+    outcomes: tuple[UnitOutcome, ...]
+    notes: tuple[str, ...] = ()
+
+    def of(self, state: str) -> tuple[UnitOutcome, ...]:
+        """Outcomes of that state: ``diagnosed``, ``kept`` or ``failed``."""
+        return tuple(outcome for outcome in self.outcomes if outcome.state == state)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A folder with a model and its runs, the mapping by which they are read, and where its result goes."""
+
+    name: str
+    model: str
+    runs: tuple[str, ...]
+    result: Path
+    mapping: str | None
+
+    @property
+    def inputs(self) -> list[str]:
+        """Files of which the result is made."""
+        return [self.model, *self.runs] + ([] if self.mapping is None else [self.mapping])
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What a worker sends back: the content of the result or one line of error."""
+
+    data: dict[str, Any] | None
+    error: str
+    seconds: float
+
+
+def diagnose_folder(
+    folder: PathLike,
+    *,
+    out: PathLike,
+    mapping: PathLike | None = None,
+    executor: Executor | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Batch:
+    """Diagnose every unit of a folder, except those whose result is there already.
+
+    A unit is a subfolder with ``model.toml`` and one or more ``*.csv`` runs; with a mapping, runs of any format that
+    `load_run` reads, by the ending of their name.  Its result is ``OUT/<unit>.json``, as
+    ``rverror diagnose --json`` writes it, on disk as soon as the unit is done; ``OUT/summary.csv`` lists all units.
+    A unit that cannot be diagnosed does not stop the others.
+
+    Parameters
+    ----------
+    folder : str or path-like
+    out : str or path-like
+        Folder of the results; made where missing.
+    mapping : str or path-like, optional
+        How the bench names its columns, for all units.
+    executor : concurrent.futures.Executor, optional
+        Where the work is done; it stays open.  Its workers read the files of `folder` themselves, under its absolute
+        path.  Left out, one process for each core of this machine, with one BLAS thread each.
+    jobs : int, optional
+        Number of processes where no executor is given.
+    progress : callable, optional
+        Called with a line of text as units are done.
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    InputError
+        If the folder holds no unit, the mapping cannot be used, or the results cannot be written; what is wrong with
+        one unit is in its outcome.
+
+    Notes
+    -----
+    A result is kept if names and SHA-256 of its model, runs and mapping and the version of rverror are those that it
+    states.  One of other inputs is replaced; `UnitOutcome.replaced` and `progress` say so.
+
+    The processes start afresh and import the script that called: a script needs ``if __name__ == "__main__":``.
+    """
+    tell = progress or (lambda text: None)
+    if jobs is not None and jobs < 1:
+        raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
+    root = Path(folder) if executor is None else Path(folder).absolute()  # workers elsewhere have another folder
+    target = Path(out)
+    units, notes = _units(root, target, _mapping(mapping, executor))
+    _make_output(target, units)
+    for note in notes:
+        tell(note)
+
+    outcomes: dict[str, UnitOutcome] = {}
+    waiting: dict[str, str] = {}  # why an earlier result is not kept, by unit
+    for unit in units:
+        earlier = _earlier(unit)
+        if isinstance(earlier, UnitOutcome):
+            outcomes[unit.name] = earlier
+        else:
+            waiting[unit.name] = earlier
+    todo = [unit for unit in units if unit.name in waiting]
+    if outcomes:
+        tell(f"{len(outcomes)} of {len(units)} units: results of the same inputs and version are there and kept")
+    if todo and executor is not None:
+        _work(executor, todo, waiting, outcomes, tell)
+    elif todo:
+        with _processes(min(jobs or _cores(), len(todo), _MOST_WORKERS)) as pool:
+            _work(pool, todo, waiting, outcomes, tell)
+
+    batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
+    write_text(target / SUMMARY, _summary(batch), overwrite=True)
+    return batch
+
+
+def _mapping(path: PathLike | None, executor: Executor | None) -> str | None:
+    """Mapping file for the workers, read once here so that what is wrong with it is said at once."""
+    if path is None:
+        return None
+    if Path(path).name == MODEL:
+        raise InputError(f"{path}: this is the name of a unit's model; give the mapping another")
+    load_mapping(path)
+    return os.fspath(path) if executor is None else str(Path(path).absolute())
+
+
+def _units(root: Path, out: Path, mapping: str | None) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
+    """Units of a folder in the order of their names, and a note for each subfolder with runs but no model."""
+    suffixes = ".csv" if mapping is None else RUN_SUFFIXES
+    try:
+        folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
+        found, notes = [], []
+        for path in folders:
+            names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
+            runs = tuple(str(path / name) for name in names if name.lower().endswith(suffixes))
+            if MODEL in names:
+                found.append(_Unit(_printable(path.name), str(path / MODEL), runs, out / f"{path.name}.json", mapping))
+            elif runs and path.resolve() != out.resolve():
+                notes.append(f"{_printable(path.name)}: left out, for it holds runs but no {MODEL}")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+    if not found:
+        raise InputError(f"{root}: no subfolder holds a {MODEL}; give a folder with one subfolder for each unit")
+    return tuple(found), tuple(notes)
+
+
+def _printable(name: str) -> str:
+    return name if is_printable(name) else ascii(name)
+
+
+def _make_output(out: Path, units: Sequence[_Unit]) -> None:
+    """Make the folder of the results, once it is sure that nothing in it would be lost or taken for a run."""
+    place = out.resolve()
+    for unit in units:
+        inside = Path(unit.model).resolve().parent
+        if inside == place or inside in place.parents:
+            raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{out}: cannot make the folder ({reason}); choose another") from error
+    if not os.access(out, os.W_OK):
+        raise InputError(f"{out}: no permission to write in it; choose another folder")
+    summary = out / SUMMARY
+    if os.path.lexists(summary) and not read_text(summary).startswith(f"{COLUMNS[0]},{COLUMNS[1]},"):
+        raise InputError(f"{summary}: this is no summary of a batch; rename it or choose another folder")
+
+
+def _earlier(unit: _Unit) -> UnitOutcome | str:
+    """Outcome of an earlier result with the same inputs and version, else why it is not kept (empty: there is none)."""
+    if not os.path.lexists(unit.result):
+        return ""
+    try:
+        data = json.loads(read_text(unit.result))
+        version, files = data["version"], {Path(f["path"]).name: f["sha256"] for f in data["files"]}
+        outcome = replace(_outcome(unit, data), state="kept")
+    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return "the file was no result of a diagnosis"
+    if version != __version__:
+        return f"it was made by version {version}"
+    try:
+        now = {Path(f.path).name: f.sha256 for f in input_files(unit.inputs)}
+    except InputError:
+        return "its inputs cannot be read any more"  # the worker says which
+    return outcome if files == now else "its inputs have changed"
+
+
+def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
+    """Outcome from the content of a result."""
+    sizes = [data[part][f"heldout_rms_{data['suffix']}"] for part in ("before", "after")]
+    before, after = (None if size is None else float(size) for size in sizes)
+    keys = tuple(str(addition["key"]) for addition in data["added"])
+    return UnitOutcome(unit.name, "diagnosed", str(data["verdict"]), keys, before, after, str(data["unit"]))
+
+
+def _diagnose_unit(model_path: str, run_paths: Sequence[str], mapping_path: str | None) -> _Answer:
+    """Work of one task; never raises, since not every exception survives the way back from another process."""
+    start = time.perf_counter()
+    data, error = None, ""
+    try:
+        if not run_paths:
+            raise InputError(f"{Path(model_path).parent}: no run beside the model; add one or more *.csv")
+        inputs = [model_path, *run_paths] + ([] if mapping_path is None else [mapping_path])
+        for path in inputs:
+            check_name(path)
+        # Hashed before they are read: a file that changes meanwhile leaves a hash that no longer fits, and is redone.
+        files = input_files(inputs)
+        model = load_model(model_path)
+        mapping = None if mapping_path is None else load_mapping(mapping_path)
+        data = to_json(diagnose(model, [load_run(path, model, mapping) for path in run_paths]), files=files)
+    except (InputError, NotConvergedError) as problem:
+        error = str(problem)
+    except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along
+        error = f"{Path(model_path).parent}: {type(problem).__name__}: {problem}; report it with the files of the unit"
+    return _Answer(data, " ".join(error.split()), time.perf_counter() - start)
+
+
+def _work(
+    executor: Executor,
+    units: Sequence[_Unit],
+    waiting: Mapping[str, str],
+    outcomes: dict[str, UnitOutcome],
+    tell: Progress,
+) -> None:
+    """Diagnose units and write each result as it comes, so that an interrupted batch loses only what was under way."""
+    pending: dict[Future[_Answer], _Unit] = {}
+    total = len(units)
+    done = 0
+    try:
+        for unit in units:
+            try:
+                pending[executor.submit(_diagnose_unit, unit.model, unit.runs, unit.mapping)] = unit
+            except BrokenExecutor as problem:
+                outcomes[unit.name] = _failed(unit, _lost(problem), None, waiting[unit.name])
+        for future in as_completed(pending):
+            unit = pending[future]
+            done += 1
+            outcomes[unit.name] = outcome = _finish(unit, future, waiting[unit.name])
+            tell(f"{done} of {total} units: {told(outcome)}")
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _finish(unit: _Unit, future: Future[_Answer], why: str) -> UnitOutcome:
+    """Write the result of a unit."""
+    try:
+        answer = future.result()
+    except Exception as problem:  # of the executor: a worker killed, a cluster gone, a version that differs there
+        return _failed(unit, _lost(problem), None, why)
+    if answer.data is None:
+        return _failed(unit, answer.error, answer.seconds, why)
+    try:
+        write_text(unit.result, json.dumps(answer.data, indent=1) + "\n", overwrite=bool(why))
+    except InputError as problem:
+        return _failed(unit, str(problem), answer.seconds, why)
+    return replace(_outcome(unit, answer.data), seconds=answer.seconds, replaced=why)
+
+
+def _failed(unit: _Unit, error: str, seconds: float | None, why: str) -> UnitOutcome:
+    if why:
+        error += f" (the earlier {unit.result.name} still stands, but {why})"
+    return UnitOutcome(unit.name, "failed", seconds=seconds, error=error)
+
+
+def _lost(problem: Exception) -> str:
+    kind = f"{type(problem).__name__}: {problem}".rstrip(": .")
+    remedy = 'start again, with fewer jobs if memory ran out; a script needs an `if __name__ == "__main__":`'
+    return " ".join(f"the worker was lost ({kind}); {remedy}".split())
+
+
+def told(outcome: UnitOutcome) -> str:
+    """Outcome in one line."""
+    if outcome.state == "failed":
+        return f"{outcome.unit}: failed: {outcome.error}"
+    parts = [outcome.verdict.replace("_", " ")]
+    if outcome.keys:
+        parts.append(", ".join(outcome.keys))
+    if outcome.before is not None and outcome.after is not None:
+        parts.append(f"held-out rms {outcome.before:.3g} -> {outcome.after:.3g} {outcome.rms_unit}")
+    parts.append("kept" if outcome.seconds is None else f"{outcome.seconds:.1f} s")
+    if outcome.replaced:
+        parts.append(f"replaces an earlier result, since {outcome.replaced}")
+    return f"{outcome.unit}: {'; '.join(parts)}"
+
+
+def _summary(batch: Batch) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for o in batch.outcomes:
+        seconds = "" if o.seconds is None else f"{o.seconds:.2f}"
+        sizes = ["" if size is None else f"{size:g}" for size in (o.before, o.after)]
+        writer.writerow([o.unit, o.state, o.verdict, "; ".join(o.keys), *sizes, o.rms_unit, seconds, o.error])
+    return text.getvalue()
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Executor]:
+    """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=signal.signal, initargs=_LEAVE_INTERRUPT)
+    try:
+        os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # workers start while tasks are handed in
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

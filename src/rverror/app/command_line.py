@@ -1,0 +1,385 @@
+"""Command line: exit 0 done, 2 bad input with one line that names what, where and the remedy."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rverror.app import read_command, reference_commands, tolerance_commands
+from rverror.app.batch import SUMMARY, diagnose_folder, told
+from rverror.app.terminal import (
+    Progress,
+    check_output,
+    check_outputs,
+    given_twice,
+    make_folder,
+    quantity,
+    say_replaced,
+    tell,
+    write_json,
+    write_output,
+)
+from rverror.base import units
+from rverror.base.errors import InputError
+from rverror.base.text import check_name
+from rverror.base.version import __version__
+from rverror.diagnosis.loop import Diagnosis, diagnose
+from rverror.geartrain.mechanism import reducer
+from rverror.geartrain.source import Source
+from rverror.model.catalogue import CATALOGUE, source
+from rverror.model.effects import Effect, Model
+from rverror.model.model_file import append_effects, load_model
+from rverror.runs.measurement import Run, load_run, run_text, write_run
+from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
+from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.envelope import InputFile, input_files
+from rverror.views.report import to_html, to_json, to_text
+
+_DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {' '.join(message.split())}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; those of the process where left out.
+
+    Returns
+    -------
+    int
+        0 done, 2 bad input, 130 interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except (InputError, NotConvergedError) as problem:
+        print(f"rverror: error: {' '.join(str(problem).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("rverror: interrupted; nothing half-written was left", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        _silence_output()
+    except OSError as problem:
+        _silence_output()
+        print(f"rverror: error: standard output: {problem.strerror}; free the disk or write a file", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _silence_output() -> None:
+    """Let the interpreter's last flush of an output that takes no more go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="rverror", description="Output error of RV reducers: from part errors, and back to the cause."
+    )
+    parser.add_argument("--version", action="version", version=f"rverror {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("simulate", help="compute a run from a model file")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
+    command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
+    command.add_argument("--torque", action="append", metavar='"20 N*m"', help="output torque; may be given again")
+    command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
+    command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
+    command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
+    command.add_argument(
+        "--noise-correlation",
+        metavar='"2 deg"',
+        help="output angle over which the noise is correlated (default: white)",
+    )
+    command.add_argument("--input-counts", type=int, metavar="N", help="counts per turn of the input encoder")
+    command.add_argument("--output-counts", type=int, metavar="N", help="counts per turn of the output encoder")
+    command.add_argument("--seed", type=int, metavar="N", help=f"of the noise (default {DEFAULT_SEED})")
+    command.add_argument("--speed", metavar='"10 deg/s"', help="output speed; gives the run a time column")
+    command.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.csv",
+        help="run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
+    )
+    command.set_defaults(run=_simulate)
+
+    command = commands.add_parser("diagnose", help="find what a model lacks in measured runs")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("runs", nargs="+", metavar="RUN.csv")
+    read_command.add_mapping(command)
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
+    command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
+    command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
+    command.set_defaults(run=_diagnose)
+
+    command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
+    command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and runs is a unit")
+    command.add_argument("--out", required=True, metavar="OUT", help="folder for UNIT.json of each and summary.csv")
+    read_command.add_mapping(command)
+    command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
+    command.set_defaults(run=_diagnose_batch)
+
+    read_command.add_commands(commands)
+    tolerance_commands.add_commands(commands)
+    reference_commands.add_commands(commands)
+
+    command = commands.add_parser("sources", help="list the catalogue of error sources")
+    command.add_argument("--json", metavar="OUT.json", help="write it for programs")
+    command.set_defaults(run=_sources)
+
+    command = commands.add_parser("demo", help="the main job, end to end, on the shipped example")
+    command.add_argument(
+        "--output", default="rverror-demo", metavar="FOLDER", help="where to write (default rverror-demo)"
+    )
+    command.set_defaults(run=_demo)
+    return parser
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    model = load_model(options.model)
+    check_output(options.output, [options.model])
+    torques: list[float | None] = [
+        quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()
+    ] or [None]
+    directions = _DIRECTIONS[options.direction]
+    labels = [run_label(direction, torque) for torque in torques for direction in directions]
+    paths = _run_paths(options, labels)
+    runs = simulate_runs(
+        model,
+        directions=directions,
+        torques=torques,
+        points=options.points,
+        revolutions=options.revolutions,
+        method=options.method,
+        noise=options.noise,
+        correlation=options.noise_correlation,
+        input_counts=options.input_counts,
+        output_counts=options.output_counts,
+        seed=options.seed,
+        speed=options.speed,
+    )
+    if options.torque and options.method == "closed":
+        tell(
+            "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "
+            "equilibrium; for such a run give --method equilibrium"
+        )
+    if options.output is None:
+        sys.stdout.write(run_text(runs[0]))
+        return
+    for path, run in zip(paths, runs, strict=True):
+        say_replaced(path)
+        write_run(path, run, overwrite=True)
+        if len(paths) > 1:
+            print(path)  # for diagnose, or whatever reads the runs
+        else:
+            tell(f"wrote {path}")
+
+
+def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
+    """File of each run: the one asked for, or beside it one for each label; none for standard output."""
+    if options.output is None:
+        if len(labels) > 1:
+            raise InputError(f"{len(labels)} runs ({', '.join(labels)}) are no one file; give a name, e.g. -o OUT.csv")
+        return []
+    if len(labels) == 1:
+        return [options.output]
+    base = Path(options.output)
+    if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
+        raise InputError(f"--torque: {twice[0]} is asked for twice; give each torque once")
+    paths = [str(base.with_name(f"{base.stem}-{label}{base.suffix}")) for label in labels]
+    for path in paths:
+        check_output(path, [options.model])
+    if (same := given_twice(paths)) is not None:
+        raise InputError(f"{same}: this file is that of another run too, by a link; remove the link")
+    return paths
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    inputs = [options.model, *options.runs] + ([options.mapping] if options.mapping else [])
+    check_outputs([options.json, options.report, options.save, options.plot], inputs)
+    if (twice := given_twice(options.runs)) is not None:
+        raise InputError(f"{twice}: this run file is given twice; give each once")
+    for path in inputs:
+        check_name(path)
+    model = load_model(options.model)
+    mapping = read_command.given_mapping(options.mapping)
+    runs = [load_run(path, model, mapping) for path in options.runs]
+    figure = _figure_maker() if options.plot else None
+    result = _diagnose_with_progress(model, runs)
+    print(to_text(result), end="")
+    _write_results(result, options, figure, input_files(inputs))
+
+
+def _diagnose_batch(options: argparse.Namespace) -> None:
+    for name, path in (("FOLDER", options.folder), ("--out", options.out)):
+        if not path.strip():
+            raise InputError(f"{name}: {path!r} has no name; give a folder")
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
+    with closing(Progress()) as progress:
+        batch = diagnose_folder(
+            options.folder, out=options.out, mapping=options.mapping, jobs=options.jobs, progress=progress
+        )
+    for note in batch.notes:
+        tell(note)
+    for outcome in batch.outcomes:
+        if outcome.state == "failed":
+            tell(told(outcome))
+        else:
+            print(told(outcome))
+            if outcome.replaced:
+                tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
+    counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
+    print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / SUMMARY}")
+    if failed := batch.of("failed"):
+        names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
+        raise InputError(
+            f"{len(failed)} of {len(batch.outcomes)} units could not be diagnosed ({names}); "
+            "correct them and start again, the others are kept"
+        )
+
+
+def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, files: Sequence[InputFile]) -> None:
+    if options.json:
+        write_json(options.json, to_json(result, files=files))
+    if options.plot:
+        from rverror.views.plots.figure import to_bytes
+
+        write_output(options.plot, to_bytes(figure(result), "png"))
+    if options.report:
+        write_output(options.report, to_html(result, files=files))
+    if options.save:
+        say_replaced(options.save)
+        effects = _beyond_declared(result)
+        append_effects(options.model, options.save, effects, overwrite=True)
+        if not effects:
+            tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
+        elif any(effect.uncertainty for effect in result.declared.effects):
+            tell(
+                f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
+                "their uncertainty"
+            )
+
+
+def _beyond_declared(result: Diagnosis) -> list[Effect]:
+    """Effects that the new model has beyond the declared ones: what was found, and where the gear's marks are.
+
+    None for a torque record: its ripple is no error of the output, and a model holds those only.
+    """
+    return [_rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
+
+
+def _rounded(effect: Effect) -> Effect:
+    """Effect with its sizes as a person would write them, far finer than any interval."""
+    values = []
+    for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True):
+        size = f"{units.to_display(value, parameter.dimension):.6g} {units.DISPLAY_UNITS[parameter.dimension]}"
+        values.append(units.parse(size, parameter.dimension))
+    return replace(effect, values=tuple(values))
+
+
+def _figure_maker() -> Any:
+    """Check that plots can be made before the work starts."""
+    from rverror.views.plots.drawing import diagnosis_figure, new_figure
+
+    new_figure()
+    return diagnosis_figure
+
+
+def _sources(options: argparse.Namespace) -> None:
+    check_output(options.json, [])
+    if options.json:
+        write_json(options.json, [_source_json(s) for s in CATALOGUE.values()])
+        return
+    for entry in CATALOGUE.values():
+        indices = ", ".join(index.name for index in entry.indices) or "-"
+        names = ", ".join(f"{p.name} [{units.DISPLAY_UNITS[p.dimension]}]" for p in entry.parameters)
+        orders = ", ".join(f"{order:g}" for order in _example_orders(entry)) or "none: constant or cancels"
+        print(f"{entry.key}\n    {entry.summary}; {entry.reference}")
+        print(f"    fixed in: {entry.frame}; indices: {indices}; parameters: {names}; leading order, RV-40E: {orders}")
+
+
+def _example_orders(entry: Source) -> tuple[float, ...]:
+    """Leading orders in the RV-40E, for the first index set that has any."""
+    unit = reducer("RV-40E")
+    if not entry.applies_to(unit):
+        return ()
+    return next((found for indices in entry.candidates(unit) if (found := entry.orders(unit, indices))), ())
+
+
+def _source_json(entry: Source) -> dict[str, Any]:
+    return {
+        "key": entry.key,
+        "summary": entry.summary,
+        "indices": [index.name for index in entry.indices],
+        "parameters": [{"name": p.name, "unit": units.DISPLAY_UNITS[p.dimension]} for p in entry.parameters],
+        "frame": entry.frame,
+        "orders_rv40e": list(_example_orders(entry)),
+        "reference": entry.reference,
+    }
+
+
+def _demo(options: argparse.Namespace) -> None:
+    folder = make_folder(options.output, "--output")
+    shipped = resources.files("rverror") / "data" / "demo"
+    for name in ("model.toml", "forward.csv", "reverse.csv"):
+        check_output(str(folder / name), [])
+        write_output(folder / name, (shipped / name).read_text(encoding="utf-8"))
+    model_path, run_paths = folder / "model.toml", [folder / "forward.csv", folder / "reverse.csv"]
+    print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
+    print(f"Files: {model_path}, {run_paths[0]}, {run_paths[1]}\n")
+    model = load_model(model_path)
+    result = _diagnose_with_progress(model, [load_run(path, model) for path in run_paths])
+    for trace in result.traces:
+        sizes = [float(w.max() - w.min()) / units.ARCSEC for w in (trace.measured, trace.before, trace.after)]
+        name = Path(trace.name).name
+        print(f"{name}: peak-to-peak over the mean turn, arcsec: bench {sizes[0]:.1f}, declared model {sizes[1]:.1f}, "
+              f"with what was added {sizes[2]:.1f}")  # fmt: skip
+    print("\n" + to_text(result))
+    written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
+    write_json(written[0], to_json(result, files=input_files([model_path, *run_paths])))
+    say_replaced(written[1])
+    append_effects(model_path, written[1], [_rounded(a.effect) for a in result.added], overwrite=True)
+    try:
+        from rverror.views.plots.drawing import diagnosis_figure, to_bytes
+
+        picture, content = folder / "before-and-after.png", to_bytes(diagnosis_figure(result), "png")
+    except InputError as problem:
+        print(f"No picture: {problem}")
+    else:
+        write_output(picture, content)
+        written.append(picture)
+    print("Wrote " + ", ".join(str(path) for path in written))
+    print("\nThe same in a notebook:\n")
+    print("    import rverror")
+    print(f'    model = rverror.load_model("{model_path.as_posix()}")')
+    print(f'    found = rverror.diagnose(model, [rverror.load_run("{folder.as_posix()}/" + f) for f in '
+          '("forward.csv", "reverse.csv")])')  # fmt: skip
+    print("    print(rverror.to_text(found))")
+
+
+def _diagnose_with_progress(model: Model, runs: Sequence[Run]) -> Diagnosis:
+    with closing(Progress()) as progress:
+        return diagnose(model, runs, progress=progress)

@@ -1,0 +1,91 @@
+"""Command for a bench's own files: read."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from rverror.app.terminal import check_output, tell, write_output
+from rverror.base.errors import InputError
+from rverror.base.text import check_name
+from rverror.runs.bench.draft import draft_mapping
+from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.measurement import load_run, run_text
+
+
+def add_commands(commands: Any) -> None:
+    """Add the command to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    """
+    command = commands.add_parser("read", help="read a file of a bench (text, MAT, HDF5, TDMS) and write a run file")
+    command.add_argument("file", metavar="BENCH.tdms")
+    add_mapping(command)
+    command.add_argument(
+        "--draft", action="store_true", help="write the beginning of a mapping instead, with what the file holds"
+    )
+    command.add_argument("-o", "--output", metavar="RUN.csv", help="file to write (default: standard output)")
+    command.set_defaults(run=_read)
+
+
+def add_mapping(command: argparse.ArgumentParser) -> None:
+    """Add the option that names the mapping file.
+
+    Parameters
+    ----------
+    command : argparse.ArgumentParser
+    """
+    command.add_argument("--mapping", metavar="BENCH.toml", help="how the bench names its columns, with their units")
+
+
+def given_mapping(path: str | None) -> BenchMapping | None:
+    """Mapping that was asked for; None where there was none.
+
+    Parameters
+    ----------
+    path : str or None
+
+    Returns
+    -------
+    BenchMapping or None
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used.
+    """
+    if path is None:
+        return None
+    check_name(path)
+    return load_mapping(path)
+
+
+def _read(options: argparse.Namespace) -> None:
+    inputs = [options.file] + ([options.mapping] if options.mapping else [])
+    check_name(options.file)
+    check_output(options.output, inputs)
+    if options.draft:
+        if options.mapping:
+            raise InputError("--draft begins a mapping; leave out --draft or --mapping")
+        _write(options.output, draft_mapping(options.file))
+        return
+    run = load_run(options.file, mapping=given_mapping(options.mapping))
+    names = [Path(path).name for path in inputs]
+    # In brackets, so that no note can be read back as a line of the header.
+    comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in run.notes)]
+    text = run_text(run, comments=comments, path=options.output or options.file)
+    for note in run.notes:
+        tell(f"{options.file}: {note}")
+    _write(options.output, text)
+
+
+def _write(path: str | None, text: str) -> None:
+    if path is None:
+        sys.stdout.write(text)
+        return
+    write_output(path, text)
+    tell(f"wrote {path}")

@@ -1,0 +1,88 @@
+"""Commands for other tools: reference-cases and compare."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from rverror.app.terminal import check_output, make_folder, quantity, tell, write_json, write_output
+from rverror.base.errors import InputError
+from rverror.base.text import check_name
+from rverror.base.units import ARCSEC
+from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
+from rverror.reference.comparison import compare
+from rverror.runs.measurement import load_run
+from rverror.views.report import to_json, to_text
+
+_FILES = ("case.npz", "case.json")
+
+
+def add_commands(commands: Any) -> None:
+    """Add the commands to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    """
+    command = commands.add_parser("reference-cases", help="write cases against which other tools can be tested")
+    command.add_argument("--out", required=True, metavar="FOLDER", help="gets one folder a case")
+    command.add_argument(
+        "--case", action="append", default=[], metavar="NAME", help="only this one; may be given again"
+    )
+    command.set_defaults(run=_reference_cases)
+
+    command = commands.add_parser("compare", help="how far another tool's waveform is off a reference case, by order")
+    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool")
+    command.add_argument("case", metavar="CASE", help="folder of the case, or its case.json")
+    command.add_argument(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="which waveform of the case (default equilibrium)",
+    )
+    command.add_argument(
+        "--within", metavar='"0.1 arcsec"', help="exit 1 where the rms of the difference without its offset is larger"
+    )
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.set_defaults(run=_compare)
+
+
+def _reference_cases(options: argparse.Namespace) -> None:
+    if not options.out.strip():
+        raise InputError(f"--out: {options.out!r} has no name; give a folder")
+    cases = pick(options.case)
+    folders = [Path(options.out) / case.name for case in cases]
+    for folder in folders:
+        make_folder(folder, "--out")
+        for name in _FILES:
+            check_output(str(folder / name), [])
+    for case, folder in zip(cases, folders, strict=True):
+        for name, content in case_files(solve(case)).items():
+            write_output(folder / name, content)
+        print(f"{folder}: {case.shows}", flush=True)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    check_name(options.theirs)
+    check_name(options.case)
+    stored = Path(options.case).parent if options.case.endswith(".json") else Path(options.case)
+    check_output(options.json, [options.theirs, options.case, *(str(stored / name) for name in _FILES)])
+    limit = None if options.within is None else _limit(options.within)
+    case = read_case(options.case)
+    found = compare(load_run(options.theirs, case.ratio), case, method=options.method)
+    print(to_text(found), end="")
+    if options.json:
+        write_json(options.json, to_json(found))
+    if limit is not None and found.rms > limit:
+        sys.stdout.flush()
+        tell(f"rms of the difference {found.rms / ARCSEC:.4g} arcsec is above {options.within}")
+        raise SystemExit(1)
+
+
+def _limit(text: str) -> float:
+    value = quantity("--within", text, "angle", example="0.1 arcsec")
+    if value < 0:
+        raise InputError(f"--within: {text!r} is below 0; write it like '0.1 arcsec'")
+    return value

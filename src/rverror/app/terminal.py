@@ -1,0 +1,140 @@
+"""What all commands share: options, outputs that are refused before any work, progress and notes on standard error."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rverror.base import units
+from rverror.base.errors import InputError
+from rverror.base.text import write_bytes, write_text
+
+
+class Progress:
+    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
+
+    def __init__(self) -> None:
+        """Start the clock."""
+        self.start = self.last = time.monotonic()
+        self.terminal = sys.stderr.isatty()
+
+    def __call__(self, text: str) -> None:
+        """Tell what is being done."""
+        now = time.monotonic()
+        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
+            return
+        self.last = now
+        line = f"[{now - self.start:4.0f} s] {text}"
+        if self.terminal:
+            print(f"\r{line[:100]:<100}", end="", file=sys.stderr, flush=True)
+        else:
+            print(line, file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Clear the line."""
+        if self.terminal and self.last > self.start:
+            print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
+
+
+def check_output(path: str | None, inputs: Sequence[str]) -> None:
+    """Refuse, before any work, an output that is an input or has no folder."""
+    if path is None:
+        return
+    if not path.strip():
+        raise InputError(f"{path!r}: this output has no name; give a file")
+    if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
+        raise InputError(f"{path}: this output is also an input; choose another name")
+    folder = os.path.dirname(os.path.abspath(path))
+    if not os.path.isdir(folder):
+        raise InputError(f"{path}: there is no folder {folder}; make it first")
+    if os.path.isdir(path):
+        raise InputError(f"{path}: this is a folder; give a file")
+    if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
+        raise InputError(f"{path}: this is a device or pipe, no file; give a file")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
+
+
+def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
+    """Refuse, before any work, outputs that cannot be written, or that share a name."""
+    for output in outputs:
+        check_output(output, inputs)
+    if (twice := given_twice([output for output in outputs if output is not None])) is not None:
+        raise InputError(f"{twice}: two outputs share this name; give each its own")
+
+
+def make_folder(path: str | Path, option: str) -> Path:
+    """Make a folder for outputs; the option is named where that fails."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise InputError(f"{folder}: cannot make the folder ({reason}); choose another with {option}") from problem
+    return folder
+
+
+def write_output(path: str | Path, content: str | bytes) -> None:
+    """Write an output, and tell where it replaces a file."""
+    say_replaced(path)
+    if isinstance(content, str):
+        write_text(path, content, overwrite=True)
+    else:
+        write_bytes(path, content, overwrite=True)
+
+
+def write_json(path: str | Path, content: Any) -> None:
+    """Write a result for programs."""
+    write_output(path, json.dumps(content, indent=1) + "\n")
+
+
+def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
+    """Value of an option with a unit.
+
+    Parameters
+    ----------
+    option : str
+        Its name, for messages.
+    text : str
+        As it was given.
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    example : str
+        How it is written.
+
+    Returns
+    -------
+    float
+        Core unit.
+
+    Raises
+    ------
+    InputError
+        If it is no quantity of this dimension.
+    """
+    try:
+        return units.parse(text, dimension)
+    except ValueError as problem:
+        raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
+
+
+def say_replaced(path: str | Path) -> None:
+    """Tell that an output replaces a file."""
+    if os.path.exists(path):
+        tell(f"replacing {path}")
+
+
+def tell(text: str) -> None:
+    """Print a note on standard error."""
+    print(f"rverror: {text}", file=sys.stderr)
+
+
+def given_twice(paths: Sequence[str]) -> str | None:
+    """First path that names the file of an earlier one."""
+    real = [os.path.realpath(path) for path in paths]
+    return next((path for i, path in enumerate(paths) if real[i] in real[:i]), None)

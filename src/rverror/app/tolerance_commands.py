@@ -1,0 +1,192 @@
+"""Commands that work on tolerances: budget and allocate."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import closing, contextmanager
+from typing import Any
+
+from rverror.app.terminal import Progress, check_outputs, quantity, say_replaced, tell, write_json, write_output
+from rverror.base.errors import InputError
+from rverror.base.text import check_name
+from rverror.model.effects import Model
+from rverror.model.model_file import load_model
+from rverror.tolerances.allocation import VERIFY, allocate, cost_front, terms
+from rverror.tolerances.full_budget import COUNT, error_budget
+from rverror.tolerances.stacking import Tolerance, stack
+from rverror.tolerances.tolerance_file import load_tolerances, save_widths
+from rverror.views.envelope import input_files
+from rverror.views.report import to_json, to_text
+
+_FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
+
+
+def add_commands(commands: Any) -> None:
+    """Add the commands to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    """
+    command = commands.add_parser("budget", help="what tolerances make of the output error")
+    _add_inputs(command)
+    command.add_argument("--limit", metavar='"60 arcsec"', help="of the peak-to-peak: tells the yield")
+    command.add_argument(
+        "--torque", metavar='"20 N*m"', help="solve a sample at this load, contacts that open included"
+    )
+    command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
+    command.add_argument("--resume", metavar="FOLDER", help="keep finished chunks of units there, and go on from them")
+    command.add_argument("--plot", metavar="OUT.png", help="draw contributions and the distribution")
+    command.set_defaults(run=_budget)
+
+    command = commands.add_parser("allocate", help="the tolerances of least cost within a limit")
+    _add_inputs(command)
+    command.add_argument("--limit", required=True, metavar='"60 arcsec"', help="of the peak-to-peak, or of the rms")
+    command.add_argument(
+        "--kind",
+        choices=("yield", "worst", "rms"),
+        default="yield",
+        help="what is limited: a quantile of the peak-to-peak, its worst case, or the expected rms (default yield)",
+    )
+    command.add_argument(
+        "--yield", dest="level", default="99 %", metavar='"99 %%"', help="share of good units (default 99 %%)"
+    )
+    command.add_argument("--units", type=int, default=VERIFY, metavar="N", help="units that verify (default 65536)")
+    command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
+    command.add_argument("--plot", metavar="OUT.png", help="draw least cost against the limit")
+    command.set_defaults(run=_allocate)
+
+
+def _add_inputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("tolerances", metavar="TOLERANCES.toml")
+    command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
+    command.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, for very many units (default 1)")
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+
+
+def _budget(options: argparse.Namespace) -> None:
+    model, tolerances = _inputs(options, options.json, options.plot)
+    limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
+    torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
+    _at_least_one("--units", options.units)
+    with _executor(options.jobs) as executor, closing(Progress()) as progress:
+        found = error_budget(
+            model,
+            tolerances,
+            direction=_direction(options),
+            torque=torque,
+            count=options.units,
+            seed=options.seed,
+            executor=executor,
+            folder=options.resume,
+            progress=progress,
+        )
+    print(to_text(found, limit=limit), end="")
+    if found.units.kept:
+        tell(f"{options.resume}: {found.units.kept} chunks were there from before")
+    if options.json:
+        files = input_files([options.model, options.tolerances])
+        write_json(options.json, to_json(found, limit=limit, files=files))
+    if options.plot:
+        from rverror.views.plots.budgets import budget_figure
+
+        _write_picture(options.plot, budget_figure(found, limit=limit))
+
+
+def _allocate(options: argparse.Namespace) -> None:
+    model, tolerances = _inputs(options, options.json, options.plot, options.save)
+    limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
+    level = _share(options.level)
+    _at_least_one("--units", options.units)
+    laid_out = stack(model, tolerances, direction=_direction(options))
+    settings: dict[str, Any] = {
+        **terms(tolerances),
+        "kind": options.kind,
+        "level": level,
+        "verify": options.units,
+        "seed": options.seed,
+    }
+    with _executor(options.jobs) as executor, closing(Progress()) as progress:
+        progress("searching the least cost")
+        found = allocate(laid_out, limit=limit, executor=executor, **settings)
+        print(to_text(found), end="")
+        if options.json:
+            files = input_files([options.model, options.tolerances])
+            write_json(options.json, to_json(found, files=files))
+        if options.save:
+            say_replaced(options.save)
+            save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
+        if options.plot:
+            from rverror.views.plots.budgets import front_figure
+
+            progress("least cost at other limits")
+            assert limit is not None
+            limits = [limit * factor for factor in _FRONT]
+            front = cost_front(laid_out, limits=limits, executor=executor, **settings)
+            _write_picture(options.plot, front_figure(front, found))
+
+
+def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:
+    """Model and tolerances, once the outputs are known to be usable."""
+    inputs = [options.model, options.tolerances]
+    for path in inputs:
+        check_name(path)
+    check_outputs(outputs, inputs)
+    if options.plot:
+        from rverror.views.plots.figure import new_figure
+
+        new_figure()  # before the work starts
+    if options.seed < 0:
+        raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
+    model = load_model(options.model)
+    return model, load_tolerances(options.tolerances, model)
+
+
+def _direction(options: argparse.Namespace) -> float:
+    return 1.0 if options.direction == "forward" else -1.0
+
+
+def _above_zero(name: str, text: str | None, dimension: str, example: str) -> float | None:
+    if text is None:
+        return None
+    value = quantity(name, text, dimension, example=example)
+    if value <= 0:
+        raise InputError(f"{name}: {text!r} is not above 0; write it like '{example}'")
+    return value
+
+
+def _share(text: str) -> float:
+    """Share from 0.99 or '99 %'."""
+    try:
+        value = float(text.rstrip().removesuffix("%")) / (100 if text.rstrip().endswith("%") else 1)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < 1:
+        raise InputError(f"--yield: {text!r} is no share between 0 and 1; write it like '99 %' or 0.99")
+    return value
+
+
+def _at_least_one(name: str, number: int) -> None:
+    if number < 1:
+        raise InputError(f"{name}: {number} is below 1; give 1 or more")
+
+
+@contextmanager
+def _executor(jobs: int) -> Iterator[Executor | None]:
+    """Processes for the virtual units; none for one job."""
+    _at_least_one("--jobs", jobs)
+    if jobs == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs) as executor:
+        yield executor
+
+
+def _write_picture(path: str, figure: Any) -> None:
+    from rverror.views.plots.figure import to_bytes
+
+    write_output(path, to_bytes(figure, "png"))

@@ -1,0 +1,1 @@
+"""Ground: arrays and vectors, units, errors, text and TOML files, chance."""

@@ -1,0 +1,66 @@
+"""Arrays of float64, and plane vectors along their last but one axis; the samples are the last one."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+def radial_and_tangential(angle: Array) -> tuple[Array, Array]:
+    """Unit vectors at an angle and a quarter turn ahead of it.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (..., n)
+        Angles in the housing frame, rad.
+
+    Returns
+    -------
+    radial, tangential : ndarray, shape (..., 2, n)
+        The tangential one points counter-clockwise.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c, s], axis=-2), np.stack([-s, c], axis=-2)
+
+
+def only(index: int) -> slice:
+    """Slice that keeps one entry and its axis."""
+    return slice(index, index + 1)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar product over the xy axis, the last but one.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (..., 2, n)
+        Vectors; leading axes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    return np.asarray((a * b).sum(axis=-2), dtype=np.float64)
+
+
+def unit_vectors(vectors: Array) -> Array:
+    """Vectors, shape (..., 2, n), scaled to length 1; a zero vector stays zero."""
+    length = np.sqrt(dot(vectors, vectors))[..., None, :]
+    return np.asarray(vectors / np.where(length > 0, length, 1.0), dtype=np.float64)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """z component of the vector product over the xy axis, the last but one.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (..., 2, n)
+        Vectors; leading axes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    return np.asarray(a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :], dtype=np.float64)

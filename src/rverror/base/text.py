@@ -1,0 +1,247 @@
+"""Text files: reading whatever editors and spreadsheets write, and writing in one step or not at all."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import unicodedata
+import uuid
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from rverror.base.errors import InputError
+
+PathLike = str | os.PathLike[str]
+
+
+def read_bytes(path: PathLike) -> bytes:
+    """Read a file whole.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise InputError(f"{path}: {_reason(error, 'read')}") from error
+
+
+def read_text(path: PathLike, *, otherwise: str = "") -> str:
+    """Read a UTF-8 text file, with or without a byte-order mark; line ends stay as they are.
+
+    Parameters
+    ----------
+    path : str or path-like
+    otherwise : str
+        Another remedy than UTF-8, for the end of messages.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no UTF-8 text.
+    """
+    raw = read_bytes(path)
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8{otherwise}")
+    if b"\0" in raw:
+        raise InputError(f"{path}: this is no text file (it holds zero bytes); give a text file in UTF-8")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8{otherwise}"
+        ) from error
+
+
+def split_lines(text: str) -> list[str]:
+    """Split at CR LF, LF or CR only, so that line numbers are those of an editor."""
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def write_text(path: PathLike, text: str, *, overwrite: bool) -> None:
+    """Write a UTF-8 file in one step, as `write_bytes` does.
+
+    Parameters
+    ----------
+    path : str or path-like
+    text : str
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists and must not be replaced, the folder cannot be written to, or the text is no Unicode.
+    """
+    try:
+        content = text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise InputError(f"{path}: {_reason(error, 'write')}") from error
+    write_bytes(path, content, overwrite=overwrite)
+
+
+def write_bytes(path: PathLike, content: bytes, *, overwrite: bool) -> None:
+    """Write a file in one step: readers see the old file or the new one, never half of it.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A symbolic link is followed.
+    content : bytes
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists and must not be replaced, or the folder cannot be written to.
+    """
+    if not overwrite and os.path.lexists(path):
+        raise InputError(f"{path}: the file exists; choose another name or allow overwriting")
+    try:
+        target = Path(path).resolve()
+        if target.is_dir():
+            raise IsADirectoryError
+        # Beside the target, because a rename is one step only within one file system.
+        temporary = target.with_name(f".{target.name[:100]}.{uuid.uuid4().hex}.tmp")
+        try:
+            with temporary.open("xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.exists():
+                temporary.chmod(target.stat().st_mode & 0o7777)
+            temporary.replace(target)
+        except BaseException:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {_reason(error, 'write')}") from error
+
+
+def is_printable(name: PathLike) -> bool:
+    """Tell whether a name holds no control character and no byte that is no Unicode, so that a report can quote it."""
+    return all(unicodedata.category(letter) not in ("Cc", "Cs") for letter in os.fspath(name))
+
+
+def printable(text: str) -> str:
+    r"""Text for people: what cannot be printed shows as its escape.
+
+    Examples
+    --------
+    >>> printable("a\x07b")
+    'a\\x07b'
+    """
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape", "backslashreplace").decode()
+        for letter in text
+    )
+
+
+def joined(lines: Iterable[str]) -> str:
+    r"""Text of lines for people, each `printable`; ends with a line end.
+
+    Examples
+    --------
+    >>> joined(["a", "b\x07"])
+    'a\nb\\x07\n'
+    """
+    return "".join(f"{printable(line)}\n" for line in lines)
+
+
+def describe(key: str, indices: Mapping[str, object]) -> str:
+    """Name of an effect for people.
+
+    Parameters
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> describe("crank.eccentricity", {"crank": 0, "disc": 1})
+    'crank.eccentricity (crank 0, disc 1)'
+    """
+    inside = ", ".join(f"{name} {value}" for name, value in indices.items())
+    return f"{key} ({inside})" if inside else key
+
+
+def file_name(path: str) -> str:
+    """Last part of a path, of either kind of slash."""
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
+def check_name(path: PathLike) -> None:
+    """Refuse a file whose name cannot be printed, for reports and models quote it.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Raises
+    ------
+    InputError
+        If the name holds control characters or bytes that are no Unicode.
+    """
+    if not is_printable(path):
+        raise InputError(f"{os.fspath(path)!a}: the file name holds characters that cannot be printed; rename the file")
+
+
+def shown(value: object, longest: int = 40) -> str:
+    """Value from a file in quotes, on one line, cut where it is long."""
+    words = repr(value)
+    return words if len(words) <= longest else f"{words[: longest - 4]}...{words[-1]}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` did you mean 'x'?`` for the nearest known word, else nothing."""
+    close = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
+    return f" did you mean {close[0]!r}?" if close else ""
+
+
+def some(numbers: Iterable[int], limit: int = 5) -> str:
+    """List a few numbers: ``17, 40, 99, ...``."""
+    listed = list(numbers)
+    return ", ".join(map(str, listed[:limit])) + (", ..." if len(listed) > limit else "")
+
+
+def _reason(error: Exception, verb: str) -> str:
+    match error:
+        case FileNotFoundError() if verb == "read":
+            return "there is no such file; check the path"
+        case FileNotFoundError():
+            return "there is no such folder; make it first"
+        case IsADirectoryError():
+            return "this is a folder; give a file"
+        case NotADirectoryError():
+            return "a part of the path is a file, not a folder; check the path"
+        case PermissionError():
+            return f"no permission to {verb} it; change the permissions or choose another place"
+        case UnicodeEncodeError():
+            return "a text holds a character that is no UTF-8; remove it"
+        case OSError():
+            return f"cannot {verb} it ({error.strerror or 'input/output error'}); check the disk and the path"
+        case _:
+            return f"cannot {verb} it ({error}); check the path"

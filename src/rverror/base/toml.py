@@ -1,0 +1,250 @@
+"""TOML with the line of every mistake: what model files and tolerance files share."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from rverror.base import units
+from rverror.base.errors import InputError
+from rverror.base.text import did_you_mean, shown, split_lines
+
+#: How people write a quantity of each dimension of an error source.
+EXAMPLES = {
+    "length": "5 um",
+    "angle": "10 arcsec",
+    "time": "0.5 ms",
+    "temperature_rise": "10 K",
+    "compliance": "0.5 arcsec/(N*m)",
+    "slope": "10 arcsec/turn",
+}
+
+#: Keys from the outermost table inwards, with the number of the entry after the name of an array of tables.
+Place = tuple[str | int, ...]
+
+_BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
+_TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
+# Each character fits one way only: a second + on the last choice would try every split of a line without "=".
+_KEY_LINE = re.compile(r'((?:"(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_.\s-])+)=(.*)$')
+_LOOSE_QUANTITY = re.compile(r"\s*([\w.\"-]+)\s*=\s*([-+.\w]*\d\s*[A-Za-z*/][\w*/]*+)\s*(#.*)?$")
+
+
+@dataclass(frozen=True)
+class TomlText:
+    """Content of a TOML text, with the line of every key; `read_toml` makes it.
+
+    Attributes
+    ----------
+    path : str
+        Name of the file, for messages.
+    content : dict
+        What tomllib reads.
+    lines : mapping
+        Line of each place, from 1.
+    """
+
+    path: str
+    content: dict[str, Any]
+    lines: Mapping[Place, int]
+
+    def refuse(self, place: Place, message: str) -> NoReturn:
+        """Refuse with the line of a place, or of the nearest table around it.
+
+        Parameters
+        ----------
+        place : tuple
+        message : str
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        while place and place not in self.lines:
+            place = place[:-1]
+        line = f", line {self.lines[place]}" if place else ""
+        raise InputError(f"{self.path}{line}: {message}")
+
+    def check_keys(self, place: Place, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+        """Refuse the first key of a table that is not known.
+
+        Parameters
+        ----------
+        place : tuple
+            Of the table.
+        table : mapping
+        known : sequence of str
+            Keys that the table may have.
+        what : str
+            What the message calls a key of the table.
+
+        Raises
+        ------
+        InputError
+            If there is such a key.
+        """
+        for key in table:
+            if key not in known:
+                hint = did_you_mean(key, known)
+                self.refuse((*place, key), f"unknown {what} {shown(key)};{hint} the keys are {', '.join(known)}")
+
+    def string(self, place: Place, table: Mapping[str, Any], key: str, default: str) -> str:
+        """Text of a key.
+
+        Parameters
+        ----------
+        place : tuple
+            Of the table.
+        table : mapping
+        key : str
+        default : str
+            What a table without the key gets.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        InputError
+            If the value is no text.
+        """
+        value = table.get(key, default)
+        if not isinstance(value, str):
+            self.refuse((*place, key), f'{key} = {shown(value)}: must be a text; write {key} = "..." with quotes')
+        return value
+
+    def quantity(self, place: Place, value: object, dimension: str, example: str) -> float:
+        """Value written as a text with a unit.
+
+        Parameters
+        ----------
+        place : tuple
+            Of the value; its last key names the value in messages.
+        value : object
+            As read; a slope may be a bare number, for it has no unit.
+        dimension : str
+            One of the keys of `units.CORE_UNITS`.
+        example : str
+            How it may be written, for messages.
+
+        Returns
+        -------
+        float
+            In the core unit.
+
+        Raises
+        ------
+        InputError
+            If there is no number, no unit, one of another dimension, or an uncertainty is below 0.
+        """
+        key = place[-1]
+        if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+            self.refuse(place, f"{key} = {shown(value)}: must be a text with a unit; write '{example}'")
+        if not isinstance(value, str):
+            if dimension != "slope":
+                self.refuse(place, f"{key} = {shown(value)} has no unit; write it as a text like '{example}'")
+            value = repr(value)
+        try:
+            number = units.parse(value, dimension)
+        except ValueError as error:
+            # The remedy of the units edge knows the dimension only, this one the key.
+            self.refuse(place, f"{key}: {str(error).partition(';')[0]}; write it like '{example}'")
+        if key == "uncertainty" and number < 0:
+            self.refuse(place, f"uncertainty = {shown(value)}: must be 0 or more; write it like '{example}'")
+        return number
+
+
+def read_toml(path: str, text: str) -> TomlText:
+    """Read a TOML text and find the line of every key; tomllib keeps no lines.
+
+    Parameters
+    ----------
+    path : str
+        Name of the file, for messages.
+    text : str
+
+    Returns
+    -------
+    TomlText
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML; one line that names file, line and remedy.
+
+    Examples
+    --------
+    >>> read_toml("model.toml", "name = 'x'").lines
+    {('name',): 1}
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_syntax_message(path, text, str(error))) from error
+    except (RecursionError, ValueError) as error:  # tables within tables without end, numbers too long
+        raise InputError(f"{path}: no valid TOML: {error}; correct the file") from error
+    return TomlText(path, content, _lines(text))
+
+
+def _syntax_message(path: str, text: str, message: str) -> str:
+    match = re.search(r"\(at line (\d+), column (\d+)\)", message)
+    if match is None:
+        line = len(split_lines(text.rstrip()))
+        place, message = f", line {line}", message.replace("(at end of document)", "at the end of the file")
+    else:
+        line = int(match[1])
+        place, message = f", line {line}, column {match[2]}", message[: match.start()].rstrip()
+    loose = _LOOSE_QUANTITY.match(split_lines(text)[line - 1])
+    remedy = f'write {loose[1]} = "{loose[2]}", with quotes' if loose else "correct this line"
+    return f"{path}{place}: no valid TOML: {message}; {remedy}"
+
+
+def _lines(text: str) -> dict[Place, int]:
+    """Line of every key of a valid text."""
+    lines: dict[Place, int] = {}
+    table: Place = ()
+    counts: dict[Place, int] = {}
+    inside = ""
+    for number, line in enumerate(split_lines(text), 1):
+        if inside:  # of a text over several lines
+            inside = "" if line.count(inside) % 2 else inside
+            continue
+        if match := _TABLE_LINE.match(line):
+            table = _resolve(_split_key(match[2]), counts)
+            if match[1] == "[[":
+                counts[table] = counts.get(table, -1) + 1
+                table = (*table, counts[table])
+            for length in range(1, len(table) + 1):
+                lines.setdefault(table[:length], number)
+        elif match := _KEY_LINE.match(line):
+            place = (*table, *_split_key(match[1]))
+            for length in range(len(table) + 1, len(place) + 1):
+                lines.setdefault(place[:length], number)
+            inside = next((q for q in ('"""', "'''") if match[2].count(q) % 2), "")
+    return lines
+
+
+def _resolve(keys: Place, counts: Mapping[Place, int]) -> Place:
+    """Full place of a table below the latest entry of an array of tables."""
+    place: Place = ()
+    for i, key in enumerate(keys):
+        place = (*place, key)
+        if place in counts and i < len(keys) - 1:
+            place = (*place, counts[place])
+    return place
+
+
+def _split_key(text: str) -> Place:
+    keys: list[str] = []
+    position = 0
+    while match := _BARE_OR_QUOTED.match(text, position):
+        word = match[1]
+        keys.append(word[1:-1] if word[0] in "\"'" else word)
+        position = match.end()
+        if not match[2]:
+            break
+    return tuple(keys)

@@ -1,0 +1,291 @@
+"""The units edge: the only module that knows pint.
+
+Inside rverror every number is a float in mm, rad, N, N*mm, s or K.  Here quantities and strings with a unit become
+such floats, and floats become numbers that people read.  pint is loaded for what `_EVERYDAY` does not hold: making its
+registry takes longer than many a diagnosis.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import pint
+
+#: Unit of each dimension inside the library.
+CORE_UNITS = {
+    "length": "mm",
+    "angle": "rad",
+    "torque": "N*mm",
+    "stiffness": "N/mm",
+    "time": "s",
+    "temperature": "kelvin",
+    "temperature_rise": "kelvin",
+    "compliance": "rad/(N*mm)",
+    "slope": "dimensionless",
+}
+
+#: Unit in which a value of each dimension is printed for people.
+DISPLAY_UNITS = {
+    "length": "um",
+    "angle": "arcsec",
+    "torque": "N*m",
+    "stiffness": "N/mm",
+    "time": "ms",
+    "temperature": "degC",
+    "temperature_rise": "K",
+    "compliance": "arcsec/(N*m)",
+    "slope": "arcsec/turn",
+}
+
+#: One second of arc in rad.
+ARCSEC = math.pi / 180.0 / 3600.0
+
+#: Factor to the core unit, and zero in it, of units as people write them most.
+_EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0)},
+    "angle": {
+        "rad": (1.0, 0.0),
+        "mrad": (1e-3, 0.0),
+        "deg": (math.pi / 180.0, 0.0),
+        "arcmin": (60.0 * ARCSEC, 0.0),
+        "arcsec": (ARCSEC, 0.0),
+    },
+    "torque": {"N*mm": (1.0, 0.0), "N*m": (1e3, 0.0)},
+    "stiffness": {"N/mm": (1.0, 0.0), "N/um": (1e3, 0.0)},
+    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0)},
+    "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
+    "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
+    "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
+    "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
+}
+
+_LARGEST_ANGLE = 1e4  # rad in one unit
+
+# Without the unit: a pattern for both would try every split of a long text that has none.
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def is_quantity(value: object) -> bool:
+    """Tell whether a value is a pint quantity, of any registry.
+
+    Examples
+    --------
+    >>> is_quantity(5.0)
+    False
+    """
+    pint = sys.modules.get("pint")  # who has a quantity has loaded it
+    return pint is not None and isinstance(value, pint.Quantity)
+
+
+def _factor_and_unit(unit: str, dimension: str) -> Any:
+    try:
+        parsed = _registry().Unit(unit)
+    except Exception as error:
+        raise ValueError(f"unknown unit {unit!r}; write it as pint does, e.g. {DISPLAY_UNITS[dimension]!r}") from error
+    if not parsed.is_compatible_with(CORE_UNITS[dimension]):
+        raise ValueError(_no_unit(repr(unit), dimension))
+    _refuse_own_zero(parsed, dimension, unit)
+    if dimension == "angle":
+        _refuse_bare_number(parsed, unit)
+    return parsed
+
+
+def _refuse_bare_number(unit: Any, written: str) -> None:
+    """Angles have no dimension, so counts and percent would pass for rad, and 'Grad' for a thousand million of them."""
+    root = _registry().Quantity(1.0, unit).to_root_units()
+    if str(root.units) != "radian":
+        raise ValueError(f"{written!r} is no unit of angle; use one like {DISPLAY_UNITS['angle']!r}")
+    if root.magnitude > _LARGEST_ANGLE:
+        raise ValueError(f"{written!r} is {root.magnitude:.3g} rad; write 'deg' for degrees")
+
+
+def _no_unit(unit: str, dimension: str) -> str:
+    return f"{unit} is no unit of {dimension.replace('_', ' ')}; use one like {DISPLAY_UNITS[dimension]!r}"
+
+
+def _refuse_own_zero(unit: Any, dimension: str, written: str) -> None:
+    """A rise is a difference: 10 degC would be taken for 283 K."""
+    if dimension == "temperature_rise" and _registry().Quantity(0.0, str(unit)).to("kelvin").magnitude != 0:
+        raise ValueError(f"{written!r} is a temperature, not a rise; write the difference, like '10 K'")
+
+
+def unit_factor(unit: str, dimension: str) -> float:
+    """Factor that turns numbers in `unit` into the core unit of `dimension`.
+
+    Parameters
+    ----------
+    unit : str
+        A unit in pint's notation, such as ``"um"``.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        Core units per `unit`.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> unit_factor("um", "length")
+    0.001
+    """
+    return _in_core(1.0, unit, dimension)
+
+
+def _in_core(number: float, unit: str, dimension: str) -> float:
+    if unit in _EVERYDAY[dimension]:
+        factor, zero = _EVERYDAY[dimension][unit]
+        return number * factor + zero
+    parsed = _factor_and_unit(unit, dimension)
+    return float(_registry().Quantity(number, parsed).to(CORE_UNITS[dimension]).magnitude)
+
+
+def parse(text: str, dimension: str) -> float:
+    """Read a string such as ``"5 um"`` as a float in the core unit of its dimension.
+
+    Parameters
+    ----------
+    text : str
+        A number, a space and a unit in pint's notation.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        The value in the core unit.
+
+    Raises
+    ------
+    ValueError
+        If there is no number, no unit, an unknown unit or one of another dimension, or the value is not finite.
+
+    Examples
+    --------
+    >>> parse("412 N*m", "torque")
+    412000.0
+    """
+    match = _NUMBER.match(text.strip())
+    number = match[0] if match else ""
+    unit = text.strip()[len(number) :].strip()
+    if match is None or "\n" in unit:
+        raise ValueError(f"{text!r} is no number with a unit; write it like '5 {DISPLAY_UNITS[dimension]}'")
+    if not unit:
+        if dimension != "slope":
+            raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
+        unit = "dimensionless"
+    value = _in_core(float(number), unit, dimension)
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is not a finite value")
+    return value
+
+
+def to_core(value: Any, dimension: str) -> float:
+    """Turn a quantity, a string with a unit or a plain number into a float in the core unit.
+
+    Parameters
+    ----------
+    value : pint.Quantity or str or float
+        Plain numbers are taken to be in the core unit already (mm, rad, N*mm, N/mm, s).
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    float
+        The value in the core unit.
+
+    Raises
+    ------
+    ValueError
+        If the value is no number, not finite, or of another dimension.
+
+    Examples
+    --------
+    >>> to_core("90 deg", "angle") == math.pi / 2
+    True
+    """
+    if isinstance(value, str):
+        return parse(value, dimension)
+    if isinstance(value, bool) or np.ndim(getattr(value, "magnitude", value)) != 0:
+        raise ValueError(f"{value!r} is no single number; give a number in {CORE_UNITS[dimension]} or a quantity")
+    return float(to_core_array(value, dimension))
+
+
+def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
+    """Turn an array-like or a quantity that holds an array into a float64 array in the core unit.
+
+    Parameters
+    ----------
+    value : array_like or pint.Quantity
+        Plain numbers are taken to be in the core unit already.
+    dimension : str
+        One of the keys of `CORE_UNITS`.
+
+    Returns
+    -------
+    ndarray
+        A new float64 array of the same shape.
+
+    Raises
+    ------
+    ValueError
+        If the values are no numbers, not finite, or of another dimension.
+    """
+    if is_quantity(value):
+        if not value.is_compatible_with(CORE_UNITS[dimension]):
+            raise ValueError(_no_unit(str(value.units), dimension))
+        _refuse_own_zero(value.units, dimension, str(value.units))
+        value = value.to(CORE_UNITS[dimension]).magnitude
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{value!r} is no number; give a number in {CORE_UNITS[dimension]} or a quantity") from error
+    if not np.isfinite(array).all():
+        raise ValueError(f"values in {CORE_UNITS[dimension]} must be finite")
+    return array
+
+
+def to_display(value: float, dimension: str) -> float:
+    """Turn a float in the core unit into the unit in which people read it (um, arcsec, N*m).
+
+    Parameters
+    ----------
+    value : float
+        In the core unit.
+    dimension : str
+        One of the keys of `DISPLAY_UNITS`.
+
+    Returns
+    -------
+    float
+        In the unit for people.
+
+    Examples
+    --------
+    >>> to_display(0.005, "length")
+    5.0
+    """
+    factor, zero = _EVERYDAY[dimension][DISPLAY_UNITS[dimension]]
+    return (value - zero) / factor

@@ -1,0 +1,53 @@
+"""Pictures and notebook pages of results.
+
+Results are made low in the house, plots and pages above them.  So what can be looked at only knows that there is a way
+to draw it: the package's front door, which every import passes, registers the two functions that do it.
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@singledispatch
+def picture_of(thing: Any, **options: Any) -> Axes:
+    """Draw a result; `Viewed` is registered by the front door."""
+    raise TypeError(f"{type(thing).__name__}: nothing draws it")
+
+
+@singledispatch
+def page_of(thing: Any) -> str:
+    """Small HTML page of a result; `Viewed` is registered by the front door."""
+    raise TypeError(f"{type(thing).__name__}: nothing shows it")
+
+
+class Viewed:
+    """What can be looked at: `plot` draws it, a notebook shows it as a table."""
+
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw it, as `rverror.draw` does for its kind.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure where left out.
+        **options
+            What the plot of this kind takes.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        InputError
+            If matplotlib is not installed.
+        """
+        return picture_of(self, ax=ax, **options)
+
+    def _repr_html_(self) -> str:
+        return page_of(self)

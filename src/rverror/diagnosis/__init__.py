@@ -1,0 +1,1 @@
+"""The closed loop: what measured runs say that a model lacks."""

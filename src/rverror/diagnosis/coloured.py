@@ -1,0 +1,238 @@
+"""Least squares under coloured noise: estimates need no model of the noise, their covariance knows its colour.
+
+For trends and waves least squares is, on long even runs, as good as any estimate that knows the noise (Grenander and
+Rosenblatt), and where the noise model errs it stays harmless.  So the colour enters only the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.fft import next_fast_len, rfft
+
+from rverror.base.arrays import Array
+from rverror.base.chance import variance_ratio
+
+Labels = npt.NDArray[np.intp]
+
+_MOST_LAGS = 12
+_TABLE = 8192  # frequencies of a tabulated spectrum
+_LEAST_BINS = 8  # neighbours on each side in the smoothed spectrum of the whitened residual
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Autoregressive noise of one run, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], w white of variance 1."""
+
+    coefficients: Array
+    sigma: float
+
+    def spectrum(self, frequency: Array) -> Array:
+        """Variance per unit of `frequency` / 2 pi, rad per sample."""
+        response = np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), 2 * _TABLE)
+        table = self.sigma**2 / np.abs(response) ** 2
+        return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), table), dtype=np.float64)
+
+
+def burg(residual: Array, *, floor: float = 0.0) -> Noise:
+    """Autoregressive model of a residual, by Burg's method; as many lags, up to 12, as the Bayesian criterion allows.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    floor : float
+        Standard deviation of white noise that is there in any case, so that a perfect fit is no certainty.
+
+    Returns
+    -------
+    Noise
+
+    Examples
+    --------
+    >>> from scipy.signal import lfilter
+    >>> white = np.random.default_rng(0).normal(size=4000)
+    >>> red = lfilter([1.0], [1.0, -0.9], white)
+    >>> [bool(abs(c - 0.9) < 0.02) for c in burg(red).coefficients]
+    [True]
+    """
+    n = residual.size
+    forward, backward = residual, residual
+    power = float(residual @ residual) / n + floor**2
+    coefficients = np.zeros(0)
+    best, result = n * np.log(power), Noise(coefficients, float(np.sqrt(power)))
+    for lag in range(1, min(_MOST_LAGS, n // 20) + 1):
+        ahead, behind = forward[1:], backward[:-1]
+        # the floor adds to the variance, not to the correlation
+        energy = float(ahead @ ahead + behind @ behind) + 2 * ahead.size * floor**2
+        reflection = 2 * float(ahead @ behind) / energy
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        forward, backward = ahead - reflection * behind, behind - reflection * ahead
+        power *= 1 - reflection**2
+        score = n * np.log(power) + lag * np.log(n)
+        if score < best:
+            best, result = score, Noise(coefficients, float(np.sqrt(power)))
+    return result
+
+
+def whiten(row: Array, noise: Noise) -> Array:
+    """Filter a row of one run so that its noise becomes white of variance 1; the first samples, which lack lags, go."""
+    result = np.convolve(row, np.concatenate([[1.0], -noise.coefficients]), "valid") / noise.sigma
+    return np.asarray(result, dtype=np.float64)
+
+
+def smooth_spectrum(error: Array) -> Array:
+    """Power per frequency bin of a row, smoothed over neighbours; 1 for white noise of variance 1."""
+    power = np.abs(np.fft.rfft(error)) ** 2 / error.size
+    half = min(_half_width(error.size), (power.size - 1) // 2)
+    mirrored = np.concatenate([power[half:0:-1], power, power[-2 : -half - 2 : -1]])
+    total = np.concatenate([[0.0], np.cumsum(mirrored)])
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Normal equations of rows of unit length, with the noise that their sums carry.
+
+    Attributes
+    ----------
+    gram, carried : ndarray, shape (k, k)
+        X W X^T, and X W S W X^T for the covariance S of the noise.
+    scale : ndarray, shape (k,)
+        Length of each row before.
+    """
+
+    gram: Array
+    carried: Array
+    scale: Array
+
+    @property
+    def seen(self) -> Array:
+        """Variance of the noise as each row sees it: at its frequencies, as if the noise were white."""
+        return np.asarray(np.diag(self.carried) / np.maximum(np.diag(self.gram), 1e-300), dtype=np.float64)
+
+    def prior_weights(self, sigmas: Array) -> Array:
+        """Weight of each value's prior in the squares: the noise's variance as its row sees it, over the prior's."""
+        return np.asarray(self.seen / (sigmas * self.scale) ** 2, dtype=np.float64)
+
+    def covariance(self, sigmas: Array) -> Array:
+        """Covariance of the values, the sandwich A^-1 B A^-1, with priors of standard deviations (inf: none)."""
+        weight = self.prior_weights(sigmas)
+        inverse = np.linalg.pinv(self.gram + np.diag(weight), rcond=1e-13, hermitian=True)
+        meat = self.carried + np.diag(weight**2 * (np.where(np.isfinite(sigmas), sigmas, 0.0) * self.scale) ** 2)
+        return np.asarray(inverse @ meat @ inverse / np.outer(self.scale, self.scale), dtype=np.float64)
+
+
+def normal(rows: Array, residual: Array, slices: Sequence[slice], weights: Array, *, floor: float) -> NormalEquations:
+    """Normal equations under the noise that a residual shows.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (k, n)
+        All runs one after another.
+    residual : ndarray, shape (n,)
+    slices : sequence of slice
+        Where each run lies.
+    weights : ndarray, shape (runs,)
+        Weight of each run's squares.
+    floor : float
+        White noise that is there in any case.
+
+    Returns
+    -------
+    NormalEquations
+
+    Notes
+    -----
+    S is that of an autoregressive model times the smoothed spectrum of what the model leaves, but at least 1: a model
+    that misses part of the colour widens the intervals and claims no more.
+    """
+    scale = lengths(rows)
+    scaled = rows / scale[:, None]
+    gram, carried = np.zeros((len(rows), len(rows))), np.zeros((len(rows), len(rows)))
+    for at, weight in zip(slices, weights, strict=True):
+        part, rest = scaled[:, at], residual[at]
+        n = rest.size
+        noise = burg(rest, floor=floor)
+        excess = np.maximum(smooth_spectrum(whiten(rest, noise)), 1.0)
+        padded = next_fast_len(2 * n, real=True)  # so that the two ends of a run are no neighbours
+        lines = rfft(part, padded, axis=1)
+        frequency = np.linspace(0, 2 * np.pi * (lines.shape[1] - 1) / padded, lines.shape[1])
+        response = rfft(np.concatenate([[1.0], -noise.coefficients]), padded)
+        spectrum = noise.sigma**2 / np.abs(response) ** 2 / padded * n / max(n - len(rows), 1)
+        spectrum *= np.interp(frequency, np.linspace(0, np.pi, excess.size), excess)
+        spectrum[1 : -1 if padded % 2 == 0 else None] *= 2
+        root = np.sqrt(spectrum)
+        real, imaginary = lines.real * root, lines.imag * root
+        carried += weight**2 * (real @ real.T + imaginary @ imaginary.T)
+        gram += weight * part @ part.T
+    return NormalEquations(gram, carried, scale)
+
+
+def _half_width(samples: int) -> int:
+    return int(max(_LEAST_BINS, round(np.sqrt(samples) / 2)))
+
+
+def spectrum_freedom(samples: int) -> int:
+    """Degrees of freedom of the noise's power at one frequency, from its neighbours in the spectrum."""
+    return 2 * (2 * _half_width(samples) + 1)
+
+
+def lengths(rows: Array) -> Array:
+    """Length of each row, 1 where it is 0."""
+    size = np.linalg.norm(rows, axis=1)
+    return np.asarray(np.where(size > 0, size, 1.0), dtype=np.float64)
+
+
+def solve(gram: Array, moment: Array) -> Array:
+    """Solution of normal equations of rows of unit length; the least where they do not determine it."""
+    return np.asarray(np.linalg.lstsq(gram, moment, rcond=1e-13)[0], dtype=np.float64)
+
+
+def distance(values: Array, covariance: Array) -> float:
+    """Squared distance of values from 0 in standard deviations."""
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = values / scale
+    return float(unit @ np.linalg.pinv(covariance / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ unit)
+
+
+def significant(values: Array, covariance: Array, accepted: float, samples: float) -> bool:
+    """Tell whether values differ from 0 more than they do by chance `accepted`.
+
+    `samples` is the number of independent ones from which their noise is known: few where it is slow.
+    """
+    return distance(values, covariance) > values.size * variance_ratio(accepted, values.size, samples)
+
+
+def orthonormal(rows: Array) -> Array:
+    """Columns that span the rows, shape (n, k)."""
+    size = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    return np.asarray(np.linalg.qr((rows / size[:, None]).T)[0], dtype=np.float64)
+
+
+def kept_share(basis: Array, rows: Array) -> float:
+    """Smallest share of its power that any combination of rows keeps beside a basis: squared sine of the angle.
+
+    Parameters
+    ----------
+    basis : ndarray, shape (n, k)
+        From `orthonormal`.
+    rows : ndarray, shape (m, n)
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(kept_share(orthonormal(np.array([[1.0, 0.0]])), np.array([[1.0, 1.0]])), 12)
+    0.5
+    """
+    own, size = np.linalg.qr((rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]).T)
+    if np.min(np.abs(np.diag(size))) < 1e-9:
+        return 0.0
+    left = own - basis @ (basis.T @ own)
+    return float(max(np.linalg.eigvalsh(left.T @ left)[0], 0.0))

@@ -1,0 +1,167 @@
+"""Lines of any order in the residual of a drive, which compete with the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.coloured import Noise, burg
+from rverror.diagnosis.drive_fit import FALSE_ALARM, DriveFit, fitted, held_out_gain, screened
+from rverror.diagnosis.drive_runs import RunData, highest_order
+from rverror.diagnosis.drive_terms import EFFECT, LINE, line_term
+
+_TURN = 2 * np.pi
+_FALSE_LINE = 1e-3  # chance that any order passes by luck
+_ACCURACY = 0.03 * ARCSEC  # lines below are not reported: the prediction does not claim to be better
+_MOST_LINES = 12
+_PEAKS = 6
+_SMEARED = 6.0  # cycles a run between a strong line and what it may be mistaken for
+_LEAST_CYCLES = 1.5  # less of a wave is no line but a slope or a bow
+
+
+def line_spectrum(theta: Array, residual: Array, noise: Noise, highest: float) -> tuple[Array, Array]:
+    """Power of a wave of each order in a residual, as the squared distance from 0 in standard deviations.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        rad; any order of samples.
+    residual : ndarray, shape (n,)
+    noise : Noise
+    highest : float
+        Order.
+
+    Returns
+    -------
+    order, power : ndarray, shape (m,)
+        Four to each that the travel tells apart.  About chi-square of 2 degrees where there is only the noise.
+    """
+    span = float(np.ptp(theta))
+    step = np.pi / (8 * highest)
+    count = int(2 ** np.ceil(np.log2(4 * span / step + 2)))
+    place = (theta - theta.min()) / step
+    low = np.floor(place).astype(np.intp)
+    part = place - low
+    grid = np.bincount(low, residual * (1 - part), count) + np.bincount(low + 1, residual * part, count)
+    lines = np.abs(np.fft.rfft(grid)) ** 2
+    order = _TURN / (count * step) * np.arange(lines.size)
+    used = (order >= _LEAST_CYCLES * _TURN / span) & (order <= highest)
+    order, lines = order[used], lines[used]
+    moves = np.quantile(np.abs(np.diff(theta)), (np.arange(16) + 0.5) / 16)
+    variance = np.mean([noise.spectrum(order * move) for move in moves], axis=0) * theta.size / 2
+    return np.asarray(order, dtype=np.float64), np.asarray(lines / variance, dtype=np.float64)
+
+
+def best_line(data: RunData, fit: DriveFit) -> DriveFit | None:
+    """Fit with the most significant line of any order.
+
+    Parameters
+    ----------
+    data : RunData
+    fit : DriveFit
+
+    Returns
+    -------
+    DriveFit or None
+        None where no line is significant.
+    """
+    highest = highest_order(data)
+    orders: list[float] = []
+    cells = 1.0
+    for at in data.slices:
+        noise = burg(fit.residual[at], floor=data.floor)
+        order, power = line_spectrum(data.theta[at], fit.residual[at], noise, highest)
+        if order.size < 3:
+            continue
+        cells = max(cells, order.size / 2)
+        likely = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (power[1:-1] > chi_square(0.05, 2))
+        peaks = np.flatnonzero(likely) + 1
+        orders += [_sharpened(data, fit, float(order[i])) for i in peaks[np.argsort(-power[peaks])][:_PEAKS]]
+    free = [order for order in _distinct(orders, 0.25 / data.turns) if not _is_taken(data, fit, order)]
+    accepted = _FALSE_LINE / cells
+    for term, _, _ in screened(data, fit, [line_term(data, order) for order in free])[:3]:
+        trial = fitted(data, [*fit.terms, term])
+        if _is_line(data, trial, accepted) and held_out_gain(data, fit, trial) > 0:
+            return trial
+    return None
+
+
+def beats(data: RunData, line: DriveFit, winner: DriveFit) -> bool:
+    """Tell whether a cause only looks telling beside a stronger line, which a short run smears over its neighbours.
+
+    Parameters
+    ----------
+    data : RunData
+    line, winner : DriveFit
+        With the line, and with the cause, as their last terms.
+
+    Returns
+    -------
+    bool
+    """
+    own, cause = line.terms[-1], winner.terms[-1]
+    apart = [abs(own.orders[0] - order) * data.turns for order in cause.orders or (0.0,)]
+    if min(apart) < 1 or min(apart) > _SMEARED:
+        return False
+    return line.distance(own) > winner.distance(cause) + float(chi_square(FALSE_ALARM, 1))
+
+
+def add_lines(data: RunData, fit: DriveFit) -> DriveFit:
+    """Put in the lines that remain, the strongest first.
+
+    Parameters
+    ----------
+    data : RunData
+    fit : DriveFit
+
+    Returns
+    -------
+    DriveFit
+    """
+    for _ in range(_MOST_LINES):
+        more = best_line(data, fit)
+        if more is None:
+            return fit
+        fit = more
+    return fit
+
+
+def _is_line(data: RunData, trial: DriveFit, accepted: float) -> bool:
+    line = trial.terms[-1]
+    large = data.quantity != "angle" or np.hypot(*trial.values(line)[:2]) > _ACCURACY
+    return bool(large and trial.significant(line, accepted))
+
+
+def _distinct(orders: Sequence[float], apart: float) -> list[float]:
+    found: list[float] = []
+    for order in orders:
+        if all(abs(order - other) > apart for other in found):
+            found.append(order)
+    return found
+
+
+def _is_taken(data: RunData, fit: DriveFit, order: float) -> bool:
+    """Tell whether the runs are too short to tell an order from one that is in the fit."""
+    there = [o for t in fit.terms for o in t.orders if t.kind in (EFFECT, LINE)]
+    return any(abs(order - other) < 0.7 / data.turns for other in there)
+
+
+def _sharpened(data: RunData, fit: DriveFit, order: float) -> float:
+    """Order of the highest power near one, over all runs."""
+    near = order + np.linspace(-0.5, 0.5, 41) / data.turns
+    power = np.zeros(near.size)
+    for at in data.slices:
+        wave, step = (np.exp(-1j * o * data.theta[at]) for o in (near[0], near[1] - near[0]))
+        pull = fit.residual[at] * wave
+        for i in range(near.size):
+            power[i] += abs(pull.sum()) ** 2
+            pull *= step
+    best = int(np.argmax(power))
+    if 0 < best < near.size - 1:
+        left, top, right = power[best - 1 : best + 2]
+        return float(near[best] + 0.5 * (left - right) / (left - 2 * top + right) * (near[1] - near[0]))
+    return order

@@ -1,0 +1,145 @@
+"""The principle: error vectors at contacts, projected onto action lines and transferred to the output.
+
+Source 000 moves a follower by (n1 . delta) / (n1 . n2) for one contact.  For a mechanism with many contacts the same
+follows from virtual work: with the sun held, an error delta at contact c turns the output by
+
+    dTheta = sum over c of lambda_c (n_c . C_c delta_c),
+
+where lambda_c n_c is the force that the driving part puts on the driven part at c per unit of output torque, and C_c
+turns the error from the frame in which it is fixed into the housing frame.  So a source says only where its vector
+sits, in which frame, and its components: it returns an `ErrorVector`.  What carries force is a
+`ContactForces`, whether it comes from the closed form or from an equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array, dot
+from rverror.geartrain.kinematics import Pose
+from rverror.geartrain.mechanism import Reducer
+
+#: Contacts, each named driving part -> driven part, with the axes of its arrays (before the sample axis).
+#: Flank 0 of a gear mesh and of a spline carries in forward motion, flank 1 in reverse.
+CONTACT_AXES: Mapping[str, str] = {
+    "pin": "pin of the housing -> disc: (disc, pin, xy)",
+    "cam": "disc bore -> cam of the crank: (disc, crank, xy)",
+    "carrier": "crank journal -> carrier bore: (crank, xy)",
+    "mesh": "sun -> planet: (crank, flank, xy)",
+    "spline": "planet -> crank, a torque: (crank, flank, 1)",
+    "output": "carrier -> reading of the output error, an angle: (1,)",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contacts(Pose):
+    """Nominal geometry of every contact of a reducer at n samples, in the housing frame.
+
+    Attributes
+    ----------
+    reducer : Reducer
+        Whose geometry it is.
+    eccentric : ndarray, shape (discs, n)
+        Angle of the eccentric direction of each disc, rad.
+    crank_position : ndarray, shape (cranks, n)
+        Angle of each crank axis about the housing axis, rad.
+    pin_normal : ndarray, shape (discs, pins, 2, n)
+        Unit vector from each pin into the disc along the contact normal.
+    pin_arm : ndarray, shape (discs, pins, n)
+        Arm of that normal about the disc centre, mm, counter-clockwise positive.
+    pin_angle : ndarray, shape (discs, pins, n)
+        Angle of the contact point about the disc centre in the disc's frame, rad.
+    mesh_normal : ndarray, shape (cranks, 2, 2, n)
+        Unit vector along the line of action from sun to planet, per flank.
+    """
+
+    reducer: Reducer
+    eccentric: Array
+    crank_position: Array
+    pin_normal: Array
+    pin_arm: Array
+    pin_angle: Array
+    mesh_normal: Array
+
+
+#: Bearings, whose force has no fixed direction: ``"cam direction"`` and ``"carrier direction"`` hold it.
+BEARINGS = ("cam", "carrier")
+
+#: Force of the driving on the driven part at each contact per unit of output torque, 1/mm (torques: 1), keyed and
+#: shaped as in `CONTACT_AXES` with the sample axis last; for each of `BEARINGS` also the unit vector along which the
+#: force acts in the motion at hand.
+ContactForces = Mapping[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorVector:
+    """Where the error of one source sits, and its components in the housing frame.
+
+    Attributes
+    ----------
+    contact : str
+        A key of `CONTACT_AXES`.
+    vector : ndarray, shape (terms, axes of the contact, n)
+        Displacement of the driving surface less that of the driven surface, per unit of each parameter.  Axes of
+        length 1 stand for all entries of that axis.
+    at : tuple of slice
+        Which entries of the contact's leading axes it touches; all where empty.
+    """
+
+    contact: str
+    vector: Array
+    at: tuple[slice, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """Radial clearance of all bearings of one kind: the journal lies off centre along the force that it carries.
+
+    Attributes
+    ----------
+    contact : str
+        One of `BEARINGS`.
+    """
+
+    contact: str
+
+
+#: What a source returns: a part that grows shifts more than one contact, so it has one error vector for each.
+SourceVector = ErrorVector | Clearance | tuple[ErrorVector, ...]
+
+
+def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
+    """Influence of an error on the output angle: sum over contacts of force per unit torque times displacement.
+
+    Parameters
+    ----------
+    forces : mapping of str to ndarray
+        Contact forces per unit of output torque.
+    error : ErrorVector, tuple of ErrorVector or Clearance
+        The error of one source.
+    samples : int
+        n, the number of samples.
+
+    Returns
+    -------
+    ndarray, shape (terms, n)
+        rad per mm for errors in mm, rad per rad for angles.
+
+    Notes
+    -----
+    The action-line increment of source 000 with all contacts at once: the force direction is the action line, and the
+    virtual work replaces its division by n1 . n2.  A clearance c displaces the driven part by c along the force, so it
+    costs c times the force whatever its direction: the output lags.
+    """
+    if isinstance(error, tuple):
+        return np.asarray(sum(project(forces, part, samples) for part in error), dtype=np.float64)
+    if isinstance(error, Clearance):
+        along = dot(forces[error.contact], forces[f"{error.contact} direction"])
+        return -np.broadcast_to(along.sum(axis=tuple(range(along.ndim - 1))), (1, samples))
+    force = forces[error.contact][error.at]
+    axes = tuple(range(force.ndim - 1))
+    columns = [np.broadcast_to((force * term).sum(axis=axes), (samples,)) for term in error.vector]
+    return np.array(columns, dtype=np.float64)

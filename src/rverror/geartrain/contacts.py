@@ -1,0 +1,142 @@
+"""Where every contact of a gear train stands, and what it carries in closed form: the five sub-assemblies in one walk.
+
+Torque goes from the output to the pins, from the pins to the cams, from the input to the planets, and from both to the
+carrier's bores; the feedback of the carrier is in the first step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import unit_vectors
+from rverror.geartrain.action_line import ContactForces, Contacts
+from rverror.geartrain.coupling import carrier_forces
+from rverror.geartrain.crank import cam_forces, spline_torque
+from rverror.geartrain.cycloid import pin_contacts, pin_forces
+from rverror.geartrain.involute import mesh_forces, mesh_normal
+from rverror.geartrain.kinematics import Conditions, DrivePose, Pose, frame_orders, motion_direction
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+
+
+def pose(
+    mechanism: Mechanism,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+) -> Pose:
+    """Nominal motion of a mechanism, with the geometry of every contact where it is a reducer.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, which say all of the following too.
+    direction : float or array_like, optional
+        +1 forward, -1 reverse, one value or one per sample; read from the angles where left out.
+    time : array_like or quantity, shape (n,), optional
+        Time of each sample, s.
+    torque : float or quantity, optional
+        Size of the load torque at the output, N*mm; needed by ``load.torsion``.
+
+    Returns
+    -------
+    Pose
+        A `Contacts` for a reducer, a `DrivePose` for a drive.
+
+    Raises
+    ------
+    ValueError
+        If the angles are not a row of finite numbers or the direction is neither +1 nor -1.
+    """
+    if isinstance(theta, Conditions):
+        if not direction is time is torque is None:
+            raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
+        return motion(mechanism, theta)
+    angle = units.to_core_array(theta, "angle")
+    if angle.ndim != 1 or angle.size == 0:
+        raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
+    sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)
+    if not np.isin(sense, (-1.0, 1.0)).all():
+        raise ValueError("direction must be +1 (forward) or -1 (reverse)")
+    clock = None if time is None else units.to_core_array(time, "time")
+    for name, row in (("direction", sense), ("time", clock)):
+        if row is not None and row.shape not in ((), angle.shape):
+            raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
+    load = None if torque is None else units.to_core(torque, "torque")
+    return motion(mechanism, Conditions(angle, sense, load, clock))
+
+
+def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
+    """The same, under conditions that are known to be sound.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    conditions : Conditions
+
+    Returns
+    -------
+    Pose
+    """
+    same = {field.name: getattr(conditions, field.name) for field in fields(Conditions)}
+    same["direction"] = np.array(np.broadcast_to(conditions.direction, conditions.theta.shape), dtype=np.float64)
+    if isinstance(mechanism, Drive):
+        return DrivePose(ratio=mechanism.ratio, drive=mechanism, **same)
+    return _contacts(mechanism, same)
+
+
+def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
+    theta = same["theta"]
+    phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
+    eccentric = frame_orders(reducer)["crank"] * theta + phases[:, None]
+    position = theta + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
+    pins = pin_contacts(reducer, eccentric=eccentric, disc_angle=theta)
+    return Contacts(
+        ratio=reducer.ratio,
+        reducer=reducer,
+        eccentric=eccentric,
+        crank_position=position,
+        pin_normal=pins.normal,
+        pin_arm=pins.arm,
+        pin_angle=pins.angle,
+        mesh_normal=mesh_normal(reducer, position),
+        **same,
+    )
+
+
+def closed_form_forces(where: Pose) -> ContactForces:
+    """Contact forces per unit of output torque, rigid bearings and equal contact stiffness.
+
+    Parameters
+    ----------
+    where : Pose
+        From `pose`.
+
+    Returns
+    -------
+    mapping of str to ndarray
+        For every key of `action_line.CONTACT_AXES`; only ``output`` for a drive.
+    """
+    output = np.ones((1, where.theta.size))
+    if not isinstance(where, Contacts):
+        return {"output": output}
+    pins = pin_forces(where)
+    cams = cam_forces(where, pin_forces=pins)
+    meshes = mesh_forces(where)
+    bores = carrier_forces(cam_forces=cams, mesh_forces=meshes)
+    return {
+        "pin": pins,
+        "cam": cams,
+        "cam direction": unit_vectors(cams * where.direction),
+        "carrier": bores,
+        "carrier direction": unit_vectors(bores * where.direction),
+        "mesh": meshes,
+        "spline": spline_torque(where.reducer, where.direction),
+        "output": output,
+    }

@@ -1,0 +1,133 @@
+"""Output coupling: forces between the cranks and the carrier, and the error sources of the carrier."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rverror.base.arrays import Array, only, radial_and_tangential
+from rverror.geartrain.action_line import Clearance, Contacts, ErrorVector
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import CRANK, Indices, Source, bore_orders, clearance, lengths, rv
+
+
+def carrier_forces(*, cam_forces: Array, mesh_forces: Array) -> Array:
+    """Force of each crank on its carrier bore per unit of output torque: what the discs and the sun put on the crank.
+
+    Parameters
+    ----------
+    cam_forces : ndarray, shape (discs, cranks, 2, n)
+        Forces of the discs on the cams, 1/mm.
+    mesh_forces : ndarray, shape (cranks, 2, 2, n)
+        Forces of the sun on the planets per flank, 1/mm.
+
+    Returns
+    -------
+    ndarray, shape (cranks, 2, n)
+        1/mm; the tangential parts add up to 1/r6.
+
+    Notes
+    -----
+    Cam bearings and carrier bearings share the separating force of the gears by their stiffness; here the carrier
+    bearings take all of it, as if they were the stiffer ones.  It is radial and constant.
+    """
+    return np.asarray(cam_forces.sum(axis=0) + mesh_forces.sum(axis=1), dtype=np.float64)
+
+
+def carrier_bore_position(contacts: Contacts, *, crank: int) -> ErrorVector:
+    """Displacement of one crank bore in the carrier.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int
+        Which bore.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the carrier centre), tangential (counter-clockwise).
+
+    Notes
+    -----
+    Source 000, delta_41, whose 30.5 arcsec once per revolution it cannot give: error and action line turn together, so
+    the output shift is constant, -1/(n_cranks r6) per tangential unit.
+    """
+    vector = -np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    return ErrorVector(contact="carrier", vector=vector[:, None], at=(only(crank),))
+
+
+def bearing_clearance(contacts: Contacts) -> Clearance:
+    """Radial clearance of every crank bearing in the carrier.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    Clearance
+        Term clearance: how far a crank can move off its bearing's centre in any direction.
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 004.  The forces on the bores are constant in the carrier, so the output lags by
+    about c / r6 in either direction, without ripple.
+    """
+    return Clearance(contact="carrier")
+
+
+def carrier_runout(contacts: Contacts) -> ErrorVector:
+    """Offset of the bore circle against the carrier's axis of rotation, fixed in the carrier.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y in the carrier's frame.
+
+    Notes
+    -----
+    Source 001 (output wheel eccentricity).  The forces on all bores cancel while the discs balance, so with evenly
+    spaced discs that mesh in phase nothing reaches the output.
+    """
+    vector = -np.stack(radial_and_tangential(contacts.theta))
+    return ErrorVector(contact="carrier", vector=vector[:, None])
+
+
+def _bore_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Constant where two or more discs balance."""
+    return bore_orders(mechanism, indices) if rv(mechanism).discs == 1 else ()
+
+
+def _runout_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Nothing where two or more discs balance."""
+    unit = rv(mechanism)
+    return (fundamental_orders(unit)["carrier"],) if unit.discs == 1 else ()
+
+
+def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Constant where two or more discs balance."""
+    unit = rv(mechanism)
+    return (unit.cranks * fundamental_orders(unit)["bearing"],) if unit.discs == 1 else ()
+
+
+SOURCES = (
+    Source(
+        "coupling.carrier_bore_position", carrier_bore_position, (CRANK,),
+        lengths(30, "radial", "tangential"), "carrier", _bore_orders, "000, delta_41; 004",
+        "displacement of one crank bore in the carrier",
+    ),
+    Source(
+        "coupling.bearing_clearance", bearing_clearance, (), clearance(30),
+        "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4",
+        "radial clearance of all crank bearings in the carrier",
+    ),
+    Source(
+        "coupling.carrier_runout", carrier_runout, (), lengths(50, "x", "y"),
+        "carrier", _runout_orders, "001, table 3", "bore circle against the carrier's axis",
+    ),
+)  # fmt: skip

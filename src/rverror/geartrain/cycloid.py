@@ -1,0 +1,528 @@
+"""Cycloid-pin mesh: profile, contact normals, load sharing, and the error sources of discs, pins and disc bores."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array, cross, dot, only, radial_and_tangential
+from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.feedback import feedback_factor
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.source import (
+    CRANK,
+    DISC,
+    PIN,
+    Indices,
+    Source,
+    bore_orders,
+    every,
+    harmonics,
+    leads,
+    lengths,
+    pin_wave_orders,
+    rv,
+)
+
+
+@dataclass(frozen=True)
+class PinContacts:
+    """Pin contacts of every disc: `normal` (discs, pins, 2, n), `arm` and `angle` (discs, pins, n)."""
+
+    normal: Array
+    arm: Array
+    angle: Array
+
+
+def pin_positions(reducer: Reducer) -> Array:
+    """Angles of the pins on the pin circle, 2 pi i / z_p, rad.
+
+    Parameters
+    ----------
+    reducer : Reducer
+
+    Returns
+    -------
+    ndarray, shape (pins,)
+    """
+    return 2 * np.pi * np.arange(reducer.pins) / reducer.pins
+
+
+def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> PinContacts:
+    """Contact normals, arms and contact angles of all pins on all discs.
+
+    The pitch circles, of radius a z_c on the disc and a z_p in the housing, touch at the pitch point P, a z_p along the
+    eccentric direction from the housing centre.  Every contact normal passes through its pin and P; its arm about the
+    disc centre is a z_c times the sine of its angle to the eccentric direction.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    eccentric : ndarray, shape (discs, n)
+        Angle of each disc's eccentric direction in the housing, rad.
+    disc_angle : ndarray, shape (n,)
+        Rotation of the discs, rad.
+
+    Returns
+    -------
+    PinContacts
+        Normals point from the pin into the disc.
+
+    Notes
+    -----
+    Source 000, section 3 (n13), without its pressure angle: P makes it superfluous.  Source 003 prints the profile
+    with e in place of K; source 002 prints K inverted.
+    """
+    direction, _ = radial_and_tangential(eccentric)
+    pin, _ = radial_and_tangential(pin_positions(reducer)[:, None])
+    pin = reducer.pin_circle_radius * pin
+    to_pitch_point = reducer.eccentricity * reducer.pins * direction[:, None] - pin
+    normal = to_pitch_point / np.sqrt(dot(to_pitch_point, to_pitch_point))[..., None, :]
+    arm = reducer.eccentricity * reducer.disc_lobes * cross(direction[:, None], normal)
+    point = pin + reducer.pin_radius * normal - reducer.eccentricity * direction[:, None]
+    angle = np.arctan2(point[..., 1, :], point[..., 0, :]) - disc_angle
+    return PinContacts(normal, arm, angle)
+
+
+def profile(reducer: Reducer, roll_angle: Array) -> Array:
+    """Nominal profile of a disc, the offset by the pin radius of the curve that a pin centre draws on the disc.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad; one lobe per turn, the whole disc in z_c turns.
+
+    Returns
+    -------
+    ndarray, shape (2, n)
+        Points in a frame at the disc centre in which a lobe's root lies on +x, mm.
+
+    Notes
+    -----
+    Source 003 (its x and y swap sine and cosine, lose K/z_p and carry the wrong sign before the second term) and
+    source 001 (its e cos((Z_p + 1) phi) belongs to a disc that it does not describe).
+    """
+    a = reducer.eccentricity
+    position = roll_angle / reducer.disc_lobes  # angle of the pin on the disc, which turns a z_c-th of the crank
+    pin, _ = radial_and_tangential(position)
+    ahead, _ = radial_and_tangential(position + roll_angle)
+    centre = reducer.pin_circle_radius * pin - a * ahead
+    pitch_point = a * reducer.disc_lobes * ahead
+    normal = pitch_point - centre
+    normal = normal / np.sqrt(dot(normal, normal))
+    return centre + reducer.pin_radius * normal
+
+
+def loaded_share(reducer: Reducer, roll_angle: Array) -> Array:
+    r"""Approach of a pin contact over the largest one when the disc turns, sin(phi) / sqrt(S).
+
+    It is the arm of the contact normal over the longest arm, l / (a z_c), with S = 1 + K^2 - 2 K cos(phi).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        1 where cos(phi) = K; negative on the other side.
+
+    Notes
+    -----
+    Source 002 (delta_i) without its square root.
+    """
+    return np.asarray(np.sin(roll_angle) / _root(reducer, roll_angle))
+
+
+def normal_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
+    r"""Gap that profile modification opens along the common normal, the disc in its nominal place.
+
+        equidistant + shift (1 - K cos(phi)) / sqrt(S),    S = 1 + K^2 - 2 K cos(phi).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad.
+    equidistant, shift : float
+        Offset of the profile along its normal, and of the grinding tool's pin circle towards the centre; positive
+        removes material, mm.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        mm.
+    """
+    inward = (1 - reducer.short_width_coefficient * np.cos(roll_angle)) / _root(reducer, roll_angle)
+    return np.asarray(equidistant + shift * inward)
+
+
+def initial_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
+    r"""Gap that is left along the common normal once a modified disc has turned to its first contact.
+
+    The disc, its centre held, stays behind a forward motion by the angle h / (a z_c); that closes h s(phi), s from
+    `loaded_share`, of the gap of `normal_gap`.  With x = (1 - K cos(phi)) / sin(phi) the gap over s is
+
+        h(x) = equidistant sqrt(x^2 + K^2) + shift x,    x >= sqrt(1 - K^2),
+
+    whose least value is taken
+
+    - at the longest arm, cos(phi) = K, while equidistant sqrt(1 - K^2) + shift >= 0:
+      h = equidistant + shift sqrt(1 - K^2);
+    - else, where material is ground off along the normal and more than sqrt(1 - K^2) of it put back by the shift, on
+      both sides of it: h = K sqrt(equidistant^2 - shift^2).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad; pins that drive have 0 < phi < pi.
+    equidistant, shift : float
+        As in `normal_gap`, mm; together 0 or more.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        mm; 0 at the first contact.
+
+    Raises
+    ------
+    ValueError
+        If the modifications together add material: at a lobe's root and tip no turn makes room for it.
+
+    Notes
+    -----
+    Source 002, which loses the square roots, takes K for the ratio of two radii and prints an angle.  Its formula, put
+    right, is the first case:
+
+        equidistant (1 - s) + shift (1 - K cos(phi) - sqrt(1 - K^2) sin(phi)) / sqrt(S).
+
+    It is of first order in the modification, and stands for a pin at the best place; the pins of a real disc stand a
+    pitch apart.
+    """
+    if equidistant + shift < 0:
+        raise ValueError(
+            f"equidistant = {equidistant:g} mm, shift = {shift:g} mm: together they must be 0 or more, or the disc is "
+            "too large for its pins at root and tip"
+        )
+    K = reducer.short_width_coefficient
+    across = math.sqrt(1 - K**2)
+    if equidistant * across + shift >= 0:
+        turned = equidistant + shift * across
+    else:
+        turned = K * math.sqrt(equidistant**2 - shift**2)
+    gap = normal_gap(reducer, roll_angle, equidistant=equidistant, shift=shift)
+    return np.asarray(gap - turned * loaded_share(reducer, roll_angle))
+
+
+def _root(reducer: Reducer, roll_angle: Array) -> Array:
+    """Distance from pin to pitch point over the pin circle's radius, sqrt(1 + K^2 - 2 K cos(phi))."""
+    K = reducer.short_width_coefficient
+    return np.asarray(np.sqrt(1 + K**2 - 2 * K * np.cos(roll_angle)), dtype=np.float64)
+
+
+def pressure_angle(contacts: Contacts) -> Array:
+    """Angle between each contact normal and the motion of the contact point about the disc centre (n13 . n23 of 000).
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (discs, pins, n)
+        Acute angle, rad.
+    """
+    _, motion = radial_and_tangential(contacts.pin_angle + contacts.theta)
+    return np.asarray(np.arccos(np.clip(np.abs(dot(contacts.pin_normal, motion)), 0, 1)), dtype=np.float64)
+
+
+def pin_forces(contacts: Contacts) -> Array:
+    """Force of each pin on each disc per unit of output torque, rigid bearings and equal contact stiffness.
+
+    Only pins on the loaded side carry, those whose normal turns the disc in the direction of motion.  Turning the
+    output by dTheta with the sun held closes pin i by l_i dTheta / F, so equal springs share the torque as
+
+        lambda_i = F l_i / sum(l^2),    sum over the loaded pins of all discs.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (discs, pins, 2, n)
+        1/mm.
+
+    Notes
+    -----
+    (F / n_discs) l_i / sum(l_i^2) over the pins of one disc is the same wherever the discs mesh in phase, as they do
+    when n_discs divides z_p; this form is the rigid limit in every case.
+    """
+    loaded = np.where(contacts.pin_arm * contacts.direction > 0, contacts.pin_arm, 0.0)
+    scale = feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
+    return np.asarray((scale * loaded)[..., None, :] * contacts.pin_normal, dtype=np.float64)
+
+
+def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Error of a disc's profile along its normal, c cos(h psi) + s sin(h psi) over the contact angle psi.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves around it.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; positive is more material.
+
+    Notes
+    -----
+    Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
+    """
+    psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
+    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
+    return ErrorVector(contact="pin", vector=waves[..., None, :] * normal, at=(only(disc),))
+
+
+def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
+    """Local defect of a disc: one lobe worn or raised along its normal, most at its crest, nothing at its roots.
+
+        deviation cos^2(z_c (psi - psi_l) / 2) within half a pitch of its crest at psi_l.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, lobe : int
+        Which disc; which lobe, counter-clockwise from the root into which the eccentric points at theta = 0, or from
+        the next root where it points into none.
+
+    Returns
+    -------
+    ErrorVector
+        Term deviation, mm; positive is more material.
+
+    Notes
+    -----
+    A lobe meets one pin with each turn of the crank against the carrier, so the defect is seen once a turn of it and
+    shows at all multiples of that order.  No source has it; 001 and 002 describe errors of the profile as waves.
+    """
+    unit = contacts.reducer
+    # a root is where the eccentric, at 2 pi k/n_d, lies z_p times its angle from the root ahead of it on the disc
+    lobes, root = unit.disc_lobes, -(-disc * unit.pins // unit.discs) - disc / unit.discs
+    psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
+    crest = 2 * np.pi * (root + lobe + 0.5) / lobes
+    away = np.mod(psi - crest + np.pi, 2 * np.pi) - np.pi
+    shape = np.where(np.abs(away) < np.pi / lobes, np.cos(lobes * away / 2) ** 2, 0.0)
+    return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
+
+
+def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves around it.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; counter-clockwise positive.
+
+    Notes
+    -----
+    Sources 001 (cumulative pitch error) and 002 (e_Apd).
+    """
+    psi = contacts.pin_angle[only(disc)]
+    _, tangential = radial_and_tangential(psi + contacts.theta)
+    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
+    return ErrorVector(contact="pin", vector=-waves[..., None, :] * tangential, at=(only(disc),))
+
+
+def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:
+    """Displacement of one pin in the housing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    pin : int
+        Which pin.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the housing centre), tangential (counter-clockwise).
+
+    Notes
+    -----
+    Sources 001, 002 (E_R and E_AR, projected there by the pin's angle instead of the normal's) and 004, whose
+    z_c dr / r is wrong by a factor of about 50.
+    """
+    angle = pin_positions(contacts.reducer)[pin : pin + 1, None]
+    vector = np.stack(radial_and_tangential(angle))[:, None]
+    return ErrorVector(contact="pin", vector=vector, at=(slice(None), only(pin)))
+
+
+def pin_circle(contacts: Contacts, *, harmonic: int) -> ErrorVector:
+    """Displacement of all pins by a wave over the pin's angle gamma in the housing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    harmonic : int
+        h, waves around the pin circle; 0 changes the radius, or turns the ring.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial_cos, radial_sin, tangential_cos, tangential_sin.
+
+    Notes
+    -----
+    Source 001 (pin circle diameter, cumulative pitch error of the pins).
+    """
+    gamma = pin_positions(contacts.reducer)[:, None]
+    radial, tangential = radial_and_tangential(gamma)
+    cos, sin = np.cos(harmonic * gamma)[:, None], np.sin(harmonic * gamma)[:, None]
+    vector = np.stack([cos * radial, sin * radial, cos * tangential, sin * tangential])
+    return ErrorVector(contact="pin", vector=vector[:, None])
+
+
+def pin_radius(contacts: Contacts, *, pin: int | str) -> ErrorVector:
+    """Deviation of the radius of one pin, or of all of them.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    pin : int or "all"
+        Which pin.
+
+    Returns
+    -------
+    ErrorVector
+        Term deviation; positive is more material.
+
+    Notes
+    -----
+    Sources 000 (named as missing), 001 and 004 (pin diameter, groove radius).
+    """
+    chosen = slice(None) if pin == "all" else only(int(pin))
+    at = (slice(None), chosen)
+    return ErrorVector(contact="pin", vector=contacts.pin_normal[at][None], at=at)
+
+
+def profile_modification(contacts: Contacts) -> ErrorVector:
+    """Modification of the profile of all discs, equidistant and by shift of the grinding tool's pin circle.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms equidistant (along the normal), shift (the tool's pin circle towards the centre, times the normal's
+        component towards it); positive removes material, negative adds.
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 002, whose cos(tau) serves both terms.  It removes equidistant as thinner pins
+    would, and shift as a wider pin circle would: in the transmission error it cannot be told from these.  What is
+    nonlinear is which pins still carry, and that the equilibrium finds; the closed form takes the whole loaded half to
+    stay loaded.
+    """
+    normal = contacts.pin_normal
+    radial, _ = radial_and_tangential(pin_positions(contacts.reducer)[:, None])
+    inward = -dot(normal, radial)
+    return ErrorVector(contact="pin", vector=-np.stack([normal, inward[..., None, :] * normal]))
+
+
+def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVector:
+    """Displacement of one crank bore in a disc.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, crank : int
+        Which disc, and which of its bores.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the disc centre), tangential (counter-clockwise).
+
+    Notes
+    -----
+    Sources 000 (named as missing) and 001 (crank hole errors).
+    """
+    vector = np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))
+
+
+def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Discs pass a pin one after another: only multiples of the number of discs stay."""
+    if indices.get("pin") == "all":
+        return pin_wave_orders(mechanism, indices)
+    unit = rv(mechanism)
+    return (unit.discs * fundamental_orders(unit)["housing"],)
+
+
+_LOBE = every("lobe", lambda unit: range(unit.disc_lobes))
+_PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"])
+
+SOURCES = (
+    Source(
+        "cycloid.disc_profile", disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
+        "disc", leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.disc_pitch", disc_pitch, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
+        "disc", leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.disc_lobe", disc_lobe, (DISC, _LOBE), lengths(50, "deviation"),
+        "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),
+        "housing", _one_pin_orders, "001; 002, e_R and e_AR; 004", "displacement of one pin",
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.pin_circle", pin_circle, (harmonics(0, 6),),
+        lengths(50, "radial_cos", "radial_sin", "tangential_cos", "tangential_sin"),
+        "housing", pin_wave_orders, "001, table 1", "wave of all pins around the pin circle",
+        alike_at_pins=lambda indices: indices["harmonic"] == 0,
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.pin_radius", pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
+        "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
+        alike_at_pins=lambda indices: indices["pin"] == "all",
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.profile_modification", profile_modification, (), lengths(50, "equidistant", "shift"),
+        "disc", pin_wave_orders, "000, outlook; 002, e_rrp and e_rp",
+        "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
+        false_minima=True,
+    ),
+    Source(
+        "cycloid.disc_bore_position", disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),
+        "disc", bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
+        false_minima=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,310 @@
+"""Involute stage: lines of action, mesh forces, and the error sources of sun, planets and splines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rverror.base.arrays import Array, only, radial_and_tangential
+from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.kinematics import frame_orders
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.source import CRANK, Indices, Source, clearance, constant, every, harmonics, leads, lengths, rv
+
+#: Sign of the tangential motion that each flank drives: flank 0 forward, flank 1 reverse.
+_FLANK_SIGN = np.array([1.0, -1.0])
+
+
+def mesh_normal(reducer: Reducer, crank_position: Array) -> Array:
+    """Unit vectors along the lines of action, from the sun into each planet.
+
+    The sun's loaded flank pushes the planet along the tangent of its motion, tilted outwards by the pressure angle:
+
+        n = +-cos(alpha) t_j + sin(alpha) r_j.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    crank_position : ndarray, shape (cranks, n)
+        Angle of each crank axis about the housing axis, rad.
+
+    Returns
+    -------
+    ndarray, shape (cranks, 2, 2, n)
+        Flank 0 drives in forward motion, flank 1 in reverse.
+
+    Notes
+    -----
+    Source 000, section 1, prints n11 = (-cos alpha, -sin alpha) for one angle of the carrier; it turns with it.
+    """
+    radial, tangential = radial_and_tangential(crank_position)
+    along = math.cos(reducer.pressure_angle) * _FLANK_SIGN[:, None, None] * tangential[:, None]
+    return np.asarray(along + math.sin(reducer.pressure_angle) * radial[:, None], dtype=np.float64)
+
+
+def mesh_forces(contacts: Contacts) -> Array:
+    """Force of the sun on each planet per unit of output torque, equal share of the input torque 1/R.
+
+        lambda_j = (z2/z1) / (R n_cranks r2 cos(alpha)) along the loaded line of action.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (cranks, 2, 2, n)
+        1/mm.
+
+    Notes
+    -----
+    Source 000, section 1, divides by r2 cos(alpha) as here.  A floating sun shares the torque of two or three planets
+    equally.
+    """
+    reducer = contacts.reducer
+    share = 1 / (reducer.ratio * reducer.cranks * reducer.sun_pitch_radius * math.cos(reducer.pressure_angle))
+    loaded = np.stack([contacts.direction > 0, contacts.direction <= 0]) * _FLANK_SIGN[:, None]
+    return np.asarray(share * loaded[:, None] * contacts.mesh_normal, dtype=np.float64)
+
+
+def center_distance(contacts: Contacts, *, crank: int) -> ErrorVector:
+    """Displacement of a planet gear's axis against its crank, fixed in the carrier, felt by the gear mesh alone.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int
+        Which planet.
+
+    Returns
+    -------
+    ErrorVector
+        Terms radial (away from the sun), tangential (counter-clockwise about the sun).
+
+    Notes
+    -----
+    Source 000, delta_11.  A bore error of the carrier moves the whole crank: ``coupling.carrier_bore_position``.
+    """
+    vector = -np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
+
+
+def sun_eccentricity(contacts: Contacts) -> ErrorVector:
+    """Eccentricity of the sun's toothing, fixed in the sun.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y in the sun's frame.
+
+    Notes
+    -----
+    Source 004.  A sun that floats between evenly spaced planets gives way, and nothing reaches the output; source
+    004's (Z_r / Z_s) e / r_s holds a fixed sun to one planet and takes the pins for a ring gear.
+    """
+    angle = frame_orders(contacts.reducer)["sun"] * contacts.theta
+    return ErrorVector(contact="mesh", vector=np.stack(radial_and_tangential(angle))[:, None, None])
+
+
+def sun_offset(contacts: Contacts) -> ErrorVector:
+    """Offset of the sun's axis, fixed in the housing.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y in the housing frame.
+
+    Notes
+    -----
+    Source 004 (sun gear assembly error).
+    """
+    return ErrorVector(contact="mesh", vector=np.eye(2)[:, None, None, :, None])
+
+
+def planet_eccentricity(contacts: Contacts, *, crank: int) -> ErrorVector:
+    """Eccentricity of one planet's toothing, fixed in the planet.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int
+        Which planet.
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y in the planet's frame, which lies on the housing's at theta = 0.
+
+    Notes
+    -----
+    Source 004.
+    """
+    angle = frame_orders(contacts.reducer)["planet"] * contacts.theta
+    vector = -np.stack(radial_and_tangential(angle))
+    return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
+
+
+def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorVector:
+    """Cumulative pitch error of the sun, c cos(h chi) + s sin(h chi) over the angle chi on the sun.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    harmonic : int
+        h, waves around the gear.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin: tangential lead of the teeth at the pitch circle, counter-clockwise positive.
+
+    Notes
+    -----
+    Source 001.  Taken at the pitch point; the contact's walk along the line of action is left out.  Harmonics that are
+    no multiple of the number of planets cancel.
+    """
+    _, tangential = radial_and_tangential(contacts.crank_position)
+    chi = contacts.crank_position - frame_orders(contacts.reducer)["sun"] * contacts.theta
+    return ErrorVector(contact="mesh", vector=_waves(harmonic, chi)[:, :, None, None] * tangential[:, None])
+
+
+def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorVector:
+    """Cumulative pitch error of one planet, c cos(h chi) + s sin(h chi) over the angle chi on the planet.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank, harmonic : int
+        Which planet; h, waves around the gear.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin: tangential lead of the teeth at the pitch circle, counter-clockwise about the planet.
+
+    Notes
+    -----
+    Source 001.  Taken at the pitch point, as in `sun_pitch`.
+    """
+    position = contacts.crank_position[only(crank)]
+    _, tangential = radial_and_tangential(position)
+    chi = position + np.pi - frame_orders(contacts.reducer)["planet"] * contacts.theta
+    # at the pitch point the planet's counter-clockwise tangent is -t, and the planet is the driven part: +t
+    return ErrorVector(
+        contact="mesh",
+        vector=_waves(harmonic, chi)[:, :, None, None] * tangential[:, None],
+        at=(only(crank),),
+    )
+
+
+def tooth_thinning(contacts: Contacts, *, member: str) -> ErrorVector:
+    """Tooth thickness that wear or grinding took off a gear, half on either flank.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    member : {"sun", "planet"}
+        Which gear; "planet" thins all planets alike.
+
+    Returns
+    -------
+    ErrorVector
+        Term thinning, along the pitch circle.  The output lags by thinning / (2 r1 R) in either direction, so the
+        lost motion between the directions is thinning / (r1 R).
+
+    Notes
+    -----
+    Source 003 (157 arcsec/mm of wear against 1/(r1 R) = 170).  The effect is the same for sun and planets; `member`
+    records which.
+    """
+    _, tangential = radial_and_tangential(contacts.crank_position)
+    vector = -0.5 * _FLANK_SIGN[:, None, None] * tangential[:, None]
+    return ErrorVector(contact="mesh", vector=vector[None])
+
+
+def spline_clearance(contacts: Contacts, *, crank: int) -> ErrorVector:
+    """Circumferential clearance of the spline between a planet and its crank, half to either side.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int
+        Which crank.
+
+    Returns
+    -------
+    ErrorVector
+        Term clearance, along the spline's pitch circle.
+
+    Raises
+    ------
+    ValueError
+        If the reducer has no spline_radius.
+
+    Notes
+    -----
+    Source 003: 0.046 to 0.097 mm raise the error from 45 to 80 arcsec, 686 arcsec/mm (its text says 500); the lost
+    motion of all cranks is clearance / r_s * (z2/z1) / R = 729 arcsec/mm.
+    """
+    radius = contacts.reducer.spline_radius
+    if radius is None:
+        raise ValueError("involute.spline_clearance needs the reducer's spline_radius; give it, e.g. '7 mm'")
+    vector = (0.5 / radius * _FLANK_SIGN)[None, None, :, None, None]
+    return ErrorVector(contact="spline", vector=vector, at=(only(crank),))
+
+
+def _waves(harmonic: int, angle: Array) -> Array:
+    return np.stack([np.cos(harmonic * angle), np.sin(harmonic * angle)])
+
+
+def _sun_pitch_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    cancels = int(indices["harmonic"]) % rv(mechanism).cranks != 0
+    return () if cancels else leads("sun")(mechanism, indices)
+
+
+_MEMBER = every("member", lambda unit: ("sun", "planet"))
+
+SOURCES = (
+    Source(
+        "involute.center_distance", center_distance, (CRANK,), lengths(30, "radial", "tangential"),
+        "carrier", constant, "000, delta_11", "planet axis against its crank",
+    ),
+    Source(
+        "involute.sun_eccentricity", sun_eccentricity, (), lengths(50, "x", "y"),
+        "sun", constant, "004, table 2", "eccentricity of the sun's toothing",
+    ),
+    Source(
+        "involute.sun_offset", sun_offset, (), lengths(100, "x", "y"),
+        "housing", constant, "004, table 2", "offset of the sun's axis",
+    ),
+    Source(
+        "involute.planet_eccentricity", planet_eccentricity, (CRANK,), lengths(50, "x", "y"),
+        "planet", leads("planet"), "004, table 2", "eccentricity of a planet's toothing",
+    ),
+    Source(
+        "involute.sun_pitch", sun_pitch, (harmonics(1, 4),), lengths(50, "cos", "sin"),
+        "sun", _sun_pitch_orders, "001, section 2", "cumulative pitch error of the sun",
+    ),
+    Source(
+        "involute.planet_pitch", planet_pitch, (CRANK, harmonics(1, 3)), lengths(50, "cos", "sin"),
+        "planet", leads("planet"), "001, section 2", "cumulative pitch error of a planet",
+    ),
+    Source(
+        "involute.tooth_thinning", tooth_thinning, (_MEMBER,), lengths(150, "thinning"),
+        "direction", constant, "003, wear tables", "tooth thickness lost to wear or backlash, half a flank",
+    ),
+    Source(
+        "involute.spline_clearance", spline_clearance, (CRANK,), clearance(100),
+        "direction", constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
+        needs=("spline_radius",),
+    ),
+)  # fmt: skip

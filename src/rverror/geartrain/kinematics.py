@@ -1,0 +1,228 @@
+"""Angles of every frame, orders, samples needed and the true period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Self
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Where and how a run was measured: one object, all the way from a run's file to the contacts.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle, input angle / ratio, rad.
+    direction : float or ndarray, shape (n,)
+        +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.
+    torque : float, optional
+        Size of the output torque, N*mm; without one the closed form predicts.
+    time : ndarray, shape (n,), optional
+        Time of each sample, s.
+    folds : bool
+        Whether the samples were read at instants, so that orders above their Nyquist order fold onto lower ones.
+    speed : float, optional
+        Size of the output speed, rad/s.
+    temperature : float, optional
+        K.
+    """
+
+    theta: Array
+    direction: float | Array
+    torque: float | None = None
+    time: Array | None = None
+    folds: bool = False
+    speed: float | None = None
+    temperature: float | None = None
+
+    def at(self, theta: Array) -> Self:
+        """The same conditions at as many other angles."""
+        return replace(self, theta=theta)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose(Conditions):
+    """Nominal motion of a drive at n samples.
+
+    Attributes
+    ----------
+    ratio : float
+        Input turns per output turn.
+    direction : ndarray, shape (n,)
+        One for every sample.
+    """
+
+    ratio: float
+    direction: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrivePose(Pose):
+    """Nominal motion of a `Drive`.
+
+    Attributes
+    ----------
+    drive : Drive
+        Whose motion it is.
+    """
+
+    drive: Drive
+
+
+def motion_direction(theta: Array) -> Array:
+    """Direction of motion read from the angles: +1 where they grow, -1 where they fall.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Angles in the order in which they were passed, rad.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        +1 or -1; a standstill keeps the direction before it, and a single angle counts as forward.
+    """
+    if theta.size < 2:
+        return np.ones_like(theta)
+    step = np.sign(np.diff(theta))
+    moving = np.flatnonzero(step)
+    if moving.size == 0:
+        return np.ones_like(theta)
+    last = np.maximum.accumulate(np.where(step != 0, np.arange(step.size), -1))
+    step = step[np.where(last < 0, moving[0], last)]
+    return np.concatenate([step[:1], step])
+
+
+def frame_orders(reducer: Reducer) -> dict[str, float]:
+    """Turns of each part per output turn, seen from the housing (source 001's and 003's ratios).
+
+    Parameters
+    ----------
+    reducer : Reducer
+
+    Returns
+    -------
+    dict
+        Keys ``housing``, ``carrier``, ``disc``, ``crank``, ``planet``, ``sun``.  Relative to the carrier each is less
+        by one: crank and planet -40, sun +120 for the RV-40E, against -39 and +121 in the housing.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> frame_orders(reducer("RV-40E"))["crank"]
+    -39.0
+    """
+    crank = -reducer.disc_lobes / (reducer.pins - reducer.disc_lobes)
+    return {
+        "housing": 0.0,
+        "carrier": 1.0,
+        "disc": 1.0,
+        "crank": crank,
+        "planet": crank,
+        "sun": reducer.ratio,
+    }
+
+
+def fundamental_orders(reducer: Reducer) -> dict[str, float]:
+    """Order, per output turn, of which an error fixed in each part shows whole multiples.
+
+    An error repeats when its part meets the contact that carries it again: the crank's eccentric direction relative to
+    the housing for pins, the crank relative to the carrier for whatever turns with carrier or crank, the sun relative
+    to the carrier for the sun.
+
+    Parameters
+    ----------
+    reducer : Reducer
+
+    Returns
+    -------
+    dict
+        ``housing`` 39, ``carrier``, ``disc``, ``crank``, ``planet`` and ``bearing`` 40, ``sun`` 120, ``output`` 1,
+        ``gear mesh`` 1080 and ``cycloid mesh`` 1560 for the RV-40E.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> orders = fundamental_orders(reducer("RV-40E"))
+    >>> orders["housing"], orders["disc"], orders["sun"]
+    (39.0, 40.0, 120.0)
+    """
+    turns = frame_orders(reducer)
+    relative = abs(turns["crank"] - turns["carrier"])
+    return {
+        "output": 1.0,
+        "housing": abs(turns["crank"]),
+        "carrier": relative,
+        "disc": relative,
+        "crank": relative,
+        "planet": relative,
+        "bearing": relative,
+        "sun": turns["sun"] - turns["carrier"],
+        "gear mesh": reducer.planet_teeth * relative,
+        "cycloid mesh": reducer.pins * abs(turns["crank"]),
+    }
+
+
+def samples_needed(reducer: Reducer) -> int:
+    """Samples per output turn, a power of two, that keep the highest mesh order below the Nyquist order.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> samples_needed(reducer("RV-40E"))
+    4096
+    """
+    highest = max(fundamental_orders(reducer).values())
+    return int(2 ** math.ceil(math.log2(2 * highest + 1)))
+
+
+def folded_order(order: float, samples_per_turn: float) -> float:
+    """Order at which a line appears when it is sampled so many times an output turn.
+
+    Parameters
+    ----------
+    order, samples_per_turn : float
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> folded_order(1080, 1000), folded_order(1560, 1000)
+    (80.0, 440.0)
+    """
+    remainder = order % samples_per_turn
+    return float(min(remainder, samples_per_turn - remainder))
+
+
+def true_period(mechanism: Mechanism) -> int:
+    """Output turns after which every part of the drive stands as before.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+
+    Returns
+    -------
+    int
+        The smallest whole number of output turns that makes the input turns, and each shaft's, whole.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> true_period(reducer("RV-40E")), true_period(reducer("RV-40E", planet_teeth=26))
+    (1, 9)
+    """
+    if isinstance(mechanism, Reducer):
+        return mechanism.exact_ratio.denominator
+    turns = [mechanism.ratio, *mechanism.shafts.values()]
+    return math.lcm(*(Fraction(t).limit_denominator(1000).denominator for t in turns))

@@ -1,0 +1,412 @@
+"""The reducer and its parts: checked geometry, stiffness, presets with the source of every number."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from rverror.base import units
+from rverror.base.viewed import Viewed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stiffness:
+    """Stiffness of each contact, N/mm.
+
+    Parameters
+    ----------
+    pin_contact : float
+        One pin against one disc, along the contact normal.
+    crank_bearing : float
+        One cam bearing, radial.
+    carrier_bearing : float
+        One crank bearing in the carrier, radial.
+    gear_mesh : float
+        One sun-planet mesh, along the line of action.
+    sun_support : float
+        Radial support of the floating sun.
+    main_bearing : float
+        Carrier in the housing, radial.
+
+    Notes
+    -----
+    The defaults are realistic for a reducer of the size of the RV-40E; none of the five sources prints a full set.
+    Quantities and strings with a unit are converted.
+
+    Examples
+    --------
+    >>> Stiffness(pin_contact="250 kN/mm").pin_contact
+    250000.0
+    """
+
+    pin_contact: float = 2e5
+    crank_bearing: float = 3e5
+    carrier_bearing: float = 3e5
+    gear_mesh: float = 2e5
+    sun_support: float = 1e2
+    main_bearing: float = 1e6
+
+    def __post_init__(self) -> None:
+        """Convert to N/mm and check that each value is positive."""
+        for item in dataclasses.fields(self):
+            value = _core(item.name, getattr(self, item.name), "stiffness")
+            if not value > 0:
+                raise ValueError(f"{item.name} = {value:g} N/mm: a stiffness must be above 0")
+            object.__setattr__(self, item.name, value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reducer(Viewed):
+    """Geometry of an RV reducer: an involute planetary stage that drives a cycloidal stage through cranks.
+
+    Parameters
+    ----------
+    sun_teeth, planet_teeth : int
+        Teeth of the sun and of each planet gear (z1, z2).
+    module : float
+        Module of the involute stage, mm.
+    pressure_angle : float
+        Pressure angle of the involute stage, rad.
+    disc_lobes, pins : int
+        Lobes of each cycloid disc and pins of the housing (z_c, z_p); z_p = z_c + 1.
+    pin_circle_radius, pin_radius : float
+        Radius of the circle through the pin centres and of a pin, mm.
+    eccentricity : float
+        Eccentricity of each cam, mm.
+    cranks, discs : int
+        Number of crankshafts, at least 2, and of cycloid discs.
+    gear_backlash : float
+        Play of each sun-planet mesh along the line of action, mm.
+    stiffness : Stiffness
+        Contact stiffnesses; the closed form does not use them.
+    rated_torque : float, optional
+        Rated output torque, N*mm.
+    spline_radius : float, optional
+        Pitch radius of the planet-to-crank spline, mm; needed only for ``involute.spline_clearance``.
+    crank_circle_radius : float, optional
+        Radius of the circle through the crank axes, mm.  It is the centre distance module * (z1 + z2) / 2; a value
+        that differs is refused.
+    name : str
+        For reports.
+
+    Raises
+    ------
+    ValueError
+        If a value breaks the geometry; the message names the value, the bound and the remedy.
+
+    Notes
+    -----
+    Plain numbers are mm and rad; pint quantities and strings such as ``"1.5 mm"`` are converted.
+
+    Examples
+    --------
+    >>> unit = reducer("RV-40E")
+    >>> unit.ratio, unit.crank_circle_radius
+    (121.0, 27.0)
+    """
+
+    sun_teeth: int
+    planet_teeth: int
+    module: float
+    pressure_angle: float
+    disc_lobes: int
+    pins: int
+    pin_circle_radius: float
+    pin_radius: float
+    eccentricity: float
+    cranks: int
+    discs: int
+    gear_backlash: float = 0.020
+    stiffness: Stiffness = field(default_factory=Stiffness)
+    rated_torque: float | None = None
+    spline_radius: float | None = None
+    crank_circle_radius: float | None = None
+    name: str = "custom"
+
+    def __post_init__(self) -> None:
+        """Convert to mm and rad, derive the crank circle, check the geometry."""
+        for key, dimension in DIMENSIONS.items():
+            value = getattr(self, key)
+            if value is not None or key not in _OPTIONAL:
+                object.__setattr__(self, key, _core(key, value, dimension))
+        for key, least in _COUNTS.items():
+            _check_count(key, getattr(self, key), least)
+        for key in ("module", "pin_circle_radius", "pin_radius", "eccentricity", *_OPTIONAL):
+            value = getattr(self, key)
+            if value is not None and not value > 0:
+                raise ValueError(f"{key} = {value:g}: must be above 0")
+        if not self.gear_backlash >= 0:
+            raise ValueError(f"gear_backlash = {self.gear_backlash:g} mm: must be 0 or more")
+        if not 0 < self.pressure_angle < math.radians(45):
+            raise ValueError(
+                f"pressure_angle = {math.degrees(self.pressure_angle):g} deg: must lie between 0 and 45 deg; "
+                "plain numbers are rad, so write '20 deg' for degrees"
+            )
+        if self.pins != self.disc_lobes + 1:
+            raise ValueError(
+                f"pins = {self.pins} with disc_lobes = {self.disc_lobes}: an RV disc has one lobe less than there are "
+                f"pins; use pins = {self.disc_lobes + 1} or disc_lobes = {self.pins - 1}"
+            )
+        if self.discs == 1 and self.cranks == 2:
+            raise ValueError(
+                "discs = 1 with cranks = 2: the crank linkage passes dead centres, where it can carry no torque; "
+                "use discs = 2 or cranks = 3"
+            )
+        self._check_centre_distance()
+        self._check_profile()
+
+    def _check_centre_distance(self) -> None:
+        derived = self.module * (self.sun_teeth + self.planet_teeth) / 2
+        given = self.crank_circle_radius
+        if given is None:
+            object.__setattr__(self, "crank_circle_radius", derived)
+        elif abs(given - derived) > 1e-6 * derived:
+            raise ValueError(
+                f"crank_circle_radius = {given:g} mm: must equal the centre distance module * (z1 + z2) / 2 = "
+                f"{derived:g} mm; leave it out or change the module"
+            )
+        inner = self.pin_circle_radius - self.pin_radius - 2 * self.eccentricity
+        if derived >= inner:
+            raise ValueError(
+                f"module = {self.module:g} mm: the crank circle of {derived:g} mm must lie inside the root circle "
+                f"of {inner:g} mm; use a smaller module or a larger pin circle"
+            )
+
+    def _check_profile(self) -> None:
+        if not self.short_width_coefficient < 1:
+            bound = self.pin_circle_radius / self.pins
+            raise ValueError(
+                f"eccentricity = {self.eccentricity:g} mm: K = a z_p / R_p = {self.short_width_coefficient:.4g} must "
+                f"be below 1, so the eccentricity below {bound:.4g} mm"
+            )
+        bound = self.pin_circle_radius * math.sin(math.pi / self.pins)
+        if self.pin_radius >= bound:
+            raise ValueError(
+                f"pin_radius = {self.pin_radius:g} mm: neighbouring pins overlap; it must be below {bound:.4g} mm"
+            )
+        bound = self.smallest_convex_radius
+        if self.pin_radius >= bound:
+            raise ValueError(
+                f"pin_radius = {self.pin_radius:g} mm: the disc profile is undercut; it must be below the smallest "
+                f"convex radius of the pin-centre trochoid, {bound:.4g} mm"
+            )
+
+    @property
+    def exact_ratio(self) -> Fraction:
+        """R = 1 + (z2/z1) z_p/(z_p - z_c), input turns per output turn with the housing fixed, as a fraction."""
+        return 1 + Fraction(self.planet_teeth, self.sun_teeth) * self.pins / (self.pins - self.disc_lobes)
+
+    @property
+    def ratio(self) -> float:
+        """R, input turns per output turn with the housing fixed."""
+        return float(self.exact_ratio)
+
+    @property
+    def crank_radius(self) -> float:
+        """r6, radius of the circle through the crank axes, mm."""
+        assert self.crank_circle_radius is not None  # set in __post_init__
+        return self.crank_circle_radius
+
+    @property
+    def sun_pitch_radius(self) -> float:
+        """Pitch radius of the sun gear, m z1 / 2, mm."""
+        return self.module * self.sun_teeth / 2
+
+    @property
+    def planet_pitch_radius(self) -> float:
+        """Pitch radius of a planet gear, m z2 / 2, mm."""
+        return self.module * self.planet_teeth / 2
+
+    @property
+    def short_width_coefficient(self) -> float:
+        """K = a z_p / R_p, the short width coefficient of the cycloid (source 002 prints it inverted)."""
+        return self.eccentricity * self.pins / self.pin_circle_radius
+
+    @property
+    def smallest_convex_radius(self) -> float:
+        r"""Smallest convex radius of curvature of the pin-centre trochoid, mm.
+
+        The trochoid has :math:`\rho = R_p (1 + K^2 - 2K\cos\phi)^{3/2} / (1 + z_p K^2 - K (z_p + 1) \cos\phi)`;
+        a disc profile, its offset by the pin radius, is undercut where the pin radius exceeds the smallest positive
+        :math:`\rho`.  For K below (z_p - 2)/(2 z_p - 1) that is the value at the lobe's tip, else a minimum beside it.
+        """
+        K, z = self.short_width_coefficient, self.pins
+        if (2 * z - 1) * K < z - 2:
+            return self.pin_circle_radius * (1 + K) ** 2 / (1 + z * K)
+        return self.pin_circle_radius * math.sqrt(27 * (1 - K**2) * (z - 1) / (z + 1) ** 3)
+
+
+#: Dimension of each parameter that is no count.
+DIMENSIONS = {
+    "module": "length",
+    "pressure_angle": "angle",
+    "pin_circle_radius": "length",
+    "pin_radius": "length",
+    "eccentricity": "length",
+    "gear_backlash": "length",
+    "rated_torque": "torque",
+    "spline_radius": "length",
+    "crank_circle_radius": "length",
+}
+_COUNTS = {"sun_teeth": 5, "planet_teeth": 5, "disc_lobes": 3, "pins": 4, "cranks": 2, "discs": 1}
+_OPTIONAL = ("rated_torque", "spline_radius", "crank_circle_radius")
+
+
+def _core(name: str, value: Any, dimension: str) -> float:
+    try:
+        return units.to_core(value, dimension)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def _check_count(name: str, value: object, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{name} = {value!r}: must be a whole number, {least} or more")
+    if value < least:
+        raise ValueError(f"{name} = {value}: must be {least} or more")
+
+
+def _rv40e() -> dict[str, Any]:
+    return {
+        "name": "RV-40E",
+        "sun_teeth": 9,  # 000, table of parameters
+        "planet_teeth": 27,  # 000
+        "module": 1.5,  # inferred: m (z1 + z2) / 2 = 27 mm, the crank circle that 000 prints
+        "pressure_angle": math.radians(20),  # 000
+        "disc_lobes": 39,  # 000
+        "pins": 40,  # 000
+        "pin_circle_radius": 64.0,  # 000
+        "pin_radius": 3.0,  # 003; 000 is silent
+        "eccentricity": 1.25,  # 000
+        "cranks": 2,  # 004
+        "discs": 2,  # 004
+        "crank_circle_radius": 27.0,  # 000, r6
+        "rated_torque": 412e3,  # 004
+        "spline_radius": 7.0,  # 003's spline, module 1 and 14 teeth; 000 and 004 are silent
+    }
+
+
+def _unit_003() -> dict[str, Any]:
+    return {
+        "name": "RV-003",
+        "sun_teeth": 12,  # 003, table of parameters, like all below
+        "planet_teeth": 30,
+        "module": 2.0,
+        "pressure_angle": math.radians(20),
+        "disc_lobes": 39,
+        "pins": 40,
+        "pin_circle_radius": 76.5,
+        "pin_radius": 3.0,
+        "eccentricity": 1.3,
+        "cranks": 3,  # 003, "three crankshafts arranged at 120-degree intervals"
+        "discs": 2,  # 003 speaks of discs in the plural only; 2 as in 004
+        "spline_radius": 7.0,  # 003, module 1 and 14 teeth
+    }
+
+
+#: Parameter sets by name; each function carries the source of every number.
+PRESETS: Mapping[str, Callable[[], dict[str, Any]]] = {"RV-40E": _rv40e, "RV-003": _unit_003}
+
+
+def preset_parameters(name: str) -> dict[str, Any]:
+    """Parameters of a preset, a new dictionary.
+
+    Parameters
+    ----------
+    name : str
+        A key of `PRESETS`.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of `Reducer`, in mm, rad and N*mm.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+    """
+    if name not in PRESETS:
+        close = difflib.get_close_matches(name, PRESETS, n=1, cutoff=0.3)
+        hint = f" did you mean {close[0]!r}?" if close else ""
+        raise ValueError(f"no preset {name!r};{hint} the presets are {', '.join(PRESETS)}")
+    return PRESETS[name]()
+
+
+def reducer(preset: str, **overrides: Any) -> Reducer:
+    """Make a reducer from a preset, with any of its values replaced.
+
+    Parameters
+    ----------
+    preset : str
+        ``"RV-40E"`` (sources 000 and 004) or ``"RV-003"`` (source 003).
+    **overrides
+        Any parameter of `Reducer`.
+
+    Returns
+    -------
+    Reducer
+
+    Raises
+    ------
+    ValueError
+        If the preset or a parameter is unknown, or the geometry is impossible.
+
+    Examples
+    --------
+    >>> reducer("RV-003").ratio
+    101.0
+    >>> reducer("RV-40E", cranks=3).cranks
+    3
+    """
+    parameters = preset_parameters(preset)
+    known = {item.name for item in dataclasses.fields(Reducer)}
+    for key in overrides:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            raise ValueError(f"no reducer parameter {key!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
+    if "crank_circle_radius" not in overrides and {"module", "sun_teeth", "planet_teeth"} & overrides.keys():
+        parameters["crank_circle_radius"] = None  # the preset's value belongs to the preset's gears
+    return Reducer(**(parameters | overrides))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """Any geared drive of which only the ratio and the shaft orders are known.
+
+    Parameters
+    ----------
+    ratio : float
+        Input turns per output turn; negative where the output turns against the input.
+    shafts : mapping of str to float
+        Turns of each named shaft per output turn.
+
+    Raises
+    ------
+    ValueError
+        If the ratio or an order is zero or not finite.
+
+    Examples
+    --------
+    >>> Drive(ratio=14.0, shafts={"motor": 14.0, "planet": 3.5}).shafts["planet"]
+    3.5
+    """
+
+    ratio: float
+    shafts: Mapping[str, float] = field(default_factory=dict)
+    name: str = "drive"
+
+    def __post_init__(self) -> None:
+        """Check that every number is finite and not zero."""
+        for label, value in {"ratio": self.ratio, **self.shafts}.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value == 0:
+                raise ValueError(f"{label} = {value!r}: must be a finite number other than 0, in turns per output turn")
+
+
+#: What has an output error: a reducer whose parts are known, or any drive of which only the orders are.
+Mechanism = Reducer | Drive

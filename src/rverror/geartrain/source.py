@@ -1,0 +1,284 @@
+"""What an error source is: one entry says where it acts, in which frame it is fixed, and what its sizes are called.
+
+A sub-assembly's file holds its sources whole: the functions that return their error vectors, and at its end `SOURCES`,
+one `Source` for each.  The catalogue only joins them.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Protocol
+
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.geartrain.action_line import SourceVector
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+
+IndexValue = int | str
+Indices = Mapping[str, IndexValue]
+Orders = Callable[[Mechanism, Indices], tuple[float, ...]]
+
+#: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
+_CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "direction"})
+
+
+class Known(Protocol):
+    """What is known of a run beside its angles: a `Run`, or the `Conditions` that come of it."""
+
+    @property
+    def time(self) -> Array | None:
+        """Time of each sample, s."""
+        ...
+
+    @property
+    def torque(self) -> float | None:
+        """Size of the output torque, N*mm."""
+        ...
+
+
+@dataclass(frozen=True)
+class Index:
+    """An index of a source: which values a mechanism allows, and which of them diagnosis tries."""
+
+    name: str
+    allowed: Callable[[Mechanism], Sequence[IndexValue]]
+    tried: Callable[[Mechanism], Sequence[IndexValue]]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a source: name, dimension (a key of `units.CORE_UNITS`) and the size that a workshop can make.
+
+    `plausible` is the largest size that no one would be surprised at, `least` the smallest that exists, core units.
+    """
+
+    name: str
+    dimension: str
+    plausible: float
+    least: float = -math.inf
+
+
+@dataclass(frozen=True)
+class Source:
+    """One error source.
+
+    Attributes
+    ----------
+    key : str
+        Fixed name, module and function.
+    vector : callable
+        ``vector(pose, **indices) -> ErrorVector``, one term per parameter; several in a tuple where it
+        sits at several contacts; a `Clearance` for bearings.
+    indices, parameters : tuple
+        What names one error, and its components.
+    frame : str
+        Where the error is fixed: housing, carrier, disc, crank, planet, sun, output; ``direction`` where only the
+        direction of motion changes it, ``bearing`` where the load does.
+    orders : callable
+        ``orders(mechanism, indices) -> tuple of float``: the orders that lead its waveform in the closed form, the
+        strongest first; empty where the output shift is constant or nothing at all.
+    reference : str
+        Source text and equation or section.
+    summary : str
+        One line for people.
+    acts : str
+        ``"contacts"`` of the gear train; ``"output"``, which it moves or misreads beyond the gear train, whose
+        contacts do not feel it; ``"marks"``, whose angle it shifts, so that the waveform of all contacts turns.
+    in_reducers, in_drives : bool
+        In which kinds of mechanism it can act.
+    needs : tuple of str
+        What must be known for its waveform beside the angles: ``"time"`` or ``"torque"`` of the run, or the name of a
+        reducer's parameter that may be left out.
+    follows : str
+        ``"angle"`` of the output; ``"time"`` or ``"speed"`` for what a clock adds.
+    periodic : bool
+        Whether the waveform repeats with the drive; what grows along a run does not.
+    alike_at_pins : callable
+        ``alike_at_pins(indices) -> bool``: whether it is the same at all pins, so that it repeats pin by pin.
+    tried : bool
+        Whether diagnosis tries it: not where all that it does within a run is constant, or is done by other sources.
+    late : bool
+        Whether diagnosis tries it only where all others leave lines of its frame: a rare cause of many index values.
+    false_minima : bool
+        Whether pins that open and close can make it look like an error of the opposite sign: a fit from nothing that
+        stays far from the noise is then started again from sizes that a workshop makes.
+    """
+
+    key: str
+    vector: Callable[..., SourceVector]
+    indices: tuple[Index, ...]
+    parameters: tuple[Parameter, ...]
+    frame: str
+    orders: Orders
+    reference: str
+    summary: str
+    acts: str = "contacts"
+    in_reducers: bool = True
+    in_drives: bool = False
+    needs: tuple[str, ...] = ()
+    follows: str = "angle"
+    periodic: bool = True
+    alike_at_pins: Callable[[Indices], bool] = lambda indices: False
+    tried: bool = True
+    late: bool = False
+    false_minima: bool = False
+
+    def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
+        """Check that the indices are those of the source and within the mechanism.
+
+        Raises
+        ------
+        ValueError
+            Naming the index, its value and what is allowed.
+        """
+        self.check_mechanism(mechanism)
+        names = [index.name for index in self.indices]
+        for name in indices:
+            if name not in names:
+                known = f"its indices are {', '.join(names)}" if names else "it has no index"
+                raise ValueError(f"{self.key}: no index {name!r}; {known}")
+        for index in self.indices:
+            allowed = index.allowed(mechanism)
+            if index.name not in indices:
+                raise ValueError(f"{self.key}: index {index.name!r} is missing; give one of {_span(allowed)}")
+            value = indices[index.name]
+            if not isinstance(value, (numbers.Integral, str)) or isinstance(value, bool) or value not in allowed:
+                raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
+
+    @property
+    def at_output(self) -> bool:
+        """Whether the contacts of the gear train do not feel it."""
+        return self.acts != "contacts"
+
+    def applies_to(self, mechanism: Mechanism) -> bool:
+        """Tell whether the source can act in this kind of mechanism."""
+        return self.in_drives if isinstance(mechanism, Drive) else self.in_reducers
+
+    def check_mechanism(self, mechanism: Mechanism) -> None:
+        """Check that the source can act in this kind of mechanism.
+
+        Raises
+        ------
+        ValueError
+            Naming the sources that can.
+        """
+        if not self.applies_to(mechanism):
+            kind, can = (
+                ("[drive]", "sensor.* and shaft.*")
+                if isinstance(mechanism, Drive)
+                else ("[reducer]", "all but shaft.*")
+            )
+            raise ValueError(f"{self.key} does not act in a {kind} model; {can} do")
+
+    def lacks(self, mechanism: Mechanism, run: Known) -> str:
+        """Name the first of its `needs` that neither the mechanism nor a run gives; empty where it has all."""
+        for name in self.needs:
+            value = getattr(run if hasattr(run, name) else mechanism, name)
+            if value is None or (name == "torque" and not value):  # no torque, no windup
+                return name
+        return ""
+
+    def repeats_with_crank(self, mechanism: Mechanism, indices: Indices) -> bool:
+        """Tell whether its effect on the gear train repeats with every turn of the crank against the carrier.
+
+        True for what turns with the carrier, the cranks or nothing, and for what is alike at all pins, because the
+        carrier moves on by one pin meanwhile.  The sun turns z2/z1 times, so it depends.
+        """
+        if self.at_output or self.frame in _CARRIER_SIDE or self.alike_at_pins(indices):
+            return True
+        whole = isinstance(mechanism, Reducer) and mechanism.planet_teeth % mechanism.sun_teeth == 0
+        return self.frame == "sun" and whole
+
+    def candidates(self, mechanism: Mechanism) -> Iterable[dict[str, IndexValue]]:
+        """Index sets that diagnosis tries, in order."""
+        names = [index.name for index in self.indices]
+        for values in product(*(index.tried(mechanism) for index in self.indices)):
+            yield dict(zip(names, values, strict=True))
+
+
+def _span(values: Sequence[IndexValue]) -> str:
+    numbers = [v for v in values if isinstance(v, int)]
+    words = [repr(v) for v in values if isinstance(v, str)]
+    if len(numbers) > 4 and numbers == list(range(numbers[0], numbers[-1] + 1)):
+        words = [f"{numbers[0]} to {numbers[-1]}", *words]
+    else:
+        words = [*map(str, numbers), *words]
+    return ", ".join(words) or "none: the mechanism has none"
+
+
+def rv(mechanism: Mechanism) -> Reducer:
+    """The mechanism, which is a reducer wherever a source of the gear train acts."""
+    assert isinstance(mechanism, Reducer)
+    return mechanism
+
+
+def every(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index:
+    """Index of a reducer's source of which diagnosis tries every value."""
+
+    def of(mechanism: Mechanism) -> Sequence[IndexValue]:
+        return values(rv(mechanism))
+
+    return Index(name, of, of)
+
+
+def harmonics(first: int, tried: int) -> Index:
+    """Harmonic from `first` on, of which diagnosis tries those up to `tried`."""
+    return Index("harmonic", lambda mechanism: range(first, 1000), lambda mechanism: range(first, tried + 1))
+
+
+CRANK = every("crank", lambda unit: range(unit.cranks))
+DISC = every("disc", lambda unit: range(unit.discs))
+PIN = every("pin", lambda unit: range(unit.pins))
+
+
+def lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
+    """Parameters that are lengths."""
+    return tuple(Parameter(name, "length", plausible_um * 1e-3) for name in names)
+
+
+def clearance(plausible_um: float) -> tuple[Parameter, ...]:
+    """A clearance, which cannot be below nothing."""
+    return (Parameter("clearance", "length", plausible_um * 1e-3, least=0.0),)
+
+
+def angles(plausible_arcsec: float, *names: str) -> tuple[Parameter, ...]:
+    """Parameters that are angles."""
+    return tuple(Parameter(name, "angle", plausible_arcsec * ARCSEC) for name in names)
+
+
+def constant(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """No orders: the output is shifted and no more."""
+    return ()
+
+
+def leads(frame: str) -> Orders:
+    """The frame's fundamental order, times the source's harmonic where it has one."""
+
+    def orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+        harmonic = int(indices.get("harmonic", 1))
+        return (harmonic * fundamental_orders(rv(mechanism))[frame],) if harmonic else ()
+
+    return orders
+
+
+def bore_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """A single disc loads its bores along the eccentric direction, which doubles the order."""
+    unit = rv(mechanism)
+    once = fundamental_orders(unit)["disc"]
+    return (2 * once, once) if unit.discs == 1 else (once,)
+
+
+def pin_wave_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """A wave h over the pins meets the crank h + m z_p times a turn; the discs keep multiples of their number.
+
+    What is alike at all pins, h = 0, ripples as pins enter and leave the loaded half.
+    """
+    unit, wave = rv(mechanism), int(indices.get("harmonic", 0))
+    waves = [abs(wave + m * unit.pins) for m in range(-unit.discs, unit.discs + 1)]
+    kept = [w for w in waves if w % unit.discs == 0 and w > 0]
+    return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()

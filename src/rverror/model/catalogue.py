@@ -1,0 +1,112 @@
+"""The catalogue: every error source once, joined from the files of the sub-assemblies.
+
+To add a source, write one function that returns its `ErrorVector` in the file of its sub-assembly, and one `Source` in
+the `SOURCES` at the end of that file.  The contract test, the command line, files and diagnosis pick it up from here.
+A source of your own that stays outside the package is added for the length of a block by `extended`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from itertools import chain
+from types import MappingProxyType
+
+from rverror.geartrain import coupling, crank, cycloid, involute, thermal
+from rverror.geartrain.source import Source
+from rverror.model import empirical, load, sensor, shaft
+
+_FILES = (involute, crank, cycloid, coupling, thermal, load, sensor, shaft, empirical)
+
+_OWN: Mapping[str, Source] = MappingProxyType({entry.key: entry for file in _FILES for entry in file.SOURCES})
+_ADDED: ContextVar[Mapping[str, Source]] = ContextVar("sources added by `extended`", default=MappingProxyType({}))
+
+
+class _Catalogue(Mapping[str, Source]):
+    """The package's own sources, then those of the `extended` blocks around the call."""
+
+    def __getitem__(self, key: str) -> Source:
+        return _OWN[key] if key in _OWN else _ADDED.get()[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(_OWN, _ADDED.get())
+
+    def __len__(self) -> int:
+        return len(_OWN) + len(_ADDED.get())
+
+
+#: Every error source by key.
+CATALOGUE: Mapping[str, Source] = _Catalogue()
+
+
+@contextmanager
+def extended(*sources: Source) -> Iterator[None]:
+    """Add sources to the catalogue within a ``with`` block: models, files and diagnosis know them there.
+
+    Parameters
+    ----------
+    *sources : Source
+        A key is ``family.name``.  One that acts beyond the gear train, with its vector at the contact ``output``, says
+        so in its field `acts`.
+
+    Raises
+    ------
+    ValueError
+        If a key is taken.
+
+    Notes
+    -----
+    Nothing stays behind: after the block, and in other threads and processes, the catalogue is as it was.  docs page
+    ``adding-an-effect.md``.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> mine = replace(source("sensor.encoder_eccentricity"), key="sensor.coupling_offset")
+    >>> with extended(mine):
+    ...     source("sensor.coupling_offset").frame
+    'output'
+    >>> "sensor.coupling_offset" in CATALOGUE
+    False
+    """
+    added = dict(_ADDED.get())
+    for entry in sources:
+        if entry.key in _OWN or entry.key in added:
+            raise ValueError(f"{entry.key}: the catalogue has a source of this key; give yours another")
+        added[entry.key] = entry
+    token = _ADDED.set(MappingProxyType(added))
+    try:
+        yield
+    finally:
+        _ADDED.reset(token)
+
+
+def source(key: str) -> Source:
+    """Look up a source.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``"crank.eccentricity"``.
+
+    Returns
+    -------
+    Source
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message names the nearest.
+
+    Examples
+    --------
+    >>> source("cycloid.disc_pitch").frame
+    'disc'
+    """
+    if key not in CATALOGUE:
+        close = difflib.get_close_matches(key, CATALOGUE, n=1, cutoff=0.5)
+        hint = f"did you mean {close[0]!r}?" if close else "`rverror sources` lists them"
+        raise ValueError(f"no error source {key!r}; {hint}")
+    return CATALOGUE[key]

@@ -1,0 +1,242 @@
+"""The composer: model -> influence of every source -> output error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
+from rverror.geartrain.action_line import ContactForces, project
+from rverror.geartrain.contacts import closed_form_forces, pose
+from rverror.geartrain.kinematics import Pose
+from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import IndexValue
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import Stand, stand
+
+
+@dataclass(frozen=True)
+class Influence(Viewed):
+    """Influence of one source on the output error.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (terms, n)
+        rad of output per mm (or rad, or unit) of each parameter.
+    labels : tuple of str
+        Name of each parameter.
+    theta : ndarray, shape (n,)
+        Nominal output angle, rad.
+    key : str
+        The source.
+    """
+
+    matrix: Array
+    labels: tuple[str, ...]
+    theta: Array
+    key: str
+
+
+def influence(
+    mechanism: Mechanism,
+    theta: Any,
+    key: str,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
+    **indices: IndexValue,
+) -> Influence:
+    """Influence of one source on the output error.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    key : str
+        A key of the catalogue.
+    direction : float or array_like, optional
+        +1 forward, -1 reverse; read from the angles where left out.
+    time : array_like or quantity, shape (n,), optional
+        Needed by ``sensor.time_offset``.
+    torque : float or quantity, optional
+        Needed by ``load.torsion``.
+    forces : mapping of str to ndarray, optional
+        Contact forces per unit of output torque, from `linearise`; the closed form where left out.
+    **indices
+        Which crank, disc, pin, harmonic: the indices of the source.
+
+    Returns
+    -------
+    Influence
+        `matrix` of shape (terms, n) in rad per mm (or rad), and `labels`.
+
+    Raises
+    ------
+    ValueError
+        If the key or an index is unknown or out of range.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta = np.linspace(0, 2 * np.pi, 4096)
+    >>> bore = influence(rverror.reducer("RV-40E"), theta, "coupling.carrier_bore_position", crank=0)
+    >>> bore.labels
+    ('radial', 'tangential')
+    >>> bool(np.allclose(bore.matrix[1], -1 / (2 * 27)))
+    True
+    """
+    entry = source(key)
+    entry.check_indices(mechanism, indices)
+    motion = pose(mechanism, theta, direction=direction, time=time, torque=torque)
+    matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
+    return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
+
+
+def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mapping[str, IndexValue]) -> Array:
+    """Influence matrix of one source for given contact forces.
+
+    Parameters
+    ----------
+    motion : Pose
+    forces : mapping of str to ndarray
+        From `closed_form_forces` or `linearise`.
+    key : str
+    indices : mapping
+
+    Returns
+    -------
+    ndarray, shape (terms, n)
+    """
+    return project(forces, source(key).vector(motion, **indices), motion.theta.size)
+
+
+def effect_matrix(motion: Pose, forces: ContactForces, effects: tuple[Effect, ...]) -> Array:
+    """Influence of every parameter of every effect, one under another.
+
+    Parameters
+    ----------
+    motion : Pose
+    forces : mapping of str to ndarray
+    effects : tuple of Effect
+
+    Returns
+    -------
+    ndarray, shape (parameters, n)
+        In the order of the effects and of each source's parameters.
+    """
+    if not effects:
+        return np.zeros((0, motion.theta.size))
+    return np.concatenate([source_matrix(motion, forces, e.key, e.indices) for e in effects])
+
+
+def effect_values(effects: tuple[Effect, ...]) -> Array:
+    """Values of every parameter of every effect, in the order of `effect_matrix`, core units."""
+    return np.array([value for effect in effects for value in effect.values], dtype=np.float64)
+
+
+def transmission_error(
+    model: Model,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
+) -> Array:
+    """Transmission error of a model, actual output less input / R, as a sum of influences: one matrix product.
+
+    Parameters
+    ----------
+    model : Model
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    direction : float or array_like, optional
+        +1 forward, -1 reverse; read from the angles where left out.
+    time : array_like or quantity, shape (n,), optional
+        Needed by ``sensor.time_offset``.
+    torque : float or quantity, optional
+        Needed by ``load.torsion``.
+    forces : mapping of str to ndarray, optional
+        Contact forces per unit of output torque, from `linearise`; the closed form where left out.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad, positive where the output leads.
+
+    Raises
+    ------
+    ValueError
+        If the angles are unusable.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect("crank.index", crank=0, angle="4 mrad"),))
+    >>> te = transmission_error(unit, np.linspace(0, 1, 5))
+    >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
+    True
+    """
+    read = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    rows = _influences(model, stand(model, read), forces)
+    return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
+
+
+def transmission_error_by_effect(
+    model: Model,
+    theta: Any,
+    *,
+    direction: Any | None = None,
+    time: Any | None = None,
+    torque: Any | None = None,
+    forces: ContactForces | None = None,
+) -> Array:
+    """Part of the transmission error that each effect of a model makes; the rows add up to `transmission_error`.
+
+    Parameters
+    ----------
+    model : Model
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    direction, time, torque, forces : optional
+        As in `transmission_error`.
+
+    Returns
+    -------
+    ndarray, shape (effects, n)
+        rad.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> lead = rverror.effect("crank.index", crank=0, angle="4 mrad")
+    >>> wave = rverror.effect("crank.eccentricity", crank=0, disc=1, radial="5 um")
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"), (lead, wave))
+    >>> theta = np.linspace(0, 1, 5)
+    >>> parts = transmission_error_by_effect(unit, theta)
+    >>> parts.shape
+    (2, 5)
+    >>> bool(np.allclose(parts.sum(axis=0), transmission_error(unit, theta)))
+    True
+    """
+    read = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    rows = _influences(model, stand(model, read), forces)
+    parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
+    return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])
+
+
+def _influences(model: Model, where: Stand, forces: ContactForces | None) -> list[Array]:
+    """Influence matrix of each effect, after one without rows."""
+    used = closed_form_forces(where.gears) if forces is None else forces
+    return [
+        np.zeros((0, where.read.theta.size)),
+        *(source_matrix(where.of(effect.key), used, effect.key, effect.indices) for effect in model.effects),
+    ]

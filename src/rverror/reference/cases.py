@@ -1,0 +1,603 @@
+"""Reference cases for other tools: what they are, their numbers, and their files."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import in_arcsec, rounded, way
+from rverror.base.text import PathLike, did_you_mean, read_text, shown
+from rverror.base.units import ARCSEC
+from rverror.base.version import __version__
+from rverror.geartrain.action_line import CONTACT_AXES
+from rverror.geartrain.contacts import closed_form_forces, pose
+from rverror.geartrain.kinematics import frame_orders
+from rverror.geartrain.mechanism import Reducer, reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import effect_matrix, transmission_error
+from rverror.model.effects import Effect, Model, effect
+from rverror.model.model_file import save_model
+from rverror.statics.loaded_state import equilibrium, linearise
+
+Method = Literal["equilibrium", "closed"]
+
+METHODS: tuple[Method, ...] = ("equilibrium", "closed")
+#: Of case.json and case.npz; grows when a reader of the old form would misread the new one.
+FORMAT = 1
+#: Angles of a turn: what the orders of the gear and cycloid mesh need.
+POINTS = 4096
+_FORCE_ANGLES = 64
+#: Digits of a number that is told; the arrays hold all.
+DIGITS = 10
+_LEADING = 12  # orders told in case.json
+_SHARE = 0.01  # of the largest order, below which none is told
+_TURN = 2 * math.pi
+#: Waves below this, rad, are next to nothing.
+LEAST = 1e-3 * ARCSEC
+#: Methods for people.
+WORDS: Mapping[Method, str] = {"equilibrium": "equilibrium", "closed": "closed form"}
+
+
+@dataclass(frozen=True)
+class KnownNumber:
+    """A number found otherwise, to hold a case against.
+
+    Attributes
+    ----------
+    method : {"closed", "equilibrium"}
+    order : int
+        Per output turn; 0 is the offset.
+    size : float
+        Amplitude, or the offset with its sign, rad.
+    tolerance : float
+        Share of it.
+    where : str
+        File of the repository that derives or checks it.
+    """
+
+    method: Method
+    order: int
+    size: float
+    tolerance: float
+    where: str
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a reference case is, before it is solved.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder.
+    shows : str
+        The one thing that it isolates.
+    model : Model
+    torque : float
+        Size of the output torque, N*mm.
+    direction : float
+        +1 forward, -1 reverse.
+    closed_form : str
+        What holds of the closed form; empty where it does not and is left out.
+    known : tuple of KnownNumber
+    """
+
+    name: str
+    shows: str
+    model: Model
+    torque: float = 412e3
+    direction: float = 1.0
+    closed_form: str = ""
+    known: tuple[KnownNumber, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCase:
+    """A reference case with its numbers.
+
+    Attributes
+    ----------
+    definition : Definition
+    arrays : mapping of str to ndarray
+        What ``case.npz`` holds, see `ARRAYS`.
+    imbalance : float
+        Largest residual of the equilibrium, as in `Equilibrium.residual`.
+    """
+
+    definition: Definition
+    arrays: Mapping[str, npt.NDArray[Any]]
+    imbalance: float
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCase:
+    """A reference case as read from its files.
+
+    Attributes
+    ----------
+    name, version : str
+        Of the case, and of the rverror that wrote it.
+    ratio : float
+    direction : float
+    turns : mapping of str to float
+        Turns of each part per output turn.
+    arrays : mapping of str to ndarray
+    """
+
+    name: str
+    version: str
+    ratio: float
+    direction: float
+    turns: Mapping[str, float]
+    arrays: Mapping[str, npt.NDArray[Any]]
+
+    def waveform(self, method: Method, *, opposite: bool = False) -> Array | None:
+        """Transmission error of the case, rad; None where it holds none by this method."""
+        found = self.arrays.get(f"{'opposite' if opposite else 'transmission_error'}_{method}")
+        return None if found is None else np.asarray(found, dtype=np.float64)
+
+
+def _force_array(key: str) -> tuple[str, str, str]:
+    parts, _, axes = CONTACT_AXES[key].rpartition(": ")
+    return f"{axes.strip('()')}, m", "N*mm" if key == "spline" else "N", f"equilibrium, force of {parts}"
+
+
+#: Arrays of case.npz: axes, unit, and what they hold.
+ARRAYS: Mapping[str, tuple[str, str, str]] = {
+    "theta": ("n", "rad", "nominal output angle, input angle / R"),
+    "transmission_error_closed": ("n", "rad", "closed form"),
+    "transmission_error_equilibrium": ("n", "rad", "equilibrium, elastic windup included"),
+    "opposite_closed": ("n", "rad", "the same angles, motion and load the other way; closed form"),
+    "opposite_equilibrium": ("n", "rad", "the same angles, motion and load the other way; equilibrium"),
+    "influence_labels": ("parameters", "-", "source, indices and name of each parameter"),
+    "influence_closed": ("parameters, n", "rad per mm or rad", "closed form"),
+    "influence_equilibrium": ("parameters, n", "rad per mm or rad", "equilibrium, closed contacts held closed"),
+    "force_theta": ("m", "rad", "angles of the contact forces, some of theta"),
+    **{f"force_{key}": _force_array(key) for key in CONTACT_AXES if key != "output"},
+}
+
+
+# --- the cases --------------------------------------------------------------------------------------------------------
+
+
+def _case(name: str, shows: str, unit: Reducer, *effects: Effect, **rest: Any) -> Definition:
+    return Definition(name, shows, Model(unit, effects, name.replace("-", " ")), **rest)
+
+
+def definitions() -> tuple[Definition, ...]:
+    """The reference cases; errors are 5 um, the load is 412 N*m, forward, unless a case says otherwise.
+
+    Returns
+    -------
+    tuple of Definition
+    """
+    unit = reducer("RV-40E")
+    several = (
+        effect("crank.eccentricity", crank=0, disc=0, radial="4 um", tangential="-2 um"),
+        effect("cycloid.disc_pitch", disc=1, harmonic=1, cos="3 um", sin="2 um"),
+        effect("cycloid.pin_position", pin=7, radial="-4 um", tangential="6 um"),
+        effect("cycloid.pin_circle", harmonic=2, radial_cos="2 um", tangential_sin="3 um"),
+        effect("cycloid.disc_bore_position", disc=0, crank=1, radial="2 um", tangential="3 um"),
+        effect("coupling.carrier_bore_position", crank=0, tangential="4 um"),
+        effect("involute.planet_eccentricity", crank=1, x="5 um", y="-3 um"),
+    )
+    pins = "with rigid bearings and equal contacts; rms_from_equilibrium_arcsec is what that leaves out"
+    return (
+        _case(
+            "perfect-unit",
+            "no error: elastic windup alone, and what the change of loaded pins leaves",
+            unit,
+            closed_form="exact: zero",
+            known=(KnownNumber("closed", 0, 0.0, 0.0, "docs/theory/principle.md"),),
+        ),
+        _case(
+            "one-cam",
+            "one cam of one crank too eccentric: order 40",
+            unit,
+            effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
+            closed_form="within 0.1 arcsec at rated load",
+            known=tuple(KnownNumber(m, 40, 18.467 / 2 * ARCSEC, 1e-3, "docs/theory/crank.md") for m in METHODS),
+        ),
+        _case(
+            "disc-pitch",
+            "first harmonic of one disc's pitch error: order 40 through the loaded pins",
+            unit,
+            effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="5 um"),
+            closed_form=pins,
+            known=(KnownNumber("closed", 40, 6.725 * ARCSEC, 1e-3, "docs/theory/cycloid.md"),),
+        ),
+        _case(
+            "one-pin",
+            "one pin displaced along the pin circle: orders 78 h, the odd multiples of 39 cancel",
+            unit,
+            effect("cycloid.pin_position", pin=7, tangential="5 um"),
+            closed_form=pins,
+        ),
+        _case(
+            "carrier-bore",
+            "one crank bore of the carrier displaced tangentially: a constant, no wave of order 1",
+            unit,
+            effect("coupling.carrier_bore_position", crank=0, tangential="5 um"),
+            closed_form="exact",
+            known=(KnownNumber("closed", 0, -38.197 / 2 * ARCSEC, 1e-4, "docs/theory/coupling.md"),),
+        ),
+        _case(
+            "planet-eccentricity",
+            "one planet eccentric: order 40 through the gear mesh and the cranks",
+            unit,
+            effect("involute.planet_eccentricity", crank=0, x="5 um"),
+            closed_form="exact",
+            known=tuple(KnownNumber(m, 40, 0.672 * ARCSEC, 1e-3, "docs/theory/involute.md") for m in METHODS),
+        ),
+        _case(
+            "bearing-clearance",
+            "radial clearance of all cam bearings at 20 N*m: order 80, and a lag",
+            unit,
+            effect("crank.bearing_clearance", clearance="5 um"),
+            torque=20e3,
+            known=(KnownNumber("equilibrium", 80, 2.7 * ARCSEC, 0.02, "tests/statics/test_clearance.py"),),
+        ),
+        _case("several-errors", "errors of cams, discs, pins, bores and a planet together", unit, *several,
+              closed_form=pins),
+        _case("several-errors-reverse", "the same in reverse: the other side's pins and flanks carry", unit, *several,
+              direction=-1.0, closed_form=pins),
+        _case(
+            "unit-003",
+            "another geometry, source 003's unit with three cranks: one cam, and one disc's pitch",
+            reducer("RV-003"),
+            effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
+            effect("cycloid.disc_pitch", disc=1, harmonic=1, sin="5 um"),
+            closed_form=pins,
+        ),
+    )  # fmt: skip
+
+
+def pick(names: Sequence[str]) -> tuple[Definition, ...]:
+    """Reference cases by name, all where no name is given.
+
+    Parameters
+    ----------
+    names : sequence of str
+
+    Returns
+    -------
+    tuple of Definition
+        In the order of `definitions`, each once.
+
+    Raises
+    ------
+    InputError
+        If there is no such case.
+    """
+    all_cases = definitions()
+    known = [case.name for case in all_cases]
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise InputError(f"--case: no case {shown(name)};{hint} give one of {', '.join(known)}")
+    return tuple(case for case in all_cases if not names or case.name in names)
+
+
+def solve(definition: Definition, *, points: int = POINTS) -> SolvedCase:
+    """Compute a reference case.
+
+    Parameters
+    ----------
+    definition : Definition
+    points : int
+        Angles of the turn.
+
+    Returns
+    -------
+    SolvedCase
+    """
+    model, direction, torque = definition.model, definition.direction, definition.torque
+    turn = _TURN * np.arange(points) / points
+    theta = turn if direction > 0 else _TURN - turn
+    loaded = linearise(model, theta, torque=torque, direction=direction)
+    some = np.arange(0, points, max(1, points // _FORCE_ANGLES))
+    arrays: dict[str, npt.NDArray[Any]] = {"theta": theta}
+    if definition.closed_form:
+        arrays["transmission_error_closed"] = transmission_error(model, theta, direction=direction, torque=torque)
+        arrays["opposite_closed"] = transmission_error(model, theta, direction=-direction, torque=torque)
+    back = equilibrium(model, theta, torque=torque, direction=-direction)
+    arrays["transmission_error_equilibrium"] = loaded.state.transmission_error
+    arrays["opposite_equilibrium"] = back.transmission_error
+    arrays["influence_labels"] = np.array(_labels(model.effects), dtype=np.str_)
+    if definition.closed_form:
+        motion = pose(model.mechanism, theta, direction=direction, torque=torque)
+        arrays["influence_closed"] = effect_matrix(motion, closed_form_forces(motion), model.effects)
+    arrays["influence_equilibrium"] = effect_matrix(loaded.motion, loaded.forces, model.effects)
+    arrays["force_theta"] = theta[some]
+    for key, force in loaded.state.contact_forces.items():
+        arrays[f"force_{key}"] = force[..., some]
+    return SolvedCase(definition, arrays, float(loaded.state.residual.max()))
+
+
+def _labels(effects: Sequence[Effect]) -> list[str]:
+    return [
+        " ".join([e.key, *(f"{name}={value}" for name, value in e.indices.items()), parameter.name])
+        for e in effects
+        for parameter in source(e.key).parameters
+    ]
+
+
+# --- writing ----------------------------------------------------------------------------------------------------------
+
+
+def arrays_hash(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
+    """SHA-256 over names, types, shapes and contents of arrays, by name; whatever container they lie in.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+    """
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        array = _portable(arrays[name])
+        total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+        total.update(array.tobytes())
+    return total.hexdigest()
+
+
+def _portable(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Little-endian, C order."""
+    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+
+
+def case_npz(case: SolvedCase) -> bytes:
+    """Bytes of ``case.npz``, the same for the same arrays: no dates, no compression.
+
+    Parameters
+    ----------
+    case : SolvedCase
+
+    Returns
+    -------
+    bytes
+    """
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w") as archive:
+        for name, array in case.arrays.items():
+            part = io.BytesIO()
+            np.lib.format.write_array(part, _portable(array), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), part.getvalue())
+    return whole.getvalue()
+
+
+def case_json(case: SolvedCase) -> dict[str, Any]:
+    """Content of ``case.json``; keys are only ever added within one format.
+
+    Parameters
+    ----------
+    case : SolvedCase
+
+    Returns
+    -------
+    dict
+    """
+    what = case.definition
+    unit = what.model.mechanism
+    assert isinstance(unit, Reducer)
+    arrays = case.arrays
+    closed = _given(arrays, "closed")
+    gap = None if closed is None else rms_of(about_mean(arrays["transmission_error_equilibrium"] - closed))
+    return {
+        "format": FORMAT,
+        "name": what.name,
+        "shows": what.shows,
+        "version": __version__,
+        "conventions": "docs/conventions.md",
+        "model_toml": _toml(what.model),
+        "model": {
+            "units": {name: units.CORE_UNITS[name] for name in ("length", "angle", "torque", "stiffness")},
+            "reducer": asdict(unit),
+            "ratio": unit.ratio,
+            "turns_per_output_turn": frame_orders(unit),
+            "effects": [_effect_json(item) for item in what.model.effects],
+        },
+        "direction": way(what.direction),
+        "torque": {"value": what.torque, "unit": units.CORE_UNITS["torque"]},
+        "angles": {"count": arrays["theta"].size, "first": arrays["theta"][0], "last": arrays["theta"][-1]},
+        "phase": "a wave is amplitude * cos(order * theta - phase)",
+        "closed_form": _waveform_json(closed)
+        | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
+        "equilibrium": _waveform_json(_given(arrays, "equilibrium"))
+        | {"largest_residual": rounded(case.imbalance, DIGITS)},
+        "known": [_known_json(item) for item in what.known],
+        "arrays": {name: dict(zip(("axes", "unit", "what"), ARRAYS[name], strict=True)) for name in arrays},
+        "arrays_sha256": arrays_hash(arrays),
+    }
+
+
+def case_files(case: SolvedCase) -> Mapping[str, bytes]:
+    """Files of a reference case by name, the one that names the other's hash last.
+
+    Parameters
+    ----------
+    case : SolvedCase
+
+    Returns
+    -------
+    mapping of str to bytes
+    """
+    return {
+        "case.npz": case_npz(case),
+        "case.json": (json.dumps(case_json(case), indent=1) + "\n").encode(),
+    }
+
+
+def _toml(model: Model) -> str:
+    """Text of the model file, read back and found equal."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        save_model(path, model)
+        return read_text(path)
+
+
+def _effect_json(item: Effect) -> dict[str, Any]:
+    return {
+        "key": item.key,
+        "indices": dict(item.indices),
+        "parameters": {
+            parameter.name: {"value": value, "unit": units.CORE_UNITS[parameter.dimension]}
+            for parameter, value in zip(source(item.key).parameters, item.values, strict=True)
+        },
+    }
+
+
+def _waveform_json(error: Array | None) -> dict[str, Any]:
+    if error is None:
+        return {"offset_arcsec": None, "rms_arcsec": None, "peak_to_peak_arcsec": None, "orders": []}
+    waves = waves_of(error)
+    told = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
+    least = max(LEAST, _SHARE * float(np.abs(waves).max()))
+    return {
+        "offset_arcsec": in_arcsec(float(error.mean()), DIGITS),
+        "rms_arcsec": in_arcsec(rms_of(about_mean(error)), DIGITS),
+        "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error)), DIGITS),
+        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
+    }
+
+
+def _known_json(item: KnownNumber) -> dict[str, Any]:
+    return {
+        "method": WORDS[item.method],
+        "order": item.order,
+        "arcsec": in_arcsec(item.size, DIGITS),
+        "tolerance": item.tolerance,
+        "where": item.where,
+    }
+
+
+def _given(arrays: Mapping[str, npt.NDArray[Any]], method: str) -> Array | None:
+    """Waveform over growing angles from 0, as orders need it."""
+    values = arrays.get(f"transmission_error_{method}")
+    return None if values is None else np.asarray(values[np.argsort(arrays["theta"] % _TURN, kind="stable")])
+
+
+# --- waves of a turn, as case.json and a comparison tell them ---------------------------------------------------------
+
+
+def about_mean(values: Array) -> Array:
+    """Values without their mean."""
+    return np.asarray(values - values.mean(), dtype=np.float64)
+
+
+def rms_of(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def waves_of(values: Array) -> npt.NDArray[np.complex128]:
+    """Amplitude * exp(i phase) of orders 1 to below half the angles, of a turn that starts at 0."""
+    n = values.size
+    return np.asarray(np.conj(np.fft.rfft(values))[1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
+
+
+def wave_json(wave: complex) -> dict[str, Any]:
+    """Amplitude and phase; a wave of next to nothing has no phase."""
+    phase = math.degrees(math.atan2(wave.imag, wave.real)) if has_phase(wave) else None
+    return {"amplitude_arcsec": in_arcsec(abs(wave), DIGITS), "phase_deg": rounded(phase, DIGITS)}
+
+
+def has_phase(wave: complex) -> bool:
+    """Whether a wave, rad, is large enough for its phase to mean anything."""
+    return abs(wave) >= 1e-4 * ARCSEC
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def read_case(path: PathLike) -> StoredCase:
+    """Read a reference case and check its hash.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Folder of the case, or its ``case.json``.
+
+    Returns
+    -------
+    StoredCase
+
+    Raises
+    ------
+    InputError
+        If it is no case, of another format, or its arrays are not those that were written.
+    """
+    described = Path(path)
+    try:
+        if described.is_dir():
+            described = described / "case.json"
+    except (OSError, ValueError) as problem:  # ValueError: a null byte in the name
+        raise InputError(f"{path!r}: no such case; check the path") from problem
+    text = read_text(described)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"{described}: this is no JSON; give the folder of a case or its case.json") from problem
+    if not isinstance(content, dict) or "format" not in content or "arrays_sha256" not in content:
+        raise InputError(f"{described}: this is no reference case; write one with `rverror reference-cases`")
+    if content["format"] != FORMAT:
+        raise InputError(
+            f"{described}: format {shown(content['format'])}, this rverror reads {FORMAT}; "
+            "write the case again with `rverror reference-cases`"
+        )
+    arrays = _read_arrays(described.with_name("case.npz"))
+    if arrays_hash(arrays) != content["arrays_sha256"]:
+        raise InputError(
+            f"{described.with_name('case.npz')}: the arrays are not those of case.json, their hash differs; "
+            "write the case again with `rverror reference-cases`"
+        )
+    try:
+        model = content["model"]
+        turns = {str(name): float(value) for name, value in model["turns_per_output_turn"].items()}
+        case = StoredCase(
+            name=str(content["name"]),
+            version=str(content["version"]),
+            ratio=float(model["ratio"]),
+            direction={"forward": 1.0, "reverse": -1.0}[content["direction"]],
+            turns=turns,
+            arrays=arrays,
+        )
+        shapes = {arrays[name].shape for name in ("theta", "transmission_error_equilibrium", "opposite_equilibrium")}
+        if len(shapes) != 1:
+            raise ValueError(f"arrays of different shapes, {shapes}")
+    except (KeyError, TypeError, ValueError, AttributeError) as problem:
+        raise InputError(
+            f"{described}: something is missing or changed ({problem}); write the case again with "
+            "`rverror reference-cases`"
+        ) from problem
+    return case
+
+
+def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except FileNotFoundError as problem:
+        raise InputError(f"{path}: there is no such file; keep case.json and case.npz together") from problem
+    except (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile) as problem:
+        raise InputError(
+            f"{path}: cannot read its arrays; write the case again with `rverror reference-cases`"
+        ) from problem

@@ -1,0 +1,1 @@
+"""Runs: files of measured or simulated angles, their checks, and the virtual test bench."""

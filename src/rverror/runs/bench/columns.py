@@ -1,0 +1,225 @@
+"""What every reader of a bench's files hands over: its columns, what the file says of them, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.runs.reading import refuse
+
+#: Most samples of a column: a size that a file claims is refused before memory is asked for.
+MOST_SAMPLES = 20_000_000
+#: Most columns of a file.
+MOST_COLUMNS = 10_000
+_EXACT = 2**53  # whole numbers beyond it have no float64 of their own
+
+RawArray = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A column as its file lists it.
+
+    Attributes
+    ----------
+    name : str
+        With the groups before it, as in ``group/channel``.
+    unit : str
+        As the file says it; empty where it does not.
+    size : int
+        Number of samples; -1 where it shows only on reading.
+    problem : str
+        Why it can be no column, with the remedy; empty where it can.
+    increment : float
+        Time between samples as the file says it, s; 0 where it does not.
+    """
+
+    name: str
+    unit: str = ""
+    size: int = -1
+    problem: str = ""
+    increment: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFile:
+    """What a bench's file holds, and how its columns are read.
+
+    Attributes
+    ----------
+    path : str
+    kind : str
+        ``text``, ``MAT``, ``HDF5`` or ``TDMS``.
+    entries : tuple of Entry
+    properties : mapping of str to str
+        Attributes, properties, or lines of the preamble.
+    notes : tuple of str
+        What was assumed.
+    place : str
+        Where the names stand, for messages; empty where that says nothing.
+    noun : str
+        What `labels` count: ``line`` or ``sample``.
+    labels : ndarray of int, optional
+        Line of each row; None where samples are counted from 0.
+    cut_off : bool
+        Whether the file ends before its recording did, so that its columns may differ in length.
+    parse : callable
+        Number of a text as this file writes it, or None.
+    read : callable
+        From some of the entries to their arrays, as stored.
+    """
+
+    path: str
+    kind: str
+    entries: tuple[Entry, ...]
+    read: Callable[[Sequence[Entry]], list[RawArray]]
+    properties: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    place: str = ""
+    noun: str = "sample"
+    labels: RawArray | None = None
+    cut_off: bool = False
+    parse: Callable[[str], float | None]
+
+
+def plain_number(text: str) -> float | None:
+    """Number of a text with a decimal point, or None.
+
+    Examples
+    --------
+    >>> plain_number("2.5")
+    2.5
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+@contextmanager
+def refused_in_one_line(path: str, kind: str) -> Iterator[None]:
+    """Turn whatever a format's library raises at a damaged file into one line.
+
+    Parameters
+    ----------
+    path : str
+    kind : str
+        Of the file, for the message.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file makes the libraries raise anything, from KeyError to OSError
+        kind_of = "" if type(error).__module__.startswith("rverror") else f"{type(error).__name__}: "
+        reason = " ".join(f"{kind_of}{error}".split())[:120].rstrip(": ")
+        raise InputError(
+            f"{path}: cannot be read as {kind}, it is damaged or cut off ({reason}); copy or export it again"
+        ) from error
+
+
+def shape_problem(shape: tuple[int, ...]) -> str:
+    """Why an array of that shape is no column, with the remedy; empty where it is one.
+
+    Parameters
+    ----------
+    shape : tuple of int
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> shape_problem((100, 1)), shape_problem((1, 100))
+    ('', '')
+    >>> shape_problem((100, 3))
+    'is a matrix of 100 x 3; store each column as a vector of its own'
+    """
+    size = int(np.prod(shape, dtype=object)) if shape else 1
+    if size > MOST_SAMPLES:
+        return f"claims {size:,} samples, at most {MOST_SAMPLES:,} are read; cut the recording into runs"
+    if size == 0:
+        return "is empty; record it, or take another"
+    if max(shape, default=1) != size:
+        return f"is a matrix of {' x '.join(map(str, shape))}; store each column as a vector of its own"
+    return ""
+
+
+def kind_problem(dtype: np.dtype[Any]) -> str:
+    """Why values of that kind are no column, with the remedy; empty where they are.
+
+    Parameters
+    ----------
+    dtype : numpy.dtype
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> kind_problem(np.dtype(np.complex128))
+    'holds complex numbers; store real and imaginary part apart'
+    """
+    if dtype.kind in "fiuMm":
+        return ""
+    if dtype.kind == "c":
+        return "holds complex numbers; store real and imaginary part apart"
+    if dtype.kind == "b":
+        return "holds true and false; take a column of numbers"
+    if dtype.kind in "SUT":
+        return "holds text; take a column of numbers"
+    return "holds objects, cells or structures; store it as a plain vector of numbers"
+
+
+def as_samples(path: str, what: str, array: RawArray, *, time: bool = False) -> Array:
+    """One column as float64.
+
+    Parameters
+    ----------
+    path : str
+    what : str
+        Name of the column, for messages.
+    array : ndarray
+        As stored.
+    time : bool
+        Whether it is the time: time stamps are counted from the first one, s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    InputError
+        If it is no column of numbers.
+    """
+    problem = kind_problem(array.dtype) or shape_problem(array.shape)
+    if problem:
+        refuse(path, f"{what} {problem}")
+    flat = array.reshape(-1)
+    if flat.dtype.kind in "Mm":
+        if not time:
+            refuse(path, f"{what} holds time stamps; only time can be read from them")
+        since = flat - flat[0] if flat.dtype.kind == "M" else flat
+        seconds = since / np.timedelta64(1, "s")
+        return np.asarray(np.where(np.isnat(since), np.nan, seconds), dtype=np.float64)
+    if flat.dtype.kind in "iu" and flat.dtype.itemsize == 8:
+        largest = max(abs(int(flat.min())), abs(int(flat.max())))
+        if largest > _EXACT:
+            if not time:
+                refuse(path, f"{what} holds {largest}, at most 2**53 is exact; store the difference to its first value")
+            flat = flat - flat[0]
+    with np.errstate(invalid="ignore"):  # of odd NaN in damaged files
+        return flat.astype(np.float64)

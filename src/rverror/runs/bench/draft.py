@@ -1,0 +1,142 @@
+"""A mapping to fill in: what a bench's file holds, written as the beginning of a mapping file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+
+from rverror.base.text import PathLike, read_bytes, shown, split_lines
+from rverror.runs.bench.columns import Entry
+from rverror.runs.bench.file import is_bench_file, open_bench_file
+from rverror.runs.bench.mapping import BenchMapping
+from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal
+from rverror.runs.bench.text import SEPARATORS, decoded, split_cells, trimmed, unit_in_name
+from rverror.runs.reading import refuse
+
+#: Rows of numbers by which the beginning of a table is told.
+_ROWS = 3
+_LOOKED_AT = 1000
+_LONGEST_UNIT = 5
+_MOST_VALUES = 20
+_TO_FILL_IN = """
+[columns]  # input and output angle, or te and one of them; sign = -1 for an angle that counts the other way
+input_angle = { name = "", unit = "deg" }  # of an encoder: unit = "counts", counts_per_turn = 4 * lines of its disc
+output_angle = { name = "", unit = "deg" }
+# te = { name = "", unit = "arcsec" }
+# time = { name = "", unit = "s" }
+
+[header]  # each as a value, or as where it stands in the file
+# output_torque = "20 N*m"  # or { name = "...", unit = "N*m" }, mean of a column, or { property = "...", unit = "N*m" }
+# temperature = "20 degC"
+# direction = "forward"  # or "reverse"; where nothing is said the angles tell
+# index = "A"  # runs of one label share their zero; "unknown": not aligned with the gear's marks
+"""
+
+
+def draft_mapping(path: PathLike) -> str:
+    """Begin a mapping for a file: how it is written, its columns as remarks, and the keys to fill in.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Returns
+    -------
+    str
+        TOML that `load_mapping` refuses until the names are filled in.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or no rows of numbers are found in it.
+    """
+    if is_bench_file(path):
+        file = open_bench_file(path, BenchMapping())
+        head: list[str] = []
+        entries: Sequence[Entry] = file.entries
+        values = [f"{key} = {value}" for key, value in file.properties.items()]
+    else:
+        head, entries, values = _of_text(str(path))
+    lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
+    lines += [f"#   {_described(entry)}" for entry in entries]
+    if values:
+        lines += ["# Values beside them:", *(f"#   {shown(value, 100)}" for value in values[:_MOST_VALUES])]
+    return "\n".join(lines) + "\n" + _TO_FILL_IN
+
+
+def _described(entry: Entry) -> str:
+    plural = "s" if entry.size != 1 else ""
+    facts = [f"{entry.size} sample{plural}"] if entry.size >= 0 and not entry.problem else []
+    facts += [f"unit {entry.unit}"] if entry.unit else []
+    facts += [f"every {entry.increment:g} s"] if entry.increment else []
+    facts += [entry.problem] if entry.problem else []
+    return " ".join(f"{_quoted(entry.name)}  {', '.join(facts)}".split("\n")).rstrip()
+
+
+def _quoted(text: str) -> str:
+    """Text as TOML writes it."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t")
+    return '"' + "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in escaped) + '"'
+
+
+def _of_text(path: str) -> tuple[list[str], list[Entry], list[str]]:
+    raw = read_bytes(path)
+    encoding, remark = _encoding(raw)
+    lines = split_lines(decoded(path, raw, encoding))
+    separator, first = _table(path, lines)
+    names = _names_line(lines, separator, first)
+    rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[first:]), _LOOKED_AT)]
+    sign = found_decimal((cell for row in rows for cell in row), point_is_decimal=separator == ",")
+    head = ["", "[file]", f"encoding = {_quoted(encoding)}{remark}", f"separator = {_quoted(separator)}"]
+    if isinstance(sign, Undecided):
+        head.append(f'decimal = ""  # {shown(sign.cell)} {sign.why}: write "." or ","; thousands = "." for groups')
+    else:
+        head.append(f"decimal = {_quoted(sign or '.')}")
+    if names < 0:
+        head += [f"skip = {first}", "# No names stand above the numbers: write column = 1, 2, ... instead of name."]
+        cells = [f"column {i + 1}" for i in range(len(rows[0]))]
+    else:
+        cells = trimmed(split_cells(lines[names], separator))
+    above = [line.strip() for line in lines[: names if names >= 0 else first] if line.strip()]
+    return head, [Entry(name=cell, unit=unit_in_name(cell)) for cell in cells], above
+
+
+def _encoding(raw: bytes) -> tuple[str, str]:
+    """Encoding of a text, and a remark where it is a guess."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16", ""
+    try:
+        raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252", "  # a guess, for it is no UTF-8: see whether the names below are written right"
+    return "utf-8", ""
+
+
+def _table(path: str, lines: Sequence[str]) -> tuple[str, int]:
+    """Separator and first row of the widest table of numbers."""
+    found = []
+    for separator in SEPARATORS:
+        for i in range(min(len(lines), _LOOKED_AT)):
+            rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[i:]), _ROWS)]
+            widths = {len(trimmed(row)) for row in rows}
+            if lines[i].strip() and len(widths) == 1 and max(widths) > 1 and all(map(_is_numbers, rows)):
+                found.append((max(widths), separator, i))
+                break
+    if not found:
+        refuse(path, "no rows of two numbers or more are found in it; give the file that the bench records")
+    _, separator, first = max(found, key=lambda each: each[0])  # the first of equals
+    return separator, first
+
+
+def _is_numbers(row: Sequence[str]) -> bool:
+    return all(not cell or any(Numerals(sign).parse(cell) is not None for sign in ".,") for cell in row)
+
+
+def _names_line(lines: Sequence[str], separator: str, first: int) -> int:
+    """Line above the first row that names its cells, or the one above that where it holds units; -1 for none."""
+    width = len(trimmed(split_cells(lines[first], separator)))
+    above = [i for i in (first - 1, first - 2) if i >= 0 and len(trimmed(split_cells(lines[i], separator))) == width]
+    if not above or above[0] != first - 1:
+        return -1
+    units = all(len(cell.strip("[]()")) <= _LONGEST_UNIT for cell in split_cells(lines[above[0]], separator))
+    return above[-1] if units and len(lines[above[-1]]) > len(lines[above[0]]) else above[0]

@@ -1,0 +1,285 @@
+"""A bench's own file by way of a mapping: which format it is, which of its columns are meant, and what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.text import PathLike, did_you_mean, shown
+from rverror.runs.bench import hdf5 as bench_hdf5
+from rverror.runs.bench import tdms as bench_tdms
+from rverror.runs.bench.columns import BenchFile, Entry, as_samples
+from rverror.runs.bench.header import read_header
+from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where, unit_factor
+from rverror.runs.bench.mat import open_mat
+from rverror.runs.bench.text import open_text
+from rverror.runs.bench.values import core_values
+from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, Reading, check_needed, refuse
+
+_MAT_HEADER = 128
+_SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
+#: Endings of names of files that can be runs.
+RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
+_MOST_LISTED = 8
+
+
+def is_bench_file(path: PathLike) -> bool:
+    """Tell a MAT, HDF5 or TDMS file, by content, or by name where the content says nothing.
+
+    Parameters
+    ----------
+    path : str or path-like
+
+    Returns
+    -------
+    bool
+        False too for what cannot be read: whoever reads it says why.
+    """
+    return _kind(path) != "text"
+
+
+def open_bench_file(path: PathLike, mapping: BenchMapping) -> BenchFile:
+    """List what a file holds.
+
+    Parameters
+    ----------
+    path : str or path-like
+    mapping : BenchMapping
+        Of a text file, how it is written and which names are looked for.
+
+    Returns
+    -------
+    BenchFile
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    kind = _kind(path)
+    readers: dict[str, Callable[[PathLike], BenchFile]] = {
+        "HDF5": bench_hdf5.open_hdf5,
+        "MAT": open_mat,
+        "MAT 7.3": lambda path: bench_hdf5.open_hdf5(path, "MAT"),
+        "TDMS": bench_tdms.open_tdms,
+        "archive": _refuse_archive,
+        "text": lambda path: open_text(path, mapping.text, _wanted(mapping)),
+    }
+    return readers[kind](path)
+
+
+def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
+    """Read a bench's file.
+
+    Parameters
+    ----------
+    path : str or path-like
+    mapping : BenchMapping
+
+    Returns
+    -------
+    Reading
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; one line that names file, line or data set, bound and remedy.
+    """
+    file = open_bench_file(path, mapping)
+    rules = dict(mapping.columns) or _standard_rules(file, mapping)
+    check_needed(file.path, mapping.path or "columns", [*rules, *mapping.keep], _remedy(file, mapping))
+    places = {key: rule.where for key, rule in rules.items()} | dict(mapping.keep)
+    entries = {key: _found(file, mapping, where) for key, where in places.items()}
+    averaged = {key: _found(file, mapping, where) for key, where in _averaged(mapping).items()}
+    used = [*entries.values(), *averaged.values()]
+    arrays = file.read(used)
+    stored = dict(zip(entries, arrays, strict=False))
+    notes = list(file.notes)
+    columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
+    extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in mapping.keep}
+    columns, extra = _of_one_length(file, columns, extra, entries, notes)
+    if "time" not in columns:
+        columns |= _clock(file, [entries[key] for key in rules], next(iter(columns.values())).size, notes)
+    means = {
+        key: (entry, as_samples(file.path, shown(entry.name, 60), array))
+        for (key, entry), array in zip(averaged.items(), arrays[len(entries) :], strict=True)
+    }
+    header = read_header(file, mapping, means, notes)
+    _note_left_out(file, used, notes)
+    size = next(iter(columns.values())).size
+    return Reading(
+        path=file.path,
+        columns=columns,
+        extra=extra,
+        labels=np.arange(size) if file.labels is None else file.labels,
+        noun=file.noun,
+        stated=header.stated,
+        stated_at=header.stated_at,
+        torque=header.torque,
+        temperature=header.temperature,
+        index=header.index,
+        metadata=header.metadata,
+        notes=tuple(notes),
+    )
+
+
+# --- which format -----------------------------------------------------------------------------------------------------
+
+
+def _kind(path: PathLike) -> str:
+    try:
+        with open(path, "rb") as file:
+            head = file.read(1024)
+    except (OSError, ValueError):
+        return "text"
+    mat = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI", b"\x00\x02IM", b"\x02\x00MI")
+    if bench_hdf5.SIGNATURE in (head[:8], head[512:520]):
+        return "MAT 7.3" if head.startswith(b"MATLAB 7.3") else "HDF5"
+    if head.startswith(bench_tdms.SIGNATURE):
+        return "TDMS"
+    if mat and len(head) > _MAT_HEADER:
+        return "MAT"
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        return "archive"
+    return _SUFFIXES.get(Path(path).suffix.lower(), "text")
+
+
+def _refuse_archive(path: PathLike) -> NoReturn:
+    refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
+
+
+# --- which columns ----------------------------------------------------------------------------------------------------
+
+
+def _wanted(mapping: BenchMapping) -> list[str | int]:
+    """Names or numbers of columns that a text file must have."""
+    if not mapping.columns:  # the names of a run file are looked for
+        return []
+    places = [*(rule.where for rule in mapping.columns.values()), *mapping.keep.values(), *_averaged(mapping).values()]
+    return [where.column or where.name for where in places]
+
+
+def _averaged(mapping: BenchMapping) -> dict[str, Where]:
+    """Columns whose mean is a value of the header."""
+    return {key: rule.where for key, rule in mapping.header.items() if rule.where.name or rule.where.column}
+
+
+def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnRule]:
+    """Rules for columns that are named as in a run file, in the stated group."""
+    rules: dict[str, ColumnRule] = {}
+    above = f"{mapping.group}/" if mapping.group and file.kind != "text" else ""
+    for entry in file.entries:
+        last = entry.name.rpartition("/")[2] if file.kind != "text" else entry.name
+        match = COLUMN_NAME.match(last)
+        key = match[1].strip().lower() if match else ""
+        if key not in COLUMNS or not entry.name.startswith(above):
+            continue
+        if key in rules:
+            refuse(
+                file.path,
+                f"{shown(rules[key].where.name, 60)} and {shown(entry.name, 60)} are both {key}; name one of them in "
+                "[columns] of a mapping",
+            )
+        assert match is not None
+        name = entry.name.removeprefix(above)
+        rules[key] = ColumnRule(where=Where(name=name), unit=(match[2] or entry.unit).strip())
+    return {key: replace(rule, factor=_standard_factor(file, key, rule)) for key, rule in rules.items()}
+
+
+def _standard_factor(file: BenchFile, key: str, rule: ColumnRule) -> float:
+    if not rule.unit:
+        refuse(
+            file.path,
+            f"{shown(rule.where.name, 60)} has no unit; state it in a mapping: {key} = {{ name = "
+            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]',
+        )
+    try:
+        return unit_factor(rule.unit, COLUMNS[key])
+    except ValueError as error:
+        refuse(file.path, f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
+
+
+def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
+    if mapping.columns:
+        return ", in [columns] of the mapping"
+    return (
+        f", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
+        f"{_names(file.entries)}"
+    )
+
+
+def _names(entries: Sequence[Entry]) -> str:
+    names = [shown(entry.name, 60) for entry in entries]
+    return (", ".join(names[:_MOST_LISTED]) or "none") + (", ..." if len(names) > _MOST_LISTED else "")
+
+
+def _found(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
+    """The entry that a mapping means."""
+    at = f" ({where.stated_at})" if where.stated_at else ""
+    if where.column:
+        if file.kind != "text":
+            refuse(file.path, f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+        if where.column > len(file.entries):
+            refuse(file.path, f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
+        return file.entries[where.column - 1]
+    name = where.name if file.kind == "text" else where.name.strip("/")
+    full = f"{mapping.group}/{name}" if mapping.group and file.kind != "text" else name
+    fitting = [entry for entry in file.entries if entry.name == full]
+    if not fitting and not mapping.group and file.kind != "text":
+        fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
+    if not fitting:
+        hint = did_you_mean(full, [entry.name for entry in file.entries])
+        place = f"{file.place}: " if file.place else ""
+        refuse(file.path, f"{place}there is no column {shown(full, 60)}{at};{hint} the file has {_names(file.entries)}")
+    if len(fitting) > 1:
+        refuse(
+            file.path,
+            f"{shown(name, 60)}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
+            "them in full",
+        )
+    if fitting[0].problem:
+        refuse(file.path, f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
+    return fitting[0]
+
+
+def _note_left_out(file: BenchFile, used: Sequence[Entry], notes: list[str]) -> None:
+    unused = [entry for entry in file.entries if not any(entry is other for other in used) and entry.name]
+    if unused:
+        plural = "s" if len(unused) > 1 else ""
+        notes.append(f"{len(unused)} column{plural} of the file left out, not in the mapping: {_names(unused)}")
+
+
+def _of_one_length(
+    file: BenchFile, columns: dict[str, Array], extra: dict[str, Array], entries: Mapping[str, Entry], notes: list[str]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The columns as they are where they are equally long; the rows that all of them have where the file is cut off."""
+    sizes = {key: values.size for key, values in (columns | extra).items()}
+    shortest, longest = min(sizes.values()), max(sizes.values())
+    if shortest == longest:
+        return columns, extra
+    if not file.cut_off:
+        listed = ", ".join(f"{key} ({shown(entries[key].name, 60)}) {size}" for key, size in sizes.items())
+        refuse(file.path, f"the columns differ in length ({listed}); record them at one rate, or export them again")
+    notes.append(f"the last {longest - shortest} samples left out, which not all columns have")
+    kept = [{key: values[:shortest] for key, values in part.items()} for part in (columns, extra)]
+    return kept[0], kept[1]
+
+
+def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str]) -> dict[str, Array]:
+    """Time from the interval between samples, where the file states it of every column."""
+    intervals = sorted({entry.increment for entry in found})
+    if intervals[0] == 0:
+        return {}
+    if len(intervals) > 1:
+        refuse(
+            file.path,
+            f"the columns were sampled every {' and every '.join(f'{each:g}' for each in intervals)} s; record them at "
+            "one rate",
+        )
+    notes.append(f"time made from the interval that the file states, {intervals[0]:g} s")
+    return {"time": np.arange(size, dtype=np.float64) * intervals[0]}

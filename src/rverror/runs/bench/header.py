@@ -1,0 +1,159 @@
+"""Direction, torque, temperature and index of a bench's run: stated by the mapping, or standing in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.text import did_you_mean, shown
+from rverror.runs.bench.columns import BenchFile, Entry
+from rverror.runs.bench.mapping import BenchMapping, HeaderRule
+from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, checked_value, refuse
+
+_DIMENSIONS = {"output_torque": "torque", "temperature": "temperature"}
+_MOST_LISTED = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """What is known of a run beside its columns.
+
+    Attributes
+    ----------
+    stated : float, optional
+        Direction: +1, -1, 0 for mixed, None where nothing is said.
+    stated_at : str
+        Where it is said, for messages.
+    torque, temperature : float, optional
+        N*mm and K.
+    index : str
+    metadata : mapping of str to str
+        All of them, as written.
+    """
+
+    stated: float | None
+    stated_at: str
+    torque: float | None
+    temperature: float | None
+    index: str
+    metadata: Mapping[str, str]
+
+
+def read_header(
+    file: BenchFile, mapping: BenchMapping, measured: Mapping[str, tuple[Entry, Array]], notes: list[str]
+) -> Header:
+    """Header of a run: from the mapping, or from a file that names it as a run file does.
+
+    Parameters
+    ----------
+    file : BenchFile
+    mapping : BenchMapping
+    measured : mapping of str to (Entry, ndarray)
+        Columns whose mean is meant, in their own unit, by key of the header.
+    notes : list of str
+        Gets what was made of them.
+
+    Returns
+    -------
+    Header
+
+    Raises
+    ------
+    InputError
+        If a value is missing, has no unit or is none.
+    """
+    texts: dict[str, str] = {}
+    places: dict[str, str] = {}
+    # Lines of a file whose columns have names of its own may say "Direction: CW" or "Index: 3": only a mapping tells.
+    own = {} if mapping.columns else {key.lower(): value for key, value in file.properties.items()}
+    for key in HEADER_KEYS:
+        rule = mapping.header.get(key)
+        if rule is None:
+            if key in own:
+                texts[key], places[key] = own[key], f"{key} in the file"
+            continue
+        places[key] = rule.where.stated_at
+        if key in measured:
+            texts[key] = _mean(file, key, rule, *measured[key], notes)
+        else:
+            texts[key] = rule.text or _property(file, key, rule)
+    direction = texts.get("direction", "").lower()
+    if "direction" in texts and direction not in DIRECTIONS:
+        refuse(
+            file.path,
+            f"{places['direction']}: direction = {shown(texts['direction'])}: must be forward, reverse or mixed; "
+            "without it the angles tell",
+        )
+    return Header(
+        stated=DIRECTIONS[direction] if direction else None,
+        stated_at=f"{places['direction']}: " if direction else "",
+        torque=_quantity(file, "output_torque", texts, places),
+        temperature=_quantity(file, "temperature", texts, places),
+        index=texts.get("index", ""),
+        metadata=texts,
+    )
+
+
+def _quantity(file: BenchFile, key: str, texts: Mapping[str, str], places: Mapping[str, str]) -> float | None:
+    if key not in texts:
+        return None
+    dimension = _DIMENSIONS[key]
+    try:
+        number = units.parse(texts[key], dimension)
+    except ValueError as error:
+        refuse(file.path, f"{places[key]}: {key}: {str(error).partition(';')[0]}; state {key} in [header] of a mapping")
+    return checked_value(file.path, f"{places[key]}: {key}", number, dimension)
+
+
+def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
+    """Text of a property, with the mapping's unit where it has none."""
+    name, at = rule.where.property, rule.where.stated_at
+    if name not in file.properties:
+        hint = did_you_mean(name, list(file.properties))
+        listed = ", ".join(shown(each, 60) for each in list(file.properties)[:_MOST_LISTED]) or "none"
+        refuse(file.path, f"there is no property {shown(name, 60)} ({at});{hint} the file has {listed}")
+    text = file.properties[name]
+    number, _, word = text.partition(" ")
+    value = file.parse(number)
+    if value is None or key not in _DIMENSIONS:
+        return text
+    unit = word.strip() or rule.unit
+    if rule.unit and word.strip() and not _same_unit(word.strip(), rule.unit, _DIMENSIONS[key]):
+        refuse(
+            file.path,
+            f"{key}: the property {shown(name, 60)} is {shown(text)}, the mapping says {rule.unit} ({at}); leave unit "
+            "out, or correct it",
+        )
+    return f"{value!r} {rule.unit or unit}".strip()
+
+
+def _same_unit(one: str, other: str, dimension: str) -> bool:
+    try:
+        return units.parse(f"1 {one}", dimension) == units.parse(f"1 {other}", dimension)
+    except ValueError:  # of a word that pint does not know, such as Nm, only the letters tell
+        return one.replace(" ", "").replace("·", "") == other.replace(" ", "").replace("*", "")
+
+
+def _mean(file: BenchFile, key: str, rule: HeaderRule, entry: Entry, samples: Array, notes: list[str]) -> str:
+    """Mean of a measured column, with its unit."""
+    what = f"{key} ({shown(entry.name, 60)})"
+    valid = samples[np.isfinite(samples)]
+    unit = rule.unit or entry.unit
+    if not unit:
+        refuse(file.path, f"{what} has no unit ({rule.where.stated_at}); write unit = ... beside its name")
+    if not valid.size:
+        refuse(file.path, f"{what} holds no number; choose another column, or state a value in [header]")
+    mean = float(np.mean(valid))
+    if key == "output_torque" and abs(mean) < 0.5 * float(np.mean(np.abs(valid))):
+        refuse(
+            file.path,
+            f"{what} changes its sign ({valid.min():.4g} to {valid.max():.4g} {unit}), so its mean is no load; state a "
+            "value in [header], or split the run",
+        )
+    notes.append(f"{key} is the mean of {shown(entry.name, 60)}: {mean:.6g}, from {valid.min():.6g} to "
+                 f"{valid.max():.6g} {unit}")  # fmt: skip
+    return f"{mean!r} {unit}"

@@ -1,0 +1,117 @@
+"""TDMS files of LabVIEW and its kin.  npTDMS comes with the extra ``io``."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike
+from rverror.runs.bench.columns import (
+    MOST_COLUMNS,
+    BenchFile,
+    Entry,
+    RawArray,
+    kind_problem,
+    plain_number,
+    refused_in_one_line,
+    shape_problem,
+)
+from rverror.runs.reading import refuse
+
+#: Bytes with which a file begins.
+SIGNATURE = b"TDSm"
+_UNIT_PROPERTIES = ("unit_string", "unit", "units", "NI_UnitDescription")
+_LOGGERS = ("nptdms.reader", "nptdms.tdms", "nptdms.tdms_segment", "nptdms.base_segment", "nptdms.daqmx")
+
+
+def open_tdms(path: PathLike) -> BenchFile:
+    """List the channels of a file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        An index file beside it is not used, for it may be of another recording.
+
+    Returns
+    -------
+    BenchFile
+
+    Raises
+    ------
+    InputError
+        If npTDMS is not installed, or the file is damaged.
+    """
+    name = str(path)
+    with _opened(name) as file:
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        if len(channels) > MOST_COLUMNS:
+            refuse(name, f"{len(channels):,} channels, at most {MOST_COLUMNS:,} are read; export fewer")
+        entries = tuple(_entry(channel) for channel in channels)
+        properties = {str(key): str(value) for key, value in file.properties.items()}
+        for group in file.groups():
+            properties |= {f"{group.name}/{key}": str(value) for key, value in group.properties.items()}
+        cut_off = bool(file.file_status.incomplete_final_segment)
+
+    def read(chosen: Sequence[Entry]) -> list[RawArray]:
+        places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
+        with _opened(name) as file:
+            again = [channel for group in file.groups() for channel in group.channels()]
+            return [np.asarray(again[place][:]) for place in places]
+
+    return BenchFile(
+        path=name,
+        kind="TDMS",
+        entries=entries,
+        read=read,
+        properties=properties,
+        notes=("the file ends before its last part is complete; what was written is read",) if cut_off else (),
+        cut_off=cut_off,
+        parse=plain_number,
+    )
+
+
+@contextmanager
+def _opened(path: str) -> Iterator[Any]:
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise InputError(f"{path}: TDMS files need npTDMS; install it with: pip install 'rverror[io]'") from error
+    with refused_in_one_line(path, "TDMS"), _quiet(), open(path, "rb") as raw:
+        yield TdmsFile.open(raw)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep npTDMS from printing of a file that is cut off: a note says it."""
+
+    def nothing(record: logging.LogRecord) -> bool:
+        return False
+
+    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    for logger in loggers:
+        logger.addFilter(nothing)
+    try:
+        yield
+    finally:
+        for logger in loggers:
+            logger.removeFilter(nothing)
+
+
+def _entry(channel: Any) -> Entry:
+    properties = channel.properties
+    unit = next((str(properties[key]).strip() for key in _UNIT_PROPERTIES if key in properties), "")
+    dtype = np.dtype(channel.dtype)
+    stamps = dtype.kind == "M"
+    increment = properties.get("wf_increment", 0.0)
+    return Entry(
+        name=f"{channel.group_name}/{channel.name}",
+        unit="s" if stamps and not unit else unit,
+        size=len(channel),
+        problem=shape_problem((len(channel),)) or kind_problem(dtype),
+        increment=float(increment) if isinstance(increment, int | float) and increment > 0 else 0.0,
+    )

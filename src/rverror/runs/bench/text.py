@@ -1,0 +1,372 @@
+"""Text of a bench: any separator, decimal point or comma, another encoding, a preamble above the column names."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
+from rverror.runs.bench.columns import BenchFile, Entry, RawArray
+from rverror.runs.bench.mapping import TextRules
+from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal
+from rverror.runs.reading import COLUMN_NAME, COLUMNS, refuse
+
+#: Separators that are tried, in this order; blanks only for a draft.
+SEPARATORS = (";", "\t", ",", "|", " ")
+_WORDS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "bar", " ": "blanks"}
+_UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
+_PROPERTY = re.compile(r"[#%;\s\"]*([^:=\t;,|]+?)[\"\s]*[:=\t;,|]\s*(.*)$")
+_BLANKS = re.compile(r"[ \t]+")
+_MOST_LISTED = 8
+#: Most rows and bytes of a text, which is held in memory cell by cell.
+MOST_ROWS = 5_000_000
+MOST_BYTES = 500_000_000
+
+
+@dataclass(frozen=True)
+class _Names:
+    """The line of the column names; line -1 where there is none and columns are counted."""
+
+    line: int
+    separator: str
+    cells: tuple[str, ...]
+
+
+def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> BenchFile:
+    """Read a text file and find its column names.
+
+    Parameters
+    ----------
+    path : str or path-like
+    rules : TextRules
+        What is stated of it.
+    wanted : sequence of str or int
+        Names of columns, or their numbers from 1; where there is none, the names of a run file.
+
+    Returns
+    -------
+    BenchFile
+
+    Raises
+    ------
+    InputError
+        If the text cannot be decoded, or its names, separator or decimal sign cannot be told.
+    """
+    name = str(path)
+    lines = split_lines(decoded(name, read_bytes(path), rules.encoding))
+    if not any(line.strip() for line in lines):
+        refuse(name, "the file is empty; record the run again")
+    names = _found_names(name, lines, rules, wanted)
+    rows = [i for i in range(names.line + 1, len(lines)) if lines[i].strip() and not lines[i].lstrip().startswith("#")]
+    if names.line < 0:
+        rows = [i for i in rows if i >= max(rules.skip, 0)]
+    place = f"line {names.line + 1}" if names.line >= 0 else ""
+    if not rows:
+        refuse(name, f"{place or 'the file'}: no rows below the column names; measure or export it again")
+    if len(rows) > MOST_ROWS:
+        refuse(name, f"{len(rows):,} rows, at most {MOST_ROWS:,} are read; cut the recording into runs")
+    table = [split_cells(lines[i], names.separator) for i in rows]
+    width = len(names.cells) or max(map(len, table))
+    _check_widths(name, rows, table, width, names.separator)
+    used = _used(names.cells, wanted) if names.cells else [int(number) - 1 for number in wanted]
+    numerals, decimal_note = _numerals(name, rows, table, [i for i in used if i < width], rules, names.separator)
+    cells = names.cells or tuple(f"column {i + 1}" for i in range(width))
+    entries = tuple(Entry(name=cell, unit=unit_in_name(cell), size=len(rows)) for cell in cells)
+
+    def read(chosen: Sequence[Entry]) -> list[RawArray]:
+        places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
+        return [_column(name, rows, table, place, cells[place], numerals) for place in places]
+
+    notes = []
+    above = [line for line in lines[: max(names.line, 0)] if line.strip()]
+    if names.line >= 0 and not rules.separator:
+        notes.append(f"separator found in {place}: {_WORDS[names.separator]}")
+    if above and not all(line.lstrip().startswith("#") for line in above):
+        notes.append(f"column names found in {place}; what stands above is the preamble")
+    return BenchFile(
+        path=name,
+        kind="text",
+        entries=entries,
+        read=read,
+        properties=_properties(lines[: names.line] if names.line >= 0 else lines[: rows[0]]),
+        notes=(*notes, *decimal_note),
+        place=place,
+        noun="line",
+        labels=np.array(rows) + 1,
+        parse=numerals.parse,
+    )
+
+
+def decoded(path: str, raw: bytes, encoding: str) -> str:
+    """Text of a file.
+
+    Parameters
+    ----------
+    path : str
+    raw : bytes
+    encoding : str
+        Empty where nothing is stated: then UTF-8 it must be.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If it is too long, no text, or of another encoding.
+    """
+    if len(raw) > MOST_BYTES:
+        refuse(path, f"{len(raw) / 1e6:.0f} MB of text, at most {MOST_BYTES / 1e6:.0f} MB are read; cut it into runs")
+    if not encoding and raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        refuse(path, 'the text is UTF-16; write encoding = "utf-16" in [file] of the mapping')
+    if not encoding and b"\0" in raw:
+        refuse(path, "this is no text file (it holds zero bytes), nor MAT, HDF5 or TDMS; export it as one of them")
+    try:
+        return raw.decode(encoding or "utf-8").removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        remedy = (
+            "correct encoding in [file] of the mapping"
+            if encoding
+            else 'write encoding = "cp1252" (Windows, western Europe) or another in [file] of the mapping'
+        )
+        raise InputError(
+            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no {encoding or 'UTF-8'} text; {remedy}"
+        ) from error
+
+
+def split_cells(line: str, separator: str) -> list[str]:
+    """Cells of a line, without blanks and quotes around them.
+
+    Parameters
+    ----------
+    line : str
+    separator : str
+        A blank stands for any number of blanks and tabs.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> split_cells('1,5; "a;b" ;', ";")
+    ['1,5', 'a;b', '']
+    """
+    if separator == " ":
+        return _BLANKS.split(line.strip(" \t"))
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    except csv.Error:  # a cell beyond csv's limit
+        return [cell.strip() for cell in line.split(separator)]
+
+
+# --- the column names -------------------------------------------------------------------------------------------------
+
+
+def _found_names(path: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int]) -> _Names:
+    tried = (rules.separator,) if rules.separator else SEPARATORS[:-1]
+    texts = [name for name in wanted if isinstance(name, str)]
+    if wanted and not texts:
+        if not rules.separator:
+            refuse(path, 'columns given by number need the separator; write separator = ";" or another in [file]')
+        return _Names(-1, rules.separator, ())
+    fits: Callable[[Sequence[str]], bool] = (
+        (lambda cells: set(texts) <= set(cells)) if texts else (lambda cells: any(map(_is_angle, cells)))
+    )
+    candidates = _candidates(path, lines, rules)
+    for i in candidates:
+        found = [_Names(i, sign, tuple(trimmed(split_cells(_bare(lines[i]), sign)))) for sign in tried]
+        fitting = [names for names in found if fits(names.cells)]
+        # A single name holds no separator: every sign fits then, and the one that splits the line is meant.
+        split = [names for names in fitting if len(names.cells) > 1] or fitting[:1]
+        if len(split) > 1:
+            words = " and ".join(_WORDS[names.separator] for names in split)
+            refuse(path, f"line {i + 1}: {words} both separate the column names; write separator = ... in [file]")
+        if split:
+            _check_twice(path, split[0], texts)
+            return split[0]
+    _refuse_names(path, lines, candidates, tried, texts)
+
+
+def _candidates(path: str, lines: Sequence[str], rules: TextRules) -> list[int]:
+    filled = [i for i, line in enumerate(lines) if line.strip() and i >= rules.skip]
+    if not filled:
+        refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
+    return filled[:1] if rules.skip >= 0 else filled
+
+
+def _bare(line: str) -> str:
+    """Line of names without the comment sign that some programs put before them."""
+    return line.lstrip().lstrip("#%").strip(" ") if line.lstrip().startswith(("#", "%")) else line
+
+
+def trimmed(cells: Sequence[str]) -> list[str]:
+    """Cells without the empty ones that separators at the end make.
+
+    Examples
+    --------
+    >>> trimmed(["a", "", "b", "", ""])
+    ['a', '', 'b']
+    """
+    return list(cells[: max((i + 1 for i, cell in enumerate(cells) if cell), default=0)])
+
+
+def _known(cell: str) -> bool:
+    match = COLUMN_NAME.match(cell)
+    return match is not None and match[1].strip().lower() in COLUMNS
+
+
+def _is_angle(cell: str) -> bool:
+    """Tell a name of a run file other than time, which any preamble may hold."""
+    return _known(cell) and not cell.lower().startswith("time")
+
+
+def _used(cells: Sequence[str], wanted: Sequence[str | int]) -> list[int]:
+    """Places of the columns that are read."""
+    if not wanted:
+        return [i for i, cell in enumerate(cells) if _known(cell)]
+    return [name - 1 if isinstance(name, int) else cells.index(name) for name in wanted]
+
+
+def _check_twice(path: str, names: _Names, texts: Sequence[str]) -> None:
+    for text in texts:
+        places = [i + 1 for i, cell in enumerate(names.cells) if cell == text]
+        if len(places) > 1:
+            refuse(
+                path,
+                f"line {names.line + 1}: {shown(text)} names columns {some(places)}; write column = {places[0]} "
+                "instead of name in the mapping",
+            )
+
+
+def _refuse_names(
+    path: str, lines: Sequence[str], candidates: Sequence[int], tried: Sequence[str], texts: Sequence[str]
+) -> NoReturn:
+    """Say which name is missing in the line that has most of them."""
+    best = max(
+        (
+            _Names(i, sign, tuple(trimmed(split_cells(_bare(lines[i]), sign))))
+            for i in candidates[:1000]
+            for sign in tried
+        ),
+        key=lambda names: (len(set(texts) & set(names.cells)), _near(names.cells, texts)),
+    )
+    stated = ", ".join(_WORDS[sign] for sign in tried)
+    if not texts:
+        refuse(
+            path,
+            f"no line holds input_angle, output_angle or te as column names (separators tried: {stated}); "
+            "give the bench's own names in [columns] of the mapping",
+        )
+    missing = [text for text in texts if text not in best.cells]
+    if len(missing) == len(texts) and not _near(best.cells, texts):
+        refuse(
+            path,
+            f"no line holds the column name {shown(missing[0], 60)} (separators tried: {stated}); check the names and "
+            "the encoding in the mapping",
+        )
+    hint = did_you_mean(missing[0], [cell for cell in best.cells if cell and cell not in texts])
+    listed = ", ".join(shown(cell, 60) for cell in best.cells[:_MOST_LISTED])
+    more = ", ..." if len(best.cells) > _MOST_LISTED else ""
+    refuse(
+        path, f"line {best.line + 1}: there is no column {shown(missing[0], 60)};{hint} the names are {listed}{more}"
+    )
+
+
+def _near(cells: Sequence[str], texts: Sequence[str]) -> int:
+    """Number of texts that resemble a cell."""
+    return sum(bool(did_you_mean(text, [cell for cell in cells if cell])) for text in texts)
+
+
+def unit_in_name(cell: str) -> str:
+    """Unit that stands in brackets at the end of a name; empty where there is none.
+
+    Examples
+    --------
+    >>> unit_in_name("Winkel Abtrieb [°]"), unit_in_name("angle (deg)"), unit_in_name("angle")
+    ('°', 'deg', '')
+    """
+    match = _UNIT.search(cell)
+    return match[1] if match else ""
+
+
+def _properties(lines: Sequence[str]) -> Mapping[str, str]:
+    """Lines of the preamble that name a value, ``Load: 20 N*m`` or ``Load;20``; the first of a name counts."""
+    found: dict[str, str] = {}
+    for line in lines:
+        if match := _PROPERTY.match(line.strip()):
+            found.setdefault(match[1].strip(), match[2].strip(' \t;,|"'))
+    return found
+
+
+# --- the rows ---------------------------------------------------------------------------------------------------------
+
+
+def _check_widths(path: str, rows: Sequence[int], table: list[list[str]], width: int, separator: str) -> None:
+    """Refuse rows with cells that no column names: their numbers may stand in the wrong column."""
+    for i, cells in zip(rows, table, strict=True):
+        if len(cells) <= width or not any(cells[width:]):
+            continue
+        remedy = "complete the names or delete the cells"
+        if separator == "," and len(cells) == 2 * width:
+            remedy = "if the comma is the decimal sign too, the file cannot be read: export it with ';' between cells"
+        refuse(path, f"line {i + 1}: {len(cells)} cells, but {width} column names; {remedy}")
+
+
+def _numerals(
+    path: str, rows: Sequence[int], table: list[list[str]], used: Sequence[int], rules: TextRules, separator: str
+) -> tuple[Numerals, list[str]]:
+    """How numbers are written, and a note where that was found and not stated."""
+    where = [(row, place) for row, cells in enumerate(table) for place in used if place < len(cells)]
+    if rules.decimal:
+        other = "," if rules.decimal == "." else "."
+        if rules.thousands != other:
+            for row, place in where:
+                cell = table[row][place]
+                if other in cell and Numerals(other).parse(cell) is not None:
+                    refuse(
+                        path,
+                        f"line {rows[row] + 1}, column {place + 1}: {shown(cell)} holds {other!r}, but the mapping "
+                        f"says decimal = {rules.decimal!r}; correct decimal, or write thousands = {other!r} in [file]",
+                    )
+        return Numerals(rules.decimal, rules.thousands), []
+    found = found_decimal((table[row][place] for row, place in where), point_is_decimal=separator == ",")
+    if isinstance(found, Undecided):
+        row, place = where[found.place]
+        refuse(
+            path,
+            f"line {rows[row] + 1}, column {place + 1}: {shown(found.cell)} {found.why}; write decimal = '.' or ',' in "
+            "[file] of the mapping, and thousands where digits are grouped",
+        )
+    if found in ("", ".") and separator == ",":
+        return Numerals("."), []
+    return Numerals(found or "."), [f"decimal sign found in the rows: {found!r}"] if found else []
+
+
+def _column(
+    path: str, rows: Sequence[int], table: list[list[str]], place: int, name: str, numerals: Numerals
+) -> RawArray:
+    """Numbers of a column; NaN where a cell holds none."""
+    values = np.full(len(rows), np.nan)
+    first = ""
+    for row, cells in enumerate(table):
+        cell = cells[place] if place < len(cells) else ""
+        value = numerals.parse(cell)
+        if value is not None:
+            values[row] = value
+        elif cell and not first:
+            first = f"line {rows[row] + 1}, column {place + 1}: {shown(cell)}"
+    if first and not np.isfinite(values).any():
+        refuse(path, f"{first} is no number, nor is any cell of {shown(name, 60)}; choose another column, or correct "
+                     f"decimal in [file] of the mapping (now {numerals.decimal!r})")  # fmt: skip
+    return values

@@ -1,0 +1,129 @@
+"""Numbers of a bench in core units: unit, sign, scale, counts of an encoder, a counter that starts again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.text import shown
+from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
+from rverror.runs.bench.mapping import ColumnRule, unit_factor
+from rverror.runs.reading import COLUMNS, EXAMPLES, refuse
+
+# What counters of 16, 24 and 32 bits hold.
+_COUNTER_SIZES = (2.0**16, 2.0**24, 2.0**32)
+
+
+def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array: RawArray, notes: list[str]) -> Array:
+    """Known column in its core unit.
+
+    Parameters
+    ----------
+    file : BenchFile
+    key : str
+        ``input_angle``, ``output_angle``, ``te`` or ``time``.
+    rule : ColumnRule
+    entry : Entry
+    array : ndarray
+        As stored.
+    notes : list of str
+        Gets what was assumed or changed.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad or s; NaN where there is no number.
+
+    Raises
+    ------
+    InputError
+        If its unit is missing or contradicts the mapping, or a counter cannot be followed.
+    """
+    what = f"{key} ({shown(entry.name, 60)})"
+    samples = as_samples(file.path, what, array, time=key == "time")
+    if array.dtype.kind in "Mm":
+        notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
+        return samples
+    factor = rule.factor or _factor_of_file(file, key, rule, entry, what, notes)
+    _check_unit(file, key, rule, entry, what)
+    if rule.counts:
+        samples = _unwrapped_counts(file, key, rule, samples, notes)
+        notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {EXAMPLES[key]}")
+    if array.dtype.kind == "f" and array.dtype.itemsize < 8:
+        largest = np.nanmax(np.abs(array.reshape(-1))) if np.isfinite(array).any() else array.dtype.type(0)
+        if np.isfinite(largest):
+            step = f"{abs(float(np.spacing(largest)) * factor / _display(key)):.2g} {EXAMPLES[key]}"
+            notes.append(f"{key} is stored with {8 * array.dtype.itemsize} bits: steps of {step} at its largest value")
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows or is no number is left out later
+        return samples * factor
+
+
+def _display(key: str) -> float:
+    return units.unit_factor(EXAMPLES[key], COLUMNS[key])
+
+
+def _factor_of_file(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str, notes: list[str]) -> float:
+    at = f" ({rule.where.stated_at})" if rule.where.stated_at else ""
+    if not entry.unit:
+        refuse(file.path, f'{what} has no unit{at}; write unit = "{EXAMPLES[key]}" or another beside its name')
+    try:
+        factor = unit_factor(entry.unit, COLUMNS[key]) * rule.sign
+    except ValueError as error:
+        refuse(file.path, f"{what}{at}: {error}; state the unit beside its name in the mapping")
+    notes.append(f"unit of {key} taken from the file: {entry.unit}")
+    return factor
+
+
+def _check_unit(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str) -> None:
+    """Refuse a mapping that says another unit of the same kind than the file does."""
+    if rule.scaled or not rule.unit or not entry.unit:
+        return
+    try:
+        said = unit_factor(entry.unit, COLUMNS[key])
+    except ValueError:
+        return  # a word that says nothing here, such as V of a sensor
+    if not np.isclose(abs(rule.factor), said, rtol=1e-9):
+        refuse(
+            file.path,
+            f"{what} is in {rule.unit} by the mapping, but the file says {shown(entry.unit)}; correct the unit, or "
+            "write scale = 1 beside it if the file is wrong",
+        )
+
+
+def _unwrapped_counts(file: BenchFile, key: str, rule: ColumnRule, counts: Array, notes: list[str]) -> Array:
+    """Undo the restarts of a counter; those of one turn are undone later, as of any angle."""
+    valid = np.isfinite(counts)
+    steps = np.diff(counts[valid])
+    if not steps.any():
+        return counts
+    usual = float(np.median(np.abs(steps[steps != 0])))
+    if rule.wraps_at:
+        size = rule.wraps_at
+        if usual > size / 4:
+            refuse(
+                file.path,
+                f"{key} moves {usual:.6g} counts between samples, at most a quarter of wraps_at = {size:.6g} can be "
+                "unwrapped safely; sample more often, or use a wider counter",
+            )
+        if np.ptp(counts[valid]) > size * (1 + 1e-9):
+            refuse(
+                file.path,
+                f"{key} covers {np.ptp(counts[valid]):.6g} counts, more than wraps_at = {size:.6g}; correct wraps_at, "
+                "or leave it out",
+            )
+        whole = counts.copy()
+        whole[valid] = np.unwrap(counts[valid], period=size)
+        jumps = int(np.count_nonzero(np.abs(steps) > size / 2))
+        if jumps:
+            notes.append(f"{key}: {jumps} restart{'s' if jumps > 1 else ''} of the counter by {size:.6g} removed")
+        return whole
+    for size in _COUNTER_SIZES:
+        restarts = (np.abs(np.abs(steps) - size) < 3 * usual) & (steps * np.median(steps) < 0)
+        if restarts.any() and usual < size / 20 and np.ptp(counts[valid]) <= size:
+            refuse(
+                file.path,
+                f"{key} jumps by {abs(steps[restarts][0]):.0f} counts, which looks like a counter that starts again "
+                f"after {size:.0f}; write wraps_at = {size:.0f} beside counts_per_turn",
+            )
+    return counts

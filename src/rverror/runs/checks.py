@@ -1,0 +1,280 @@
+"""Checks of a run: rows without a number, time, angles kept within one turn, gaps, direction of motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.numbers import way
+from rverror.base.text import some
+from rverror.geartrain.kinematics import motion_direction
+from rverror.runs.reading import Reading, check_needed, refuse
+
+#: Fewest usable samples of a run.
+LEAST_SAMPLES = 16
+#: Largest share of rows without a number that is left out; a run with more is refused.
+MOST_UNUSABLE = 0.1
+#: A step longer than this many median steps is a gap.
+GAP = 3.0
+
+# Angles beyond this are no reading of an encoder, and their products overflow.
+_LARGEST = 1e15
+
+
+def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
+    """Leave out what cannot be used, count it in the notes, and find the direction of motion.
+
+    Parameters
+    ----------
+    reading : Reading
+    ratio : float, optional
+        Input turns per output turn; its sign tells the direction of a run of input angle and error.
+
+    Returns
+    -------
+    reading : Reading
+        Usable rows, angles unwrapped.
+    direction : ndarray, shape (n,)
+        +1 or -1.
+
+    Raises
+    ------
+    InputError
+        If the run cannot be used.
+    """
+    path, noun, notes = reading.path, reading.noun, list(reading.notes)
+    check_needed(path, "columns", [*reading.columns, *reading.extra])
+    reading = _usable_rows(reading, notes)
+    columns, labels = dict(reading.columns), reading.labels
+    time = columns.get("time")
+    if time is not None:
+        _check_time(path, time, labels, noun, notes)
+    for name in ("input_angle", "output_angle"):
+        if name in columns:
+            columns[name] = _unwrapped(path, name, columns[name], notes)
+    leading = "input_angle" if "input_angle" in columns else "output_angle"
+    if time is not None:
+        _note_gaps("time", time, "s", labels, noun, notes)
+    else:
+        _note_gaps(leading, np.rad2deg(columns[leading]), "deg", labels, noun, notes)
+    sense, sure = _sense(columns, ratio)
+    direction = _direction(
+        path,
+        leading,
+        sense * columns[leading],
+        stated=reading.stated,
+        stated_at=reading.stated_at,
+        sure=sure,
+        labels=labels,
+        noun=noun,
+        notes=notes,
+    )
+    return replace(reading, columns=columns, notes=tuple(notes)), direction
+
+
+def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
+    path, labels, noun = reading.path, reading.labels, reading.noun
+    usable = np.logical_and.reduce([np.abs(values) < _LARGEST for values in reading.columns.values()])  # false for NaN
+    dropped = int(np.count_nonzero(~usable))
+    if dropped:
+        listed = some((labels[~usable]).tolist())
+        plural = "s" if dropped > 1 else ""
+        where = f"({noun}{plural} {listed})"
+        if dropped > MOST_UNUSABLE * usable.size:
+            refuse(
+                path,
+                f"{dropped} of {usable.size} rows hold no number in a needed column {where}, at most "
+                f"{100 * MOST_UNUSABLE:.0f} % may be left out; repair or export the file again",
+            )
+        notes.append(f"{dropped} row{plural} without a number left out {where}")
+    count = int(np.count_nonzero(usable))
+    if count < LEAST_SAMPLES:
+        refuse(path, f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
+    if not dropped:
+        return reading
+    return replace(
+        reading,
+        columns={name: values[usable] for name, values in reading.columns.items()},
+        extra={name: values[usable] for name, values in reading.extra.items()},
+        labels=labels[usable],
+    )
+
+
+def _check_time(path: str, time: Array, labels: Any, noun: str, notes: list[str]) -> None:
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if back.size:
+        refuse(
+            path,
+            f"{noun} {labels[back[0] + 1]}: time runs back from {time[back[0]]:.9g} s to {time[back[0] + 1]:.9g} s; "
+            "put the rows in order, and each run in a file of its own",
+        )
+    repeated = np.flatnonzero(steps == 0)
+    if repeated.size == steps.size:
+        refuse(path, f"time stands still at {time[0]:.9g} s; leave the column out or repair it")
+    if repeated.size:
+        plural = "s" if repeated.size > 1 else ""
+        notes.append(
+            f"{repeated.size} repeated time stamp{plural} ({noun}{plural} {some(labels[repeated + 1].tolist())})"
+        )
+
+
+def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
+    """Undo the jumps of an angle that is kept within one turn."""
+    jumps = np.abs(np.diff(angle)) > np.pi
+    if not jumps.any() or np.ptp(angle) > 2 * np.pi * (1 + 1e-9):
+        return angle
+    whole = np.unwrap(angle)
+    steps = np.abs(np.diff(whole))
+    if not (steps[jumps] <= 10 * np.median(steps[steps > 0]) if steps.any() else jumps).any():
+        return angle  # a gap, not a jump by a whole turn
+    if np.median(steps) > np.pi / 2:
+        refuse(
+            path,
+            f"{name} stays within one turn and moves {np.rad2deg(np.median(steps)):.0f} deg between samples, at most "
+            "90 deg can be unwrapped safely; write the angle that counts turns, or sample more often",
+        )
+    count = int(np.count_nonzero(jumps))
+    notes.append(f"{name} unwrapped: {count} jump{'s' if count > 1 else ''} by a turn removed")
+    return np.asarray(whole, dtype=np.float64)
+
+
+def _note_gaps(name: str, values: Array, unit: str, labels: Any, noun: str, notes: list[str]) -> None:
+    steps = np.abs(np.diff(values))
+    if not steps.any():
+        return
+    median = float(np.median(steps[steps > 0]))
+    gaps = np.flatnonzero(steps > GAP * median * (1 + 1e-9))
+    if gaps.size:
+        longest = gaps[np.argmax(steps[gaps])]
+        notes.append(
+            f"{gaps.size} gap{'s' if gaps.size > 1 else ''} in {name} (step above {GAP:g} times the median of "
+            f"{median:.4g} {unit}; the longest, {steps[longest]:.4g} {unit}, after {noun} {labels[longest]})"
+        )
+
+
+def fitted_slope(x: Array, y: Array) -> float:
+    """Least-squares slope of y over x; 0 where x does not move.
+
+    Examples
+    --------
+    >>> fitted_slope(np.array([0.0, 1.0, 2.0]), np.array([5.0, 7.0, 9.0]))
+    2.0
+    """
+    x = x - np.mean(x)
+    power = float(x @ x)
+    return float(x @ y) / power if power > 0 else 0.0
+
+
+def way_made(angle: Array, direction: Array) -> float:
+    """Way made along the stated direction, so that it is positive where the two agree."""
+    return float(np.diff(angle) @ direction[1:])
+
+
+def _sense(columns: Mapping[str, Array], ratio: float | None) -> tuple[float, bool]:
+    """Sign that turns the leading angle into one that grows with theta, and whether it is known."""
+    if "input_angle" not in columns:
+        return 1.0, True
+    if "output_angle" in columns:
+        # The measured sign, not the model's: a ratio of the wrong sign is refused later, by name.
+        slope = fitted_slope(columns["input_angle"], columns["output_angle"])
+        return (-1.0 if slope < 0 else 1.0), True
+    return (1.0, False) if ratio is None else (float(np.sign(ratio)), True)
+
+
+def _direction(
+    path: str,
+    name: str,
+    angle: Array,
+    *,
+    stated: float | None,
+    stated_at: str,
+    sure: bool,
+    labels: Any,
+    noun: str,
+    notes: list[str],
+) -> Array:
+    reach = float(np.ptp(angle))
+    if reach == 0:
+        refuse(path, f"{name} does not move, so there is nothing to compare; give the run of a turning drive")
+    steps = np.abs(np.diff(angle))
+    # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
+    jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
+    if stated:
+        if sure:
+            _check_direction(path, name, angle, stated, stated_at, jitter, labels, noun)
+        return np.full(angle.size, stated)
+    direction = smooth_direction(angle, jitter)
+    if stated is None:
+        turns = int(np.count_nonzero(np.diff(direction)))
+        found = f"{turns} reversals" if turns else way(direction[0])
+        notes.append(f"no direction in the header; read from {name}: {found}")
+    if not sure:
+        notes.append(
+            "direction read from input_angle for a positive ratio; give load_run the ratio where it is negative"
+        )
+    return direction
+
+
+def _check_direction(
+    path: str, name: str, angle: Array, stated: float, stated_at: str, jitter: float, labels: Any, noun: str
+) -> None:
+    word, opposite = ("forward", "reverse") if stated > 0 else ("reverse", "forward")
+    way = stated * angle
+    if way[-1] < way[0]:
+        verb = "falls" if stated > 0 else "grows"
+        refuse(
+            path,
+            f"{stated_at}direction says {word}, but the output angle {verb} from first to last row; write {opposite}",
+        )
+    back = np.maximum.accumulate(way) - way
+    worst = int(np.argmax(back))
+    bound = max(jitter, 0.01 * float(np.ptp(angle)))
+    if back[worst] > bound:
+        refuse(
+            path,
+            f"{noun} {labels[worst]}: direction says {word}, but {name} has gone back by "
+            f"{np.rad2deg(back[worst]):.4g} deg (bound {np.rad2deg(bound):.3g} deg); write 'mixed' or split the run",
+        )
+
+
+def smooth_direction(angle: Array, jitter: float) -> Array:
+    """Direction of motion of an angle that jitters.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+        rad.
+    jitter : float
+        A way back counts as a reversal only where it is longer than this, rad.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        +1 or -1, turning at the extreme itself, not where the way back has grown long enough.
+    """
+    extremes = [0]
+    low = high = 0
+    sense = 0
+    values = angle.tolist()
+    for i, value in enumerate(values):
+        if value >= values[high]:
+            high = i
+        if value <= values[low]:
+            low = i
+        if sense >= 0 and values[high] - value > jitter:
+            if sense:  # before the first way longer than the jitter there is no reversal
+                extremes.append(high)
+            sense, low = -1, i
+        elif sense <= 0 and value - values[low] > jitter:
+            if sense:
+                extremes.append(low)
+            sense, high = 1, i
+    extremes.append(high if sense > 0 else low if sense < 0 else angle.size - 1)
+    places = np.unique(extremes)
+    # A line through the extremes moves as the angle does, without its jitter.
+    return motion_direction(np.interp(np.arange(angle.size), places, angle[places]))

@@ -1,0 +1,473 @@
+"""Runs: measured or simulated angles, made of a file or in memory, checked alike.
+
+A run file is comma-separated text: ``# key: value`` lines, one line of column names with the unit in brackets, rows of
+numbers.  A bench's own files are read by a mapping.  Whatever is wrong is refused in one line, or, where a part is
+usable, left out and counted in `notes`.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, shown, split_lines, write_text
+from rverror.base.viewed import Viewed
+from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Model
+from rverror.runs.bench.file import is_bench_file, read_bench_file
+from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
+from rverror.runs.reading import (
+    COLUMN_NAME,
+    COLUMNS,
+    DIRECTIONS,
+    HEADER_KEYS,
+    Reading,
+    checked_value,
+    refuse,
+    torque_column,
+)
+from rverror.runs.run_file import HEADER_LINE, read_run_file
+
+__all__ = ["Run", "load_run", "run_from_arrays", "run_text", "smooth_direction", "torque_column", "write_run"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run(Viewed):
+    """Angles of one pass over the test bench.
+
+    Attributes
+    ----------
+    path : str
+        File, as given; empty where the run was made in memory.
+    input_angle, output_angle : ndarray, shape (n,), optional
+        Angles as read, unwrapped, rad.
+    te_column : ndarray, shape (n,), optional
+        Transmission error as read, rad.
+    direction : ndarray, shape (n,)
+        +1 where the nominal output angle grows, -1 where it falls.
+    time : ndarray, shape (n,), optional
+        s.
+    torque : float, optional
+        Size of the output torque, N*mm.
+    temperature : float, optional
+        K.
+    index : str
+        Label of the zero: empty (aligned, with an offset of its own), ``"unknown"``, or a label shared with other runs.
+    metadata : mapping of str to str
+        Every header key, as written.
+    notes : tuple of str
+        What was left out, changed or noticed, counted.
+    extra : mapping of str to ndarray
+        Other columns in their own unit, by their name as written; NaN where a cell holds no number.
+
+    Notes
+    -----
+    Transmission error and nominal angle need the ratio, which a run file does not hold: see `nominal_angle` and
+    `error`.  Both take a `Reducer`, `Drive`, `Model` or number.
+    """
+
+    path: str = ""
+    input_angle: Array | None = None
+    output_angle: Array | None = None
+    te_column: Array | None = None
+    direction: Array
+    time: Array | None = None
+    torque: float | None = None
+    temperature: float | None = None
+    index: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    extra: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return int(self.direction.size)
+
+    def nominal_angle(self, ratio: Reducer | Drive | Model | float) -> Array:
+        """Nominal output angle theta, input angle / ratio; output less error where there is no input angle.
+
+        Parameters
+        ----------
+        ratio : Reducer, Drive, Model or float
+            Input turns per output turn.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad.
+
+        Raises
+        ------
+        InputError
+            If the ratio contradicts the run.
+        """
+        value = _ratio(ratio)
+        if self.input_angle is None:
+            assert self.output_angle is not None  # checked when the run was made
+            return self.output_angle if self.te_column is None else self.output_angle - self.te_column
+        self._check_ratio(value)
+        return self.input_angle / value
+
+    def conditions(self, ratio: Reducer | Drive | Model | float) -> Conditions:
+        """Where and how it was measured, as predictions take it.
+
+        Parameters
+        ----------
+        ratio : Reducer, Drive, Model or float
+            Input turns per output turn.
+
+        Returns
+        -------
+        Conditions
+            Without a torque where the file has none, or one of 0.
+        """
+        return Conditions(
+            self.nominal_angle(ratio), self.direction, self.torque or None, self.time, temperature=self.temperature
+        )
+
+    def check_effects(self, model: Model, name: str) -> None:
+        """Check that the run tells what the effects of a model need.
+
+        Parameters
+        ----------
+        model : Model
+        name : str
+            Of the run, for the message.
+
+        Raises
+        ------
+        InputError
+            Naming the effect, what it needs and the remedy.
+        """
+        words = {"time": "a time[s] column", "torque": "the output_torque"}
+        for item in model.effects:
+            missing = source(item.key).lacks(model.mechanism, self)
+            if missing:
+                what = words.get(missing, missing)
+                raise InputError(f"{name}: {item.key} needs {what}; add it to the file or remove the effect")
+
+    def error(self, ratio: Reducer | Drive | Model | float) -> Array:
+        """Transmission error, actual output angle less nominal output angle; its offset is left in.
+
+        Parameters
+        ----------
+        ratio : Reducer, Drive, Model or float
+            Input turns per output turn.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad, positive where the output leads.  The file's own te column where it has one.
+
+        Raises
+        ------
+        InputError
+            If the ratio contradicts the run.
+        """
+        theta = self.nominal_angle(ratio)
+        if self.te_column is None and (self.output_angle is None or self.input_angle is None):
+            refuse(
+                self.path,
+                "a torque record holds one angle, so it has no transmission error; only a [drive] model is diagnosed "
+                "from it",
+            )
+        if self.te_column is None:
+            assert self.output_angle is not None  # checked when the run was made
+            return self.output_angle - theta
+        if self.input_angle is not None and self.output_angle is not None:
+            difference = self.te_column - (self.output_angle - theta)
+            worst = float(np.max(np.abs(difference - np.mean(difference))))
+            # Room for the rounding of printed columns: 0.1 arcsec, or 1 % of a large error.
+            allowed = max(0.1 * units.ARCSEC, 0.01 * float(np.std(self.te_column)))
+            if worst > allowed:
+                refuse(
+                    self.path,
+                    f"te differs from output_angle - input_angle / {_ratio(ratio):g} by up to "
+                    f"{worst / units.ARCSEC:.3g} arcsec, allowed are {allowed / units.ARCSEC:.2g}; "
+                    "leave out te, or check the ratio",
+                )
+        return self.te_column.copy()
+
+    def _check_ratio(self, ratio: float) -> None:
+        assert self.input_angle is not None
+        if self.output_angle is None:
+            # Direction tells the sign: it was stated, or read with the sign known then.
+            travel = way_made(self.input_angle, self.direction)
+            if travel * ratio < 0:
+                refuse(
+                    self.path,
+                    f"with the ratio {ratio:g} the nominal angle runs against the run's direction; correct "
+                    f"'direction' or the sign of the ratio, and for mixed directions give load_run the ratio",
+                )
+            return
+        theta = self.input_angle / ratio
+        if np.ptp(theta) < 0.01:  # rad: play alone can do anything in so short a run
+            return
+        slope = fitted_slope(theta, self.output_angle)
+        measured = ratio / slope if slope else np.inf
+        if slope < 0:
+            refuse(
+                self.path,
+                f"the output turns {'with' if measured > 0 else 'against'} the input, the model's ratio of {ratio:g} "
+                f"says otherwise; the run's ratio is about {measured:.4g}: change the sign of the ratio or of a column",
+            )
+        if not 0.5 < slope < 2:
+            refuse(
+                self.path,
+                f"the run's ratio is about {measured:.4g}, the model's {ratio:g} (a factor of 2 is the bound); "
+                "check the units of the columns, their order, and the model",
+            )
+
+
+def load_run(
+    path: PathLike,
+    ratio: Reducer | Drive | Model | float | None = None,
+    mapping: PathLike | BenchMapping | None = None,
+) -> Run:
+    """Read a run file, or a file of a bench: other text, MAT, HDF5, TDMS.
+
+    Parameters
+    ----------
+    path : str or path-like
+        What kind of file it is shows in its content, not in its name.
+    ratio : Reducer, Drive, Model or float, optional
+        Checked against the angles; only a run of input angle and error with mixed directions needs its sign.
+    mapping : str, path-like or BenchMapping, optional
+        The bench's names, units and signs; see docs page ``bench-files.md``.  Without it columns must be named as in a
+        run file, and text must be one.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used; one line that names file, line, column, bound and remedy.
+    """
+    if mapping is not None and not isinstance(mapping, BenchMapping):
+        mapping = load_mapping(mapping)
+    if mapping is None and not is_bench_file(path):
+        return _run(read_run_file(path), ratio)
+    return _run(read_bench_file(path, mapping or BenchMapping()), ratio)
+
+
+def run_from_arrays(
+    *,
+    input_angle: Any | None = None,
+    output_angle: Any | None = None,
+    te: Any | None = None,
+    time: Any | None = None,
+    direction: str | float = "mixed",
+    torque: Any | None = None,
+    temperature: Any | None = None,
+    index: str = "",
+    metadata: Mapping[str, str] | None = None,
+    extra: Mapping[str, Any] | None = None,
+    ratio: Reducer | Drive | Model | float | None = None,
+) -> Run:
+    """Make a run in memory, with the checks of a run file.
+
+    Parameters
+    ----------
+    input_angle, output_angle, te : array_like or quantity, shape (n,)
+        Two of them, or input and output angle; plain numbers are rad.
+    time : array_like or quantity, shape (n,), optional
+        Plain numbers are s.
+    direction : {"forward", "reverse", "mixed"} or +1 or -1
+        Mixed: read from the angles.
+    torque, temperature : float, str or quantity, optional
+        Plain numbers are N*mm and K.
+    index : str, optional
+        Label of the zero.
+    metadata : mapping of str to str, optional
+    extra : mapping of str to array_like, optional
+        Other columns.
+    ratio : Reducer, Drive, Model or float, optional
+        As in `load_run`.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        If the values cannot be used.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0, 6, 100)
+    >>> run = run_from_arrays(input_angle=121 * angle, output_angle=angle + 1e-5, direction="forward")
+    >>> bool(np.allclose(run.error(121), 1e-5))
+    True
+    """
+    given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time}
+    columns = {name: _row(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
+    others = {name: _row(name, value, None) for name, value in (extra or {}).items()}
+    sizes = {name: values.size for name, values in (columns | others).items()}
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        refuse("", f"the columns differ in length ({listed}); give all the same number of samples")
+    stated = DIRECTIONS.get(direction) if isinstance(direction, str) else float(direction)
+    if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
+        refuse("", f"direction = {shown(direction)}: must be 'forward', 'reverse', 'mixed', +1 or -1")
+    reading = Reading(
+        path="",
+        columns=columns,
+        extra=others,
+        labels=np.arange(next(iter(sizes.values()), 0)),
+        noun="sample",
+        stated=stated,
+        torque=_plain("torque", torque, "torque"),
+        temperature=_plain("temperature", temperature, "temperature"),
+        index=index,
+        metadata=dict(metadata or {}),
+    )
+    return _run(reading, ratio)
+
+
+def write_run(path: PathLike, run: Run, *, comments: Iterable[str] = (), overwrite: bool = False) -> None:
+    """Write a run file, in one step or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+    run : Run
+        Its columns are written with 15 digits, in deg, arcsec and s; its notes are not.
+    comments : iterable of str
+        Lines to put first.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists, cannot be written, or a text would not read back.
+    """
+    write_text(path, run_text(run, comments=comments, path=str(path)), overwrite=overwrite)
+
+
+def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
+    """Text of a run file.
+
+    Parameters
+    ----------
+    run : Run
+    comments : iterable of str
+        Lines to put first.
+    path : str
+        Name of the file for messages.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If a text would not read back.
+    """
+    head = [f"# {line}" for text in comments for line in split_lines(text)]
+    for line in head:
+        if (match := HEADER_LINE.match(line)) and match[1].lower() in HEADER_KEYS:
+            refuse(path, f"the comment {shown(line)} would be read as a header key; write it otherwise")
+    senses = set(run.direction.tolist())
+    keys = {"direction": {(1.0,): "forward", (-1.0,): "reverse"}.get(tuple(senses), "mixed")}
+    if run.torque is not None:
+        keys["output_torque"] = f"{units.to_display(run.torque, 'torque'):.15g} N*m"
+    if run.temperature is not None:
+        keys["temperature"] = f"{run.temperature - 273.15:.12g} degC"
+    if run.index:
+        keys["index"] = run.index
+    keys |= {key: value for key, value in run.metadata.items() if key.lower() not in HEADER_KEYS}
+    for key, value in keys.items():
+        line = f"# {key}: {value}"
+        match = HEADER_LINE.match(line)
+        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
+            refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
+        head.append(line)
+    columns = {
+        "time[s]": run.time,
+        "input_angle[deg]": None if run.input_angle is None else np.rad2deg(run.input_angle),
+        "output_angle[deg]": None if run.output_angle is None else np.rad2deg(run.output_angle),
+        "te[arcsec]": None if run.te_column is None else run.te_column / units.ARCSEC,
+    }
+    table = {name: values for name, values in (columns | dict(run.extra)).items() if values is not None}
+    for name in run.extra:
+        match = COLUMN_NAME.match(name)
+        if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", name):
+            refuse(path, f"the column name {shown(name)} would not read back; use a plain word and [unit]")
+    body = io.StringIO()
+    np.savetxt(body, np.column_stack(list(table.values())), fmt="%.15g", delimiter=",")
+    return "\n".join([*head, ",".join(table), body.getvalue()])
+
+
+def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run:
+    reading, direction = checked(reading, None if ratio is None else _ratio(ratio))
+    run = Run(
+        path=reading.path,
+        input_angle=reading.columns.get("input_angle"),
+        output_angle=reading.columns.get("output_angle"),
+        te_column=reading.columns.get("te"),
+        direction=direction,
+        time=reading.columns.get("time"),
+        torque=reading.torque,
+        temperature=reading.temperature,
+        index=reading.index,
+        metadata=reading.metadata,
+        notes=reading.notes,
+        extra=reading.extra,
+    )
+    if ratio is not None:
+        run.nominal_angle(ratio)  # refuses a ratio that contradicts the angles
+    return run
+
+
+def _ratio(value: Reducer | Drive | Model | float) -> float:
+    if isinstance(value, Model):
+        value = value.mechanism
+    number = value.ratio if isinstance(value, (Reducer, Drive)) else float(value)
+    if not np.isfinite(number) or number == 0:
+        raise InputError(f"ratio = {number:g}: must be a finite number other than 0, input turns per output turn")
+    return number
+
+
+def _row(name: str, value: Any, dimension: str | None) -> Array:
+    """One column given in memory, core units; values that are not finite stay for the check of the rows."""
+    factor = 1.0
+    if dimension is not None and units.is_quantity(value):
+        try:
+            factor = units.unit_factor(str(value.units), dimension)
+        except ValueError as error:
+            refuse("", f"{name}: {error}")
+    try:
+        array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
+    if array.ndim != 1:
+        refuse("", f"{name} has the shape {array.shape}; give one row of samples")
+    with np.errstate(over="ignore"):  # what overflows is left out below, and counted
+        return np.asarray(array * factor, dtype=np.float64)
+
+
+def _plain(name: str, value: Any | None, dimension: str) -> float | None:
+    if value is None:
+        return None
+    try:
+        number = units.to_core(value, dimension)
+    except ValueError as error:
+        refuse("", f"{name}: {error}")
+    return checked_value("", name, number, dimension)

@@ -1,0 +1,166 @@
+"""What a reader of runs hands over, columns in core units before any check, and the words of a run file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.text import did_you_mean, shown
+
+#: Dimension of each known column.
+COLUMNS = {"input_angle": "angle", "output_angle": "angle", "te": "angle", "time": "time"}
+#: Unit in which people write it.
+EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s"}
+#: Keys of the header that have a meaning.
+HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
+#: What may be stated of the direction.
+DIRECTIONS = {"forward": 1.0, "reverse": -1.0, "mixed": 0.0}
+#: Name of a column, with its unit in brackets or without.
+COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
+_TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """Columns of one run as read, in core units, and what was said of them.
+
+    Attributes
+    ----------
+    path : str
+        File, as given; empty where the run was made in memory.
+    columns : mapping of str to ndarray, shape (n,)
+        Known columns, rad and s.
+    extra : mapping of str to ndarray, shape (n,)
+        Others, in their own unit.
+    labels : ndarray of int, shape (n,)
+        What messages call each row.
+    noun : str
+        ``line`` or ``sample``: what the labels count.
+    stated : float, optional
+        Direction: +1, -1, 0 for mixed, None where nothing is said.
+    stated_at : str
+        Where it is said, for messages.
+    torque, temperature : float, optional
+        N*mm and K.
+    index : str
+    metadata : mapping of str to str
+    notes : tuple of str
+    """
+
+    path: str
+    columns: Mapping[str, Array]
+    extra: Mapping[str, Array] = field(default_factory=dict)
+    labels: np.ndarray[Any, np.dtype[Any]]
+    noun: str
+    stated: float | None = None
+    stated_at: str = ""
+    torque: float | None = None
+    temperature: float | None = None
+    index: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def refuse(path: str, message: str) -> NoReturn:
+    """Refuse a run, in one line that begins with its file.
+
+    Parameters
+    ----------
+    path : str
+    message : str
+
+    Raises
+    ------
+    InputError
+        Always.
+    """
+    comma = path and message.startswith("line ")
+    raise InputError(f"{path or 'run'}{', ' if comma else ': '}{message}")
+
+
+def checked_value(path: str, what: str, number: float, dimension: str) -> float:
+    """Value of the header as a run holds it: the size of a torque, a temperature above absolute zero.
+
+    Parameters
+    ----------
+    path : str
+    what : str
+        Place and key, for the message.
+    number : float
+        N*mm or K.
+    dimension : str
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+    """
+    if dimension == "temperature" and number < 0:
+        refuse(path, f"{what}: {number:g} K lies below absolute zero; check the sign and the unit")
+    return abs(number) if dimension == "torque" else number
+
+
+def torque_column(names: Iterable[str]) -> str | None:
+    """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of columns, with units.
+
+    Returns
+    -------
+    str or None
+    """
+    return next((name for name in names if _TORQUE.fullmatch(name)), None)
+
+
+def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "") -> None:
+    """Refuse columns that hold no transmission error and are no torque record.
+
+    Parameters
+    ----------
+    path : str
+    where : str
+        Place in the file, for the message.
+    names : sequence of str
+        Of all columns: known ones bare, others with their unit.
+    otherwise : str
+        Another remedy, for the end of the message.
+
+    Raises
+    ------
+    InputError
+    """
+    have = [name for name in names if name in COLUMNS and name != "time"]
+    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
+        return
+    missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
+    hint = ""
+    for name in names:
+        if name in COLUMNS:
+            continue
+        bare = re.split(r"[\[(]", name)[0].strip().lower()
+        guess = (
+            next((known for known in missing if bare == known), None)
+            or (re.search(r"'(\w+)'", did_you_mean(bare, missing)) or [None, None])[1]
+        )
+        if guess:
+            hint = f" did you mean '{guess}[{EXAMPLES[guess]}]' by {shown(name)}?"
+            break
+    what = f"besides {have[0]} there is no" if have else "there is no"
+    listed = " and no ".join(missing) if have else "input_angle, output_angle or te"
+    refuse(
+        path,
+        f"{where}: {what} {listed}, so the transmission error cannot be told;{hint} give input_angle[deg] and "
+        f"output_angle[deg], or te[arcsec] and one of them{otherwise}",
+    )

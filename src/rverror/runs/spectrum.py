@@ -1,0 +1,187 @@
+"""Whole revolutions of a run, their order spectrum, and the noise between repeats."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.mechanism import Drive, Reducer
+
+_TURN = 2 * math.pi
+_MOST_MULTIPLE = 30
+
+
+@dataclass(frozen=True)
+class Revolutions:
+    """Whole periods of a run on one grid of angles.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle of the first period, rad, growing.
+    values : ndarray, shape (periods, n)
+        The signal of each period.
+    turns : int
+        Output turns of one period.
+    left_out : int
+        Samples beyond the last whole period.
+    resampled : bool
+        Whether the samples had to be interpolated onto the grid.
+    """
+
+    theta: Array
+    values: Array
+    turns: int
+    left_out: int
+    resampled: bool
+
+
+def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
+    """Cut a run into whole periods.
+
+    Samples that already lie on an even grid that fits the period are only reshaped; others are interpolated linearly
+    onto one of as many points.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle, rad, in one direction.
+    values : ndarray, shape (n,)
+        The signal.
+    turns : int
+        Output turns after which the drive stands as before.
+
+    Returns
+    -------
+    Revolutions
+
+    Raises
+    ------
+    ValueError
+        If there are not two whole periods.
+    """
+    order = np.argsort(theta, kind="stable")
+    angle, signal = theta[order], values[order]
+    period = turns * _TURN
+    step = (angle[-1] - angle[0]) / (angle.size - 1)
+    count = int((angle[-1] - angle[0] + 1.5 * step) / period)
+    if count < 2:
+        raise ValueError(
+            f"the run covers {(angle[-1] - angle[0]) / _TURN:.3g} output turns; splitting repeatable error from noise "
+            f"needs two whole periods of {turns} turn{'s' if turns > 1 else ''}: measure at least {2 * turns}"
+        )
+    points = round(period / step)
+    grid = angle[0] + period / points * np.arange(points)
+    used = count * points
+    even = angle[0] + period / points * np.arange(used)
+    if used <= angle.size and np.abs(angle[:used] - even).max() < 1e-3 * step:
+        return Revolutions(grid, signal[:used].reshape(count, points), turns, angle.size - used, resampled=False)
+    # the last point lies beyond the last sample by half a step at most, and takes its value
+    unique, first = np.unique(angle, return_index=True)
+    resampled = np.interp(even, unique, signal[first]).reshape(count, points)
+    return Revolutions(grid, resampled, turns, int((angle > even[-1]).sum()), resampled=True)
+
+
+def harmonics(values: Array) -> Array:
+    """Orthonormal cosine and sine coefficients of rows of one period, without mean and Nyquist line.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., n)
+        Rows over one period.
+
+    Returns
+    -------
+    ndarray, shape (..., 2, m), m = (n - 1) // 2
+        Coefficients of cos and -sin per harmonic 1 to m, scaled so that the sum of squares over n is the variance.
+    """
+    n = values.shape[-1]
+    lines = np.fft.rfft(values, axis=-1)[..., 1 : (n - 1) // 2 + 1] * math.sqrt(2 / n)
+    return np.stack([lines.real, lines.imag], axis=-2)
+
+
+def amplitude(coefficients: Array, samples: int) -> Array:
+    """Amplitude of each harmonic from its `harmonics` coefficients, shape (..., m)."""
+    return np.asarray(np.sqrt((coefficients**2).sum(axis=-2)) * math.sqrt(2 / samples), dtype=np.float64)
+
+
+def noise_spectrum(values: Array) -> Array:
+    """Variance of one `harmonics` coefficient of one period, from what differs between periods.
+
+    Parameters
+    ----------
+    values : ndarray, shape (periods, n)
+        The signal of each period.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Smoothed over neighbouring harmonics, a wider span at higher ones, so that coloured noise keeps its colour.
+    """
+    coefficients = harmonics(values)
+    spread = ((coefficients - coefficients.mean(axis=0)) ** 2).sum(axis=(0, 1)) / (2 * (len(values) - 1))
+    total = np.concatenate([[0.0], np.cumsum(spread)])
+    at = np.arange(spread.size)
+    half = np.clip(at // 4, 4, 40)
+    low, high = np.maximum(at - half, 0), np.minimum(at + half + 1, spread.size)
+    return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
+
+
+def noise_rms(values: Array) -> float:
+    """Standard deviation of what differs between periods.
+
+    Parameters
+    ----------
+    values : ndarray, shape (periods, n)
+        The signal of each period.
+
+    Returns
+    -------
+    float
+    """
+    about_mean = values - values.mean(axis=1, keepdims=True)
+    spread = about_mean - about_mean.mean(axis=0)
+    return float(np.sqrt((spread**2).sum() / ((len(values) - 1) * values.shape[1])))
+
+
+def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: float = 0.02) -> list[str]:
+    """Frames whose fixed errors show at an order, as ``"housing 39 x 2"``.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    order : float
+        Per output turn.
+    tolerance : float
+        How far a measured order may lie from a multiple.
+
+    Returns
+    -------
+    list of str
+        Parts of the gear train whose fundamental order divides it at most thirty times, shafts of a drive, and the
+        output side for orders 1 and 2; empty where none fits.
+    """
+    if isinstance(mechanism, Reducer):
+        table = fundamental_orders(mechanism)
+        groups = {
+            "housing": table["housing"],
+            "carrier, disc or crank": table["crank"],
+            "sun": table["sun"],
+            "gear mesh": table["gear mesh"],
+            "cycloid mesh": table["cycloid mesh"],
+            "input shaft": mechanism.ratio,
+        }
+    else:
+        groups = {"input shaft": abs(mechanism.ratio)} | {n: abs(v) for n, v in mechanism.shafts.items()}
+    found = []
+    if min(abs(order - 1), abs(order - 2)) <= tolerance:
+        found.append("output side (encoder, coupling)")
+    for name, base in groups.items():
+        multiple = round(order / base)
+        if 1 <= multiple <= _MOST_MULTIPLE and abs(order - multiple * base) <= tolerance:
+            found.append(f"{name} {base:g} x {multiple}" if multiple > 1 else f"{name} {base:g}")
+    return found

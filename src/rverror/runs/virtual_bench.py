@@ -1,0 +1,461 @@
+"""Virtual test bench: runs computed from a model, as the encoders of a bench would read and write them.
+
+The gear train moves the output by its transmission error, the measuring chain adds what it reads wrongly (sensor.*) and
+coloured noise, and each encoder rounds to its counts.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import way
+from rverror.base.text import shown
+from rverror.geartrain.kinematics import Conditions, samples_needed
+from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import transmission_error
+from rverror.model.effects import Model
+from rverror.model.readings import misread, unread
+from rverror.runs.measurement import Run, run_from_arrays
+from rverror.statics.loaded_state import equilibrium
+
+#: Seed of the noise where none is given: a simulation gives the same run each time.
+DEFAULT_SEED = 0
+#: Label of the zero that the runs of one call share.
+SHARED_INDEX = "simulated"
+
+_LARGEST = 5_000_000
+_LARGEST_TORQUE = 1e12  # N*mm
+_LARGEST_NOISE = math.pi  # no bench is worse
+_LARGEST_CORRELATION = 200 * math.pi  # longer than a run that can be diagnosed, so a constant
+_LARGEST_COUNTS = 10**12
+_LARGEST_SEED = 2**128 - 1  # all that numpy's pool of entropy holds
+_SPEEDS = (1e-6, 1e6)  # deg/s: beyond, times have no digits left
+_AT_ONCE = 4096  # angles solved together: bounds the memory
+
+
+def simulate(
+    model: Model,
+    *,
+    points: int | None = None,
+    revolutions: int = 1,
+    torque: Any | None = None,
+    method: str = "closed",
+    direction: float = 1.0,
+    noise: Any | None = None,
+    correlation: Any | None = None,
+    input_counts: int | None = None,
+    output_counts: int | None = None,
+    seed: int | None = None,
+    speed: Any | None = None,
+) -> Run:
+    """Compute the run that a bench would record; without noise and counts, one that reads every angle exactly.
+
+    Parameters
+    ----------
+    model : Model
+    points : int, optional
+        Samples per output turn; what the highest mesh order needs where left out.
+    revolutions : int
+        Output turns.
+    torque : float or quantity, optional
+        Size of the output torque, plain numbers N*mm; needed by the equilibrium, and written into the run.  The
+        equilibrium also takes 0, the limit of no load.
+    method : {"closed", "equilibrium"}
+        Closed form, or the loaded equilibrium.
+    direction : float
+        +1 forward, -1 reverse.
+    noise : float or quantity, optional
+        rms of the noise on the transmission error, plain numbers rad.
+    correlation : float or quantity, optional
+        Output angle over which the noise's autocorrelation falls to 1/e, plain numbers rad; white where left out or 0.
+    input_counts, output_counts : int, optional
+        Counts per turn to which each encoder rounds.
+    seed : int, optional
+        Of the noise; `DEFAULT_SEED` where left out.
+    speed : float or quantity, optional
+        Output speed, plain numbers rad/s; gives the run its time, which ``sensor.time_offset`` needs.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or the method cannot be used with the model.
+
+    Notes
+    -----
+    The noise depends on seed, points, direction and torque alone: closed form and equilibrium, and models that differ,
+    get the same under the same conditions; other directions and torques get noise of their own.  The same call gives
+    the same run to the last bit on one machine and version of numpy.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> run = simulate(rverror.Model(rverror.reducer("RV-40E")), points=64, noise="0.3 arcsec", output_counts=2**20)
+    >>> run.input_angle.size, run.metadata["noise"], run.metadata["seed"]
+    (64, '0.3 arcsec', '0')
+    """
+    return simulate_runs(
+        model,
+        directions=(direction,),
+        torques=(torque,),
+        points=points,
+        revolutions=revolutions,
+        method=method,
+        noise=noise,
+        correlation=correlation,
+        input_counts=input_counts,
+        output_counts=output_counts,
+        seed=seed,
+        speed=speed,
+    )[0]
+
+
+def simulate_runs(
+    model: Model,
+    *,
+    directions: Sequence[float] = (1.0, -1.0),
+    torques: Sequence[Any] = (),
+    points: int | None = None,
+    revolutions: int = 1,
+    method: str = "closed",
+    noise: Any | None = None,
+    correlation: Any | None = None,
+    input_counts: int | None = None,
+    output_counts: int | None = None,
+    seed: int | None = None,
+    speed: Any | None = None,
+) -> tuple[Run, ...]:
+    """Compute the runs of one session on the bench: every torque in every direction.
+
+    Parameters
+    ----------
+    model : Model
+    directions : sequence of float
+        +1 forward, -1 reverse.
+    torques : sequence of float or quantity
+        As `simulate` takes one; empty for runs without a torque.
+    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, speed : optional
+        As in `simulate`.
+
+    Returns
+    -------
+    tuple of Run
+        Torque by torque, each in all directions.  Where there are several they hold one index, because encoders whose
+        zero never moves read them.
+
+    Raises
+    ------
+    InputError
+        As `simulate`, and if two runs would be the same.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> model = rverror.Model(rverror.reducer("RV-40E"))
+    >>> runs = simulate_runs(model, torques=("20 N*m", "100 N*m"), points=64)
+    >>> [run_label(run.direction[0], run.torque) for run in runs]
+    ['forward-20Nm', 'reverse-20Nm', 'forward-100Nm', 'reverse-100Nm']
+    """
+    unit = model.mechanism
+    if points is None:
+        points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
+    if points < 16:
+        raise InputError(f"points = {points}: must be 16 or more per output turn")
+    if revolutions < 1:
+        raise InputError(f"revolutions = {revolutions}: must be 1 or more")
+    if points * revolutions > _LARGEST:
+        raise InputError(f"points * revolutions = {points * revolutions}: must be {_LARGEST} or fewer; ask for fewer")
+    if method not in ("closed", "equilibrium"):
+        raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
+    sizes = [None if torque is None else _torque(torque, method) for torque in torques] or [None]
+    bench = _bench(noise, correlation, input_counts, output_counts, seed, speed)
+    timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
+    if timed and bench.speed is None:
+        raise InputError(f"{timed[0]} needs time; give a speed, e.g. --speed '10 deg/s', or remove the effect")
+    if method == "equilibrium":
+        if not isinstance(unit, Reducer):
+            raise InputError("method = equilibrium: a [drive] has no geometry; use --method closed")
+        if None in sizes:
+            raise InputError("method = equilibrium: needs a torque; give one, e.g. --torque '20 N*m'")
+    for direction in directions:
+        if direction not in (1.0, -1.0):
+            raise InputError(f"direction = {direction!r}: must be +1 (forward) or -1 (reverse)")
+    conditions = [(direction, size) for size in sizes for direction in directions]
+    labels = [run_label(*condition) for condition in conditions]
+    if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
+        raise InputError(f"{twice[0]}: this run is asked for twice; give each torque and direction once")
+    index = SHARED_INDEX if len(conditions) > 1 else ""
+    return tuple(
+        _run(model, points * revolutions, points, method, bench, index, direction=direction, torque=size)
+        for direction, size in conditions
+    )
+
+
+def run_label(direction: float, torque: float | None) -> str:
+    """Name of a run among those of one bench; the noise of a run is drawn from the seed and this name.
+
+    Parameters
+    ----------
+    direction : float
+        +1 forward, -1 reverse.
+    torque : float, optional
+        Size of the output torque, N*mm.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> run_label(-1.0, 20e3), run_label(1.0, None)
+    ('reverse-20Nm', 'forward')
+    """
+    return way(direction) if torque is None else f"{way(direction)}-{torque / 1e3:.12g}Nm"
+
+
+def coloured_noise(count: int, *, rms: float, step: float, correlation: float, random: np.random.Generator) -> Array:
+    """Stationary Gaussian noise whose autocorrelation falls as exp(-distance / correlation).
+
+    Parameters
+    ----------
+    count : int
+        Samples.
+    rms : float
+        Of the process; one stretch that is short against the correlation strays from it.
+    step : float
+        Distance of neighbours.
+    correlation : float
+        In the unit of `step`; white where 0.
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        In the unit of `rms`.
+
+    Notes
+    -----
+    An Ornstein-Uhlenbeck process, sampled: x_k = rho x_(k-1) + sqrt(1 - rho^2) rms e_k.  The first sample has the
+    process's own spread, so there is nothing to settle.
+
+    Examples
+    --------
+    >>> noise = coloured_noise(20_000, rms=0.5, step=0.1, correlation=2.0, random=np.random.default_rng(1))
+    >>> bool(0.4 < noise.std() < 0.6)
+    True
+    """
+    from scipy.signal import lfilter  # here, because it takes longer to load than all of rverror
+
+    drawn = rms * random.standard_normal(count)
+    if correlation == 0:
+        return drawn
+    drawn[1:] *= math.sqrt(-math.expm1(-2 * step / correlation))
+    return np.asarray(lfilter([1.0], [1.0, -math.exp(-step / correlation)], drawn), dtype=np.float64)
+
+
+def quantised(angle: Array, counts: int) -> Array:
+    """Reading of an encoder of so many counts per turn: the nearest of its angles.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+        rad.
+    counts : int
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad.
+
+    Examples
+    --------
+    >>> np.degrees(quantised(np.radians([44.0, 46.0]), 4))
+    array([ 0., 90.])
+    """
+    # adding 0 turns -0, which would be printed, into 0
+    return np.asarray((np.rint(angle / (2 * math.pi) * counts) + 0.0) * (2 * math.pi) / counts, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bench:
+    """What the bench adds to a run, core units."""
+
+    noise: float
+    correlation: float
+    input_counts: int | None
+    output_counts: int | None
+    seed: int
+    speed: float | None
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Header keys, named as the options."""
+        keys: dict[str, str] = {}
+        if self.noise:
+            keys["noise"] = f"{self.noise / units.ARCSEC:.15g} arcsec"
+            keys["noise correlation"] = f"{math.degrees(self.correlation):.15g} deg"
+            keys["seed"] = str(self.seed)
+        if self.input_counts is not None:
+            keys["input counts"] = str(self.input_counts)
+        if self.output_counts is not None:
+            keys["output counts"] = str(self.output_counts)
+        if self.speed is not None:
+            keys["speed"] = f"{math.degrees(self.speed):.15g} deg/s"
+        return keys
+
+
+def _bench(
+    noise: Any | None,
+    correlation: Any | None,
+    input_counts: int | None,
+    output_counts: int | None,
+    seed: int | None,
+    speed: Any | None,
+) -> _Bench:
+    if noise is None and correlation is not None:
+        raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
+    return _Bench(
+        noise=_angle("noise", noise, "0.3 arcsec", _LARGEST_NOISE),
+        correlation=_angle("noise correlation", correlation, "2 deg", _LARGEST_CORRELATION),
+        input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
+        output_counts=None if output_counts is None else _whole("output counts", output_counts, 1, _LARGEST_COUNTS),
+        seed=DEFAULT_SEED if seed is None else _whole("seed", seed, 0, _LARGEST_SEED),
+        speed=None if speed is None else _speed(speed),
+    )
+
+
+def _size(name: str, value: Any, dimension: str, example: str) -> float:
+    try:
+        return units.to_core(value, dimension)
+    except ValueError as problem:
+        raise InputError(f"{name}: {str(problem).partition(';')[0]}; write it like {example!r}") from problem
+
+
+def _angle(name: str, value: Any | None, example: str, most: float) -> float:
+    size = 0.0 if value is None else _size(name, value, "angle", example)
+    if not 0 <= size <= most:
+        raise InputError(f"{name} = {math.degrees(size):g} deg: must be 0 to {math.degrees(most):g} deg")
+    return size
+
+
+def _whole(name: str, value: Any, least: int, most: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError as problem:
+        raise InputError(f"{name} = {shown(value)}: must be a whole number") from problem
+    if not least <= number <= most:
+        raise InputError(f"{name} = {shown(number)}: must be {least} to {most}")
+    return number
+
+
+def _speed(value: Any) -> float:
+    """Speed as the angle of one second, so that the units edge can read it."""
+    text = str(value.units) if units.is_quantity(value) else value if isinstance(value, str) else "rad"
+    try:
+        if not re.search(r"deg|°|arc|rad|turn|rev|rpm", text):  # a Hz would silently be 1 rad/s
+            raise ValueError("no angle")
+        if units.is_quantity(value):
+            size = float(value.magnitude) * units.unit_factor(f"({text})*s", "angle")
+        else:
+            size = units.to_core(f"{value}*s" if isinstance(value, str) else value, "angle")
+    except (TypeError, ValueError) as problem:
+        raise InputError(f"speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
+    least, most = _SPEEDS
+    if not least <= math.degrees(size) <= most:
+        raise InputError(
+            f"speed = {math.degrees(size):g} deg/s: must be {least:g} to {most:g} deg/s; "
+            "the direction has its own option"
+        )
+    return size
+
+
+def _torque(value: Any, method: str) -> float:
+    size = _size("torque", value, "torque", "20 N*m")
+    if size == 0 and method == "equilibrium":
+        return size
+    if size == 0:
+        raise InputError(
+            "torque = 0 N*m: must be above 0; the limit of no load needs --method equilibrium, or leave the torque out"
+        )
+    if not 0 < size <= _LARGEST_TORQUE:
+        raise InputError(
+            f"torque = {size / 1e3:g} N*m: must be above 0 and {_LARGEST_TORQUE / 1e3:g} N*m or less; "
+            "the direction comes from the motion"
+        )
+    return size
+
+
+def _run(
+    model: Model,
+    count: int,
+    points: int,
+    method: str,
+    bench: _Bench,
+    index: str,
+    *,
+    direction: float,
+    torque: float | None,
+) -> Run:
+    """One run; what is wrong with the arguments has been found before."""
+    unit = model.mechanism
+    turn = 2 * math.pi * np.arange(count) / points
+    theta = turn if direction > 0 else 2 * math.pi * (count // points) - turn
+    time = None if bench.speed is None else turn / bench.speed
+    conditions = Conditions(theta, direction, torque, time, speed=bench.speed)
+    error = _error(model, conditions, points=points, method=method)
+    if bench.noise:
+        key = np.random.SeedSequence(bench.seed, spawn_key=tuple(run_label(direction, torque).encode()))
+        error = error + coloured_noise(
+            count,
+            rms=bench.noise,
+            step=2 * math.pi / points,
+            correlation=bench.correlation,
+            random=np.random.Generator(np.random.PCG64(key)),
+        )
+    input_angle, output_angle = theta * unit.ratio, theta + error
+    run = run_from_arrays(
+        input_angle=input_angle if bench.input_counts is None else quantised(input_angle, bench.input_counts),
+        output_angle=output_angle if bench.output_counts is None else quantised(output_angle, bench.output_counts),
+        time=time,
+        direction=way(direction),
+        torque=torque,
+        index=index,
+    )
+    said = {"simulated": f"rverror, {method}; not a measurement", **bench.metadata}
+    return replace(run, metadata={**run.metadata, **said})
+
+
+def _error(model: Model, conditions: Conditions, *, points: int, method: str) -> Array:
+    """Gear train at every angle of one turn where every turn is alike, else of all.
+
+    Readings of the measuring chain may drift from turn to turn, so they are added at all angles.
+    """
+    unit, theta = model.mechanism, conditions.theta
+    gears = unread(model)
+    alike = isinstance(unit, Reducer) and unit.exact_ratio.denominator == 1
+    wanted = theta[:points] if alike else theta
+    parts = [replace(conditions, theta=a, time=None) for a in np.array_split(wanted, math.ceil(wanted.size / _AT_ONCE))]
+    try:
+        solved = [
+            transmission_error(gears, part) if method == "closed" else equilibrium(gears, part).transmission_error
+            for part in parts
+        ]
+        chain = Model(Drive(ratio=unit.ratio), misread(model))  # what is read needs no contacts
+        read = transmission_error(chain, conditions)
+    except ValueError as problem:  # an effect that lacks a condition, such as the torque
+        raise InputError(str(problem)) from problem
+    return np.resize(np.concatenate(solved), theta.size) + read

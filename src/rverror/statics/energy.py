@@ -1,0 +1,619 @@
+"""The elastic energy of a loaded gear train, and the pose in which it is least.
+
+Carrier, discs, cranks (x, y, angle each) and sun (x, y) take the pose of least energy,
+
+    E(x) = 1/2 sum k_c p_c(x)^2 - f . x,
+
+over contacts c that close by p_c, 0 where an open pin or flank has p_c < 0 and where a journal floats in its clearance.
+It is convex, so a semismooth Newton method with a line search finds it.  The closing of a pin, of a flank and of each
+component of a bearing is J_c x + e_c: J_c holds the action lines of the nominal pose, e_c the same error vectors as in
+the closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array, dot, radial_and_tangential, unit_vectors
+from rverror.geartrain.action_line import BEARINGS, Clearance, Contacts, ErrorVector, SourceVector
+from rverror.geartrain.contacts import closed_form_forces
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
+
+Steps = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+GRADIENT_TOLERANCE = 1e-9  # of the applied torque
+_MAX_STEPS = 40
+_MAX_STEPS_NEAR = 10  # from a pose that is likely near
+_UNLOADING = (8.0, 3.0)  # factors between loads on the way down, the second for angles that the first leaves
+_MAX_STEPS_UNLOADING = 200  # at each load
+_LOOSER_UNLOADING = 1e4  # than the tolerance at the last load
+_FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
+_EPSILON = float(np.finfo(np.float64).eps)
+_ROUNDING = 2e-14  # of stiffness times displacement, in sums of which the parts cancel
+_STRIDE = 8  # every so many angles is solved first; those between start from their neighbours
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What the errors close at each contact, mm, samples first."""
+
+    pin: Array  # (n, discs, pins)
+    flank: Array  # (n, 2 cranks)
+    joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
+    clearance: Array  # (joints,)
+
+
+@dataclass(frozen=True)
+class Closing:
+    """How far one unit of each parameter of an effect closes contacts of one kind.
+
+    Attributes
+    ----------
+    contact : str
+        A key of `CONTACT_AXES`; bearings keep both components.
+    at : tuple of slice
+        Which of its entries.
+    rows : ndarray, shape (terms, axes of the contact but for the xy of pins and flanks, n)
+        mm per mm or rad.
+    """
+
+    contact: str
+    at: tuple[slice, ...]
+    rows: Array
+
+
+def closing_of(motion: Contacts, error: ErrorVector) -> Closing:
+    """Project an error vector onto the action lines of its contacts."""
+    at, vector = error.at, error.vector
+    if error.contact in BEARINGS:
+        return Closing(error.contact, at, vector)
+    if error.contact == "spline":
+        # a crank that leads its planet holds the planet back on the line of action
+        lever = np.broadcast_to(flank_lever(motion.reducer)[:, None], (motion.reducer.cranks, 2, 1))
+        return Closing("mesh", at, -lever[at] * vector[..., 0, :])
+    normal = motion.pin_normal if error.contact == "pin" else motion.mesh_normal
+    return Closing(error.contact, at, dot(vector, normal[at]))
+
+
+def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
+    """Sum what effects close at the contacts of the gear train, along the action lines."""
+    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
+    discs, cranks = reducer.discs, reducer.cranks
+    total = {
+        "pin": np.zeros((discs, reducer.pins, n)),
+        "mesh": np.full((cranks, 2, n), -reducer.gear_backlash / 2),
+        "cam": np.zeros((discs, cranks, 2, n)),
+        "carrier": np.zeros((cranks, 2, n)),
+    }
+    clearance = dict.fromkeys(BEARINGS, 0.0)
+    for effect in effects:
+        closings = contacts.closings(effect)
+        if isinstance(closings, Clearance):
+            clearance[closings.contact] += max(effect.values[0], 0.0)
+            continue
+        for one in closings:
+            for value, row in zip(effect.values, one.rows, strict=True):
+                total[one.contact][one.at] += value * row
+    held = np.zeros((2, 2, n))  # main bearing and sun support
+    joints = np.concatenate([total["cam"].reshape(-1, 2, n), total["carrier"], held])
+    bearings = np.repeat([clearance["cam"], clearance["carrier"], 0.0], [discs * cranks, cranks, 2])
+    return Errors(
+        samples_first(total["pin"]), samples_first(total["mesh"].reshape(-1, n)), samples_first(joints), bearings
+    )
+
+
+def samples_first(row: Array) -> Array:
+    """What has its samples last, as everything outside the statics, for stacked systems of equations, one a sample."""
+    return np.ascontiguousarray(np.moveaxis(row, -1, 0))
+
+
+def samples_last(row: Array) -> Array:
+    """Undo `samples_first`."""
+    return np.moveaxis(row, 0, -1)
+
+
+def flank_lever(reducer: Reducer) -> Array:
+    """Lever of the planet's turn on each flank: its base circle."""
+    return reducer.planet_pitch_radius * math.cos(reducer.pressure_angle) * np.array([1.0, -1.0])
+
+
+def flank_rows(motion: Contacts) -> Array:
+    """Rows (n, 2 cranks, size): the sun closes along n, the planet opens and turns on its base circle."""
+    reducer, n = motion.reducer, motion.theta.size
+    layout = Layout(reducer)
+    normal = samples_first(motion.mesh_normal)
+    rows = np.zeros((n, reducer.cranks, 2, layout.size))
+    rows[..., layout.sun : layout.sun + 2] = normal
+    for j, at in enumerate(layout.crank):
+        rows[:, j, :, at : at + 2] = -normal[:, j]
+        rows[:, j, :, at + 2] = flank_lever(reducer)
+    return rows.reshape(n, -1, layout.size)
+
+
+def joint_rows(motion: Contacts) -> Array:
+    """Rows (n, joints, xy, size) of cams (disc by crank), carrier bores, main bearing and sun support."""
+    reducer, n = motion.reducer, motion.theta.size
+    layout = Layout(reducer)
+    bore = reducer.crank_radius * samples_first(radial_and_tangential(motion.crank_position)[1])
+    cam = reducer.eccentricity * samples_first(radial_and_tangential(motion.eccentric)[1])
+    parts: list[list[tuple[int, float, Array | None]]] = [
+        [(disc, 1, bore[:, j]), (crank, -1, cam[:, k])]
+        for k, disc in enumerate(layout.disc)
+        for j, crank in enumerate(layout.crank)
+    ]
+    parts += [[(crank, 1, None), (0, -1, bore[:, j])] for j, crank in enumerate(layout.crank)]
+    parts += [[(0, 1, None)], [(layout.sun, 1, None)]]
+    rows = np.zeros((n, len(parts), 2, layout.size))
+    for q, sides in enumerate(parts):
+        for at, sign, lever in sides:
+            rows[:, q, 0, at] = rows[:, q, 1, at + 1] = sign
+            if lever is not None:
+                rows[:, q, :, at + 2] = sign * lever
+    return rows
+
+
+def joint_stiffness(reducer: Reducer) -> Array:
+    """Stiffness (joints,) in the order of `joint_rows`, N/mm."""
+    stiffness = reducer.stiffness
+    bearings = np.repeat(
+        [stiffness.crank_bearing, stiffness.carrier_bearing], [reducer.discs * reducer.cranks, reducer.cranks]
+    )
+    return np.append(bearings, [stiffness.main_bearing, stiffness.sun_support])
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Bearings without clearance: stiffness matrix, rows times stiffness, largest row sum of the matrix."""
+
+    matrix: Array  # (n, size, size)
+    rows: Array  # (n, 2 bearings, size)
+    scale: Array  # (n,)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What errors leave as it is at n angles: how far each contact closes with the pose, and which of them drive."""
+
+    motion: Contacts
+    pin_rows: Array  # (n, 3, discs, pins), on x, y and angle of the disc
+    flank_rows: Array  # (n, 2 cranks, size)
+    joint_rows: Array  # (n, joints, 2, size)
+    driving_pins: Flags  # (n, discs, pins)
+    driving_flanks: Flags  # (n, 2 cranks)
+
+    def error(self, effect: Effect) -> SourceVector:
+        """Error vector of an effect's source, made once; its size plays no part."""
+        name = (effect.key, *sorted(effect.indices.items()))
+        if name not in self._errors:
+            self._errors[name] = source(effect.key).vector(self.motion, **effect.indices)
+        return self._errors[name]
+
+    def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance:
+        """What it closes, made once."""
+        name = (effect.key, *sorted(effect.indices.items()))
+        if name not in self._closings:
+            error = self.error(effect)
+            self._closings[name] = (
+                error
+                if isinstance(error, Clearance)
+                else tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
+            )
+        return self._closings[name]
+
+    @cached_property
+    def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
+        return {}
+
+    @cached_property
+    def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance]:
+        return {}
+
+    @cached_property
+    def all_springs(self) -> Springs:
+        """`springs` where none floats."""
+        return self._springs(np.ones(self.joint_rows.shape[1], dtype=np.bool_))
+
+    def springs(self, floats: Flags) -> Springs:
+        """Bearings that do not float in a clearance."""
+        return self._springs(~floats) if floats.any() else self.all_springs
+
+    def _springs(self, chosen: Flags) -> Springs:
+        n, size = len(self.joint_rows), self.joint_rows.shape[-1]
+        rows = self.joint_rows[:, chosen].reshape(n, -1, size)
+        weighted = np.repeat(joint_stiffness(self.motion.reducer)[chosen], 2)[:, None] * rows
+        matrix = np.swapaxes(rows, 1, 2) @ weighted
+        return Springs(matrix, weighted, np.abs(matrix).sum(axis=2).max(axis=1))
+
+
+class Layout:
+    """Where each part stands in the pose."""
+
+    def __init__(self, reducer: Reducer) -> None:
+        """Count x, y and angle of each part, x and y of the sun."""
+        self.disc = [3 + 3 * k for k in range(reducer.discs)]
+        self.crank = [3 + 3 * (reducer.discs + j) for j in range(reducer.cranks)]
+        self.sun = 3 + 3 * (reducer.discs + reducer.cranks)
+        self.size = self.sun + 2
+
+
+@dataclass(frozen=True)
+class System:
+    """The energy at n angles.
+
+    Springs are the bearings without clearance: a matrix and a vector hold all of them.  Journals are those with one.
+    """
+
+    reducer: Reducer
+    first_disc: int  # column of its x
+    load: Array  # (n, size)
+    spring_matrix: Array  # (n, size, size)
+    spring_force: Array  # (n, size)
+    spring_scale: Array  # (n,), largest row sum of the matrix
+    pin_rows: Array  # (n, 3, discs, pins), on x, y and angle of the disc
+    pin_error: Array  # (n, discs, pins)
+    flank_rows: Array  # (n, 2 cranks, size)
+    flank_error: Array
+    journal_rows: Array  # (n, journals, 2, size), of bearings with clearance
+    journal_error: Array  # (n, journals, 2)
+    clearance: Array  # (n, journals)
+    journal_stiffness: Array  # (n, journals)
+    driving_pins: Flags  # on the loaded side
+    driving_flanks: Flags
+    driving_force: Array  # (n, journals, 2), its direction
+
+    def tolerance(self, torque: float) -> float:
+        """What may be out of balance under a torque, N and N*mm."""
+        return GRADIENT_TOLERANCE * torque / self.reducer.crank_radius
+
+    def take(self, at: Any) -> System:
+        """The same at some of the angles."""
+        arrays = {f.name: getattr(self, f.name)[at] for f in fields(self) if f.name not in ("reducer", "first_disc")}
+        return replace(self, **arrays)
+
+    @property
+    def _of_discs(self) -> slice:
+        return slice(self.first_disc, self.first_disc + 3 * self.reducer.discs)
+
+    def discs(self, x: Array) -> Array:
+        """x, y and angle of the discs, (n, 3, discs, 1)."""
+        return x[:, self._of_discs].reshape(len(x), -1, 3).swapaxes(1, 2)[..., None]
+
+    def closed(self, x: Array) -> Closed:
+        """Contacts in the pose `x`, of a system without clearance."""
+        pins = (self.pin_rows * self.discs(x)).sum(axis=1)
+        pins += self.pin_error
+        flanks = (self.flank_rows @ x[..., None])[..., 0] + self.flank_error
+        return Closed(pins, flanks, np.zeros((len(x), 0, 2)))
+
+    def state(self, x: Array) -> State:
+        """Contacts, energy and its gradient in the pose `x`."""
+        stiffness = self.reducer.stiffness
+        disc, rows = self.discs(x), self.pin_rows
+        pins = rows[:, 0] * disc[:, 0] + rows[:, 1] * disc[:, 1] + rows[:, 2] * disc[:, 2] + self.pin_error
+        flanks = (self.flank_rows @ x[..., None])[..., 0] + self.flank_error
+        spring = (self.spring_matrix @ x[..., None])[..., 0]
+        pin_force = stiffness.pin_contact * np.maximum(pins, 0.0)
+        flank_force = stiffness.gear_mesh * np.maximum(flanks, 0.0)
+        gradient = spring + self.spring_force - self.load
+        gradient += (flank_force[:, None] @ self.flank_rows)[:, 0]
+        on_discs = np.einsum("nki,ncki->nkc", pin_force, rows)
+        gradient[:, self._of_discs] += on_discs.reshape(len(x), -1)
+        terms = [
+            0.5 * (x * spring).sum(axis=1),
+            (x * self.spring_force).sum(axis=1),
+            -(x * self.load).sum(axis=1),
+            0.5 / stiffness.pin_contact * np.einsum("nki,nki->n", pin_force, pin_force),
+            0.5 / stiffness.gear_mesh * (flank_force**2).sum(axis=1),
+        ]
+        journals = self.journal_rows @ x[:, None, :, None]
+        journals = journals[..., 0] + self.journal_error
+        if journals.size:
+            closing, force = self.journal_forces(journals)
+            gradient += np.einsum("nqcd,nqc->nd", self.journal_rows, force)
+            terms.append(0.5 * (self.journal_stiffness * closing**2).sum(axis=1))
+        far = np.abs(x).max(axis=1)
+        rounding = _ROUNDING * self.spring_scale * far
+        return State(
+            energy=np.sum(terms, axis=0),
+            rounding=rounding * far + 4 * _EPSILON * np.abs(terms).sum(axis=0),
+            gradient=gradient,
+            unbalanced=rounding,
+            pins=pins,
+            flanks=flanks,
+            journals=journals,
+        )
+
+    def journal_forces(self, journals: Array) -> tuple[Array, Array]:
+        """Closing and force of each journal, which floats in its clearance."""
+        distance = np.sqrt((journals**2).sum(axis=-1))
+        closing = np.maximum(distance - self.clearance, 0.0)
+        share = closing / np.where(distance > 0, distance, 1.0)
+        return closing, (self.journal_stiffness * share)[..., None] * journals
+
+    def journal_matrices(self, journals: Array) -> Array:
+        """Stiffness (n, journals, 2, 2) of the journals: full along the force, F / distance across it."""
+        distance = np.sqrt((journals**2).sum(axis=-1))
+        safe = np.where(distance > 0, distance, 1.0)
+        share = np.maximum(distance - self.clearance, 0.0) / safe
+        along = journals / safe[..., None]
+        radial = along[..., :, None] * along[..., None, :]
+        touching = (self.journal_stiffness * (share > 0))[..., None, None]
+        share = share[..., None, None]
+        return np.asarray(touching * (share * np.eye(2) + (1 - share) * radial), dtype=np.float64)
+
+    def matrix(self, *, pins: Flags, flanks: Flags, journals: Array) -> Array:
+        """Stiffness with the contacts in `pins` and `flanks` closed and the journals on the given stiffnesses."""
+        stiffness, rows = self.reducer.stiffness, self.pin_rows
+        matrix = self.spring_matrix.copy()
+        closed = np.where(pins, stiffness.pin_contact, 0.0)[:, None] * rows
+        blocks = np.einsum("nbki,ncki->nkbc", closed, rows)
+        for k in range(self.reducer.discs):
+            at = slice(self.first_disc + 3 * k, self.first_disc + 3 * k + 3)
+            matrix[:, at, at] += blocks[:, k]
+        held = np.where(flanks, stiffness.gear_mesh, 0.0)[..., None] * self.flank_rows
+        matrix += np.swapaxes(self.flank_rows, 1, 2) @ held
+        if journals.size:
+            n, size = self.load.shape
+            weighted = (journals @ self.journal_rows).reshape(n, -1, size)
+            matrix += np.swapaxes(self.journal_rows.reshape(n, -1, size), 1, 2) @ weighted
+        return matrix
+
+    def newton_matrix(self, state: Closed) -> Array:
+        """Second derivative of the energy."""
+        return self.matrix(pins=state.pins > 0, flanks=state.flanks > 0, journals=self.journal_matrices(state.journals))
+
+    def held(self, *, pins: Flags, flanks: Flags, along: Array) -> Array:
+        """Pose with the contacts in `pins` and `flanks` held closed and each journal at its clearance's end `along`."""
+        stiffness = self.reducer.stiffness
+        away = self.journal_error - self.clearance[..., None] * along
+        springs = self.journal_stiffness[..., None, None] * np.eye(2)
+        gradient = self.spring_force - self.load
+        gradient = gradient + np.einsum("nqcd,nqc->nd", self.journal_rows, self.journal_stiffness[..., None] * away)
+        gradient += ((stiffness.gear_mesh * flanks * self.flank_error)[:, None] @ self.flank_rows)[:, 0]
+        on_discs = np.einsum("nki,ncki->nkc", stiffness.pin_contact * pins * self.pin_error, self.pin_rows)
+        gradient[:, self._of_discs] += on_discs.reshape(len(gradient), -1)
+        return -solved(self.matrix(pins=pins, flanks=flanks, journals=springs), gradient)
+
+    def driven(self) -> Array:
+        """Pose with all of the loaded side held closed: where each solution starts."""
+        return self.held(pins=self.driving_pins, flanks=self.driving_flanks, along=self.driving_force)
+
+    def on_the_rim(self, x: Array) -> Array:
+        """Pose near `x` with its contacts held closed and each journal on the rim of its clearance."""
+        state = self.state(x)
+        along = samples_first(unit_vectors(samples_last(state.journals)))
+        return self.held(pins=state.pins > 0, flanks=state.flanks > 0, along=along)
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Closing of every contact, mm: negative where a pin or flank is open."""
+
+    pins: Array
+    flanks: Array
+    journals: Array
+
+
+@dataclass(frozen=True)
+class State(Closed):
+    """Energy, gradient and closing of every contact.
+
+    `rounding` and `unbalanced` bound what floating-point numbers leave of energy and gradient.
+    """
+
+    energy: Array
+    rounding: Array
+    gradient: Array
+    unbalanced: Array
+
+    @property
+    def imbalance(self) -> Array:
+        """Largest force or moment out of balance, (n,)."""
+        return np.asarray(np.abs(self.gradient).max(axis=1))
+
+    def take(self, at: Any) -> State:
+        """The same at some of the angles."""
+        return State(**{f.name: getattr(self, f.name)[at] for f in fields(self)})
+
+    def put(self, at: Any, other: State) -> None:
+        """Write the state of some of the angles."""
+        for f in fields(self):
+            getattr(self, f.name)[at] = getattr(other, f.name)
+
+
+def geometry(motion: Contacts) -> Geometry:
+    """Rows of every contact along a motion."""
+    # a pin closes as the disc moves against the normal
+    pins = -np.stack([motion.pin_normal[:, :, 0], motion.pin_normal[:, :, 1], motion.pin_arm])
+    flank = np.stack([motion.direction > 0, motion.direction <= 0], axis=1)
+    return Geometry(
+        motion=motion,
+        pin_rows=samples_first(pins),
+        flank_rows=flank_rows(motion),
+        joint_rows=joint_rows(motion),
+        driving_pins=samples_first(motion.pin_arm * motion.direction) > 0,
+        driving_flanks=np.tile(flank, motion.reducer.cranks),
+    )
+
+
+def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
+    """Energy of a reducer with errors, under a torque that resists its motion."""
+    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
+    cams, k, floats = reducer.discs * reducer.cranks, joint_stiffness(reducer), errors.clearance > 0
+    springs = contacts.springs(floats)
+    load = np.zeros((n, springs.rows.shape[-1]))
+    load[:, 2] = -contacts.motion.direction * torque
+    along = np.zeros((len(k), 2, n))
+    if floats.any():
+        forces = closed_form_forces(contacts.motion)
+        along[:cams] = forces["cam direction"].reshape(cams, 2, n)
+        along[cams:-2] = forces["carrier direction"]
+    return System(
+        reducer=reducer,
+        first_disc=Layout(reducer).disc[0],
+        load=load,
+        spring_matrix=springs.matrix,
+        spring_scale=springs.scale,
+        spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ springs.rows)[:, 0],
+        pin_rows=contacts.pin_rows,
+        pin_error=errors.pin,
+        flank_rows=contacts.flank_rows,
+        flank_error=errors.flank,
+        journal_rows=contacts.joint_rows[:, floats],
+        journal_error=errors.joint[:, floats],
+        clearance=np.tile(errors.clearance[floats], (n, 1)),
+        journal_stiffness=np.tile(k[floats], (n, 1)),
+        driving_pins=contacts.driving_pins,
+        driving_flanks=contacts.driving_flanks,
+        driving_force=samples_first(along[floats]),
+    )
+
+
+def minimise(system: System, torque: float, start: Array | None = None) -> tuple[Array, Steps, Flags]:
+    """Pose of least energy at every angle.
+
+    Parameters
+    ----------
+    system : System
+    torque : float
+        Size of the load in `system`, N*mm, above 0.
+    start : ndarray, shape (n, size), optional
+        Poses that are likely near.
+
+    Returns
+    -------
+    x : ndarray, shape (n, size)
+        Pose.
+    steps : ndarray of int, shape (n,)
+        Newton steps that each angle took.
+    found : ndarray of bool, shape (n,)
+        Whether the forces balance.
+    """
+    tolerance = system.tolerance(torque)
+    if start is None:
+        x, steps, found = _minimise_by_neighbours(system, tolerance)
+    else:
+        near = system.on_the_rim(start) if system.clearance.size else start
+        x, steps, found = _minimise(system, near, tolerance, _MAX_STEPS_NEAR)
+        left = np.flatnonzero(~found)
+        if left.size:
+            x[left], more, found[left] = _minimise_by_neighbours(system.take(left), tolerance)
+            steps[left] += more
+    for factor in _UNLOADING:
+        left = np.flatnonzero(~found)
+        if left.size:
+            x[left], more, found[left] = _unload(system.take(left), torque, factor)
+            steps[left] += more
+    return x, steps, found
+
+
+def _minimise_by_neighbours(system: System, tolerance: float) -> tuple[Array, Steps, Flags]:
+    """Poses as of `_minimise`, at a few angles first, then from there at those between."""
+    n = len(system.load)
+    x, steps, found = np.zeros_like(system.load), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
+    first = np.unique(np.append(np.arange(0, n, _STRIDE), n - 1))
+    part = system.take(first)
+    x[first], steps[first], found[first] = _minimise(part, part.driven(), tolerance, _MAX_STEPS)
+    rest = np.setdiff1d(np.arange(n), first)
+    if rest.size:
+        after = np.searchsorted(first, rest)
+        share = ((rest - first[after - 1]) / (first[after] - first[after - 1]))[:, None]
+        start = (1 - share) * x[first[after - 1]] + share * x[first[after]]
+        part = system.take(rest)
+        if system.clearance.size:  # half-way between two places on a circle is inside it
+            start, other = part.on_the_rim(start), part.driven()
+            lower = part.state(start).energy < part.state(other).energy
+            start = np.where(lower[:, None], start, other)
+        x[rest], steps[rest], found[rest] = _minimise(part, start, tolerance, _MAX_STEPS)
+    return x, steps, found
+
+
+def _unload(system: System, torque: float, factor: float) -> tuple[Array, Steps, Flags]:
+    """Poses as of `_minimise`, from a heavy load downwards.
+
+    At light load a journal slides along the rim of its clearance on next to no force: Newton steps are short there,
+    and the place where a somewhat greater load put it is close.
+    """
+    stiff = system.reducer.stiffness.pin_contact * system.reducer.pin_circle_radius**2
+    stages = math.ceil(max(math.log(_FULL_LOAD * stiff / torque, factor), 0.0))
+    total = np.zeros(len(system.load), dtype=np.intp)
+    x: Array | None = None
+    for power in range(stages, -1, -1):
+        loaded = replace(system, load=system.load * factor**power)
+        start = loaded.driven() if x is None else loaded.on_the_rim(x)
+        tolerance = system.tolerance(torque * factor**power) * (_LOOSER_UNLOADING if power else 1.0)
+        x, steps, found = _minimise(loaded, start, tolerance, _MAX_STEPS_UNLOADING)
+        total += steps
+    assert x is not None
+    return x, total, found
+
+
+def _minimise(system: System, start: Array, tolerance: float, most: int) -> tuple[Array, Steps, Flags]:
+    """Pose of least energy, the Newton steps that each angle took, and whether it was found within `most` of them."""
+    x, now, part = start.copy(), system.state(start), system
+    at, steps = np.arange(len(x)), np.zeros(len(x), dtype=np.intp)
+    before = np.full(len(x), np.inf)
+    for step in range(most + 1):
+        left = now.imbalance
+        # what is as small as rounding is let go once it shrinks no more
+        moving = (left > tolerance) & ((left > now.unbalanced) | (left < 0.5 * before[at]))
+        before[at] = left
+        if not moving.all():
+            at, part, now = at[moving], part.take(moving), now.take(moving)
+        if at.size == 0 or step == most:
+            break
+        steps[at] += 1
+        descent = -solved(part.newton_matrix(now), now.gradient)
+        x[at], now = _line_search(part, x[at], descent, now)
+    found = np.ones(len(x), dtype=np.bool_)
+    found[at] = False
+    return x, steps, found
+
+
+def _line_search(system: System, x: Array, descent: Array, state: State) -> tuple[Array, State]:
+    """Halve each step until the energy falls; the full step is exact once no contact opens or closes.
+
+    Where rounding hides the fall, the slope at the end of the step must not be as steep upwards as it was downwards.
+    """
+    slope = (state.gradient * descent).sum(axis=1)
+    length = np.ones(len(x))
+    reached = x + descent
+    found = system.state(reached)
+    for _ in range(40):
+        level = found.energy < state.energy + state.rounding
+        ahead = (found.gradient * descent).sum(axis=1)
+        falling = (found.energy <= state.energy + 1e-4 * length * slope) | (level & (ahead <= -0.8 * slope))
+        if falling.all():
+            break
+        rising = ~falling
+        length[rising] /= 2
+        reached[rising] = x[rising] + length[rising, None] * descent[rising]
+        found.put(rising, system.take(rising).state(reached[rising]))
+    return reached, found
+
+
+def held(matrix: Array) -> Array:
+    """Stiffness with a trace more, which holds what no closed contact holds."""
+    own = np.einsum("nii->ni", matrix)
+    trace = 1e-12 * np.maximum(own, 1e-9 * own.max(axis=1, keepdims=True))  # each in its own unit
+    return np.asarray(matrix + trace[:, :, None] * np.eye(matrix.shape[1]), dtype=np.float64)
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Solve a stack of symmetric systems, held."""
+    return np.asarray(np.linalg.solve(held(matrix), right[..., None])[..., 0])
+
+
+def refined(matrix: Array, right: Array) -> Array:
+    """The same less what the trace of stiffness costs, some 1e-8 of the answer, by one step of refinement."""
+    first = solved(matrix, right)
+    return first + solved(matrix, right - (matrix @ first[..., None])[..., 0])

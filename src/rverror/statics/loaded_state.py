@@ -1,0 +1,489 @@
+"""Statics of the whole gear train under load: floating parts on elastic contacts, pins and gear flanks that can open.
+
+The pose of least energy is found in `energy`; here are the questions that users ask of it.
+
+Kinematics about the nominal pose is of first order in errors and displacements.  What that leaves out grows with their
+square, some 0.1 arcsec rms for a dozen errors of 5 um: it comes from pins near a lobe's root, where the profile is
+sharply curved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array, unit_vectors
+from rverror.base.viewed import Viewed
+from rverror.geartrain.action_line import Clearance, ContactForces, Contacts, project
+from rverror.geartrain.contacts import motion, pose
+from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import added, felt, stand
+from rverror.statics.condensation import Stretch
+from rverror.statics.energy import (
+    GRADIENT_TOLERANCE,
+    Closed,
+    Errors,
+    Geometry,
+    State,
+    Steps,
+    System,
+    error_closing,
+    flank_lever,
+    geometry,
+    joint_stiffness,
+    loaded_system,
+    minimise,
+    refined,
+    samples_last,
+)
+
+_AT_ONCE = 1024  # angles solved together: bounds the memory
+_MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
+_NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
+
+
+class NotConvergedError(RuntimeError):
+    """The equilibrium was not found at some angles; the message names them."""
+
+
+@dataclass(frozen=True)
+class Equilibrium(Viewed):
+    """Loaded state of a reducer at n angles.
+
+    Attributes
+    ----------
+    transmission_error : ndarray, shape (n,)
+        rad; holds the elastic windup, a lag of the output against the load.
+    pose : mapping of str to ndarray
+        Displacement of each part from its nominal pose in the housing frame, x and y in mm and angle in rad:
+        ``"carrier"`` (3, n), ``"disc"`` (discs, 3, n), ``"crank"`` (cranks, 3, n), ``"sun"`` x and y (2, n).
+    contact_forces : mapping of str to ndarray
+        Force of the driving on the driven part at each contact, N (spline: N*mm), keyed and shaped as in
+        `action_line.CONTACT_AXES`.
+    loaded_pins : ndarray of int, shape (discs, n)
+        Pins that carry on each disc.
+    steps : ndarray of int, shape (n,)
+        Newton steps that each angle took.
+    residual : ndarray, shape (n,)
+        Largest force or moment out of balance, as a share of the load at the crank circle.  Convergence asks for 1e-9,
+        or for what floating-point numbers can tell where preload is many times the load.
+    theta : ndarray, shape (n,)
+        Nominal output angle as the bench reads it, rad.
+    """
+
+    transmission_error: Array
+    pose: Mapping[str, Array]
+    contact_forces: Mapping[str, Array]
+    loaded_pins: npt.NDArray[np.intp]
+    steps: Steps
+    residual: Array
+    theta: Array
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Influences about a loaded state.
+
+    Attributes
+    ----------
+    state : Equilibrium
+    motion : Contacts
+        Nominal motion, for `compose.source_matrix`.
+    forces : mapping of str to ndarray
+        Change of each contact force per unit of output torque with the closed contacts held closed, in the shape of
+        `compose.closed_form_forces`: for `influence` and `transmission_error`.
+    """
+
+    state: Equilibrium
+    motion: Contacts
+    forces: ContactForces
+
+
+def equilibrium(
+    model: Model, theta: Any, *, torque: Any | None = None, direction: Any | None = None, time: Any | None = None
+) -> Equilibrium:
+    """Solve the statics of a reducer at each angle.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer; its stiffnesses and backlash count.
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of torque, direction and time.
+    torque : float or quantity
+        Size of the output torque, N*mm, needed beside angles; it resists the motion.  0 is the limit of a vanishing
+        load, which still keeps the driving side closed; forces are then those of a trace of load.
+    direction : float or array_like, optional
+        +1 forward, -1 reverse; read from the angles where left out.
+    time : array_like or quantity, shape (n,), optional
+        Needed by ``sensor.time_offset``.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer or the torque is below 0.
+    NotConvergedError
+        If the energy minimum was not reached at some angle.
+
+    Notes
+    -----
+    Source 001, K x = F + E, with unilateral contacts; its twenty degrees of freedom are three for each of one carrier,
+    two discs and three cranks, and two for the sun.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> state = equilibrium(rverror.Model(rverror.reducer("RV-40E")), [0.0, 0.1], torque="412 N*m")
+    >>> bool((state.loaded_pins < 20).all())  # at most the half of the pins that drives
+    True
+    """
+    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
+    return statics.equilibrium(model.effects)
+
+
+def linearise(
+    model: Model, theta: Any, *, torque: Any | None = None, direction: Any | None = None, time: Any | None = None
+) -> Linearisation:
+    """Influences of every contact on the output at a loaded state: the Jacobian with the closed contacts held closed.
+
+    By virtual work the influence of a contact is its force per unit of output torque, so one solution with a unit
+    torque gives all of them.
+
+    Parameters
+    ----------
+    model, theta, torque, direction, time
+        As in `equilibrium`.
+
+    Returns
+    -------
+    Linearisation
+
+    Raises
+    ------
+    ValueError, NotConvergedError
+        As in `equilibrium`.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> unit = rverror.reducer("RV-40E")
+    >>> loaded = linearise(rverror.Model(unit), [0.0, 0.1], torque="412 N*m")
+    >>> pin = rverror.influence(unit, [0.0, 0.1], "cycloid.pin_position", pin=3, forces=loaded.forces)
+    >>> pin.matrix.shape
+    (2, 2)
+    """
+    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
+    return statics.linearise(model.effects)
+
+
+def _statics_of(model: Model, theta: Any, **conditions: Any) -> Statics:
+    """Statics where the gear train stands when the bench reads theta."""
+    where = stand(model, pose(model.mechanism, theta, **conditions))
+    return replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
+
+
+def _joined(parts: list[Equilibrium]) -> Equilibrium:
+    if len(parts) == 1:
+        return parts[0]
+
+    def join(name: str) -> Any:
+        values = [getattr(part, name) for part in parts]
+        if isinstance(values[0], Mapping):
+            return {key: np.concatenate([v[key] for v in values], axis=-1) for key in values[0]}
+        return np.concatenate(values, axis=-1)
+
+    return Equilibrium(**{field.name: join(field.name) for field in fields(Equilibrium)})
+
+
+def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
+    """Prepare what a reducer's statics need whatever the errors are, for many solutions along one motion.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    conditions : Conditions
+        Of the gear train, with a torque.
+
+    Returns
+    -------
+    Statics
+
+    Raises
+    ------
+    ValueError
+        If the mechanism is no reducer, or the torque is missing or below 0.
+    """
+    if not isinstance(mechanism, Reducer):
+        raise ValueError("the equilibrium needs a [reducer] model; a [drive] has no geometry")
+    size = conditions.torque
+    if size is None:
+        raise ValueError("the equilibrium needs a torque; give one, e.g. torque='20 N*m'")
+    if not size >= 0:
+        raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
+    where = motion(mechanism, conditions)
+    assert isinstance(where, Contacts)
+    return Statics(where, size)
+
+
+@dataclass(frozen=True)
+class Statics:
+    """Statics of a reducer along one motion, prepared once for many sets of errors.
+
+    Attributes
+    ----------
+    motion : Contacts
+    torque : float
+        Size of the output torque, N*mm.
+    read_at : ndarray, shape (n,), optional
+        Angles of the bench where they are not the gear's, rad.
+    """
+
+    motion: Contacts
+    torque: float
+    read_at: Array | None = None
+
+    @cached_property
+    def _kept(self) -> tuple[Stretch, ...]:
+        return tuple(self._made())
+
+    def _made(self) -> Iterator[Stretch]:
+        whole = self.motion
+        for first in range(0, whole.theta.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], self.torque))
+            assert isinstance(where, Contacts)
+            yield Stretch(geometry(where))
+
+    def stretches(self) -> Iterable[Stretch]:
+        """Contact geometry of one stretch of angles after another; that of few angles is kept for the next errors."""
+        return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
+
+    def solutions(
+        self, effects: tuple[Effect, ...], start: Array | None = None, *, quick: bool = False
+    ) -> Iterator[_Solution]:
+        """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near.
+
+        Quickly, what is condensed is trusted wherever the loaded flanks, and no others, carry.
+        """
+        unit, first = self.motion.reducer, 0
+        trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
+        for stretch in self.stretches():
+            last = first + stretch.contacts.motion.theta.size
+            near = None if start is None else start[first:last]
+            solution = _settle(stretch, felt(effects), self.torque or trace, near, quick=quick)
+            yield solution if self.torque else solution.unloaded()
+            first = last
+
+    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> tuple[Array, Array, Array]:
+        """Turn of the carrier (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
+        errors, rows, poses = [], [], []
+        for part in self.solutions(effects, start, quick=True):
+            errors.append(part.transmission_error)
+            rows.append(part.influences(effects))
+            poses.append(part.x)
+        return np.concatenate(errors), np.concatenate(rows, axis=1), np.concatenate(poses)
+
+    def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
+        """Change of the contact forces per unit of output torque, to some 1e-10 of the largest influence."""
+        return _side_by_side(
+            [part.forces_per_torque(quick=True) for part in self.solutions(effects, start, quick=True)]
+        )
+
+    def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
+        """`equilibrium` for these errors."""
+        return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
+
+    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
+        """`linearise` for these errors."""
+        solved, forces = [], []
+        for part in self.solutions(effects):
+            solved.append(part.equilibrium())
+            forces.append(part.forces_per_torque())
+        return Linearisation(self._read(solved, effects), self.motion, _side_by_side(forces))
+
+    def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
+        """States of all stretches as one, as they are read."""
+        state = _joined(parts)
+        read = self.motion if self.read_at is None else self.motion.at(self.read_at)
+        turned = state.transmission_error + added(effects, read)
+        return replace(state, transmission_error=turned, theta=read.theta)
+
+
+def _side_by_side(forces: list[ContactForces]) -> ContactForces:
+    return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
+
+
+def _settle(
+    stretch: Stretch, effects: tuple[Effect, ...], torque: float, start: Array | None, *, quick: bool = False
+) -> _Solution:
+    contacts, motion = stretch.contacts, stretch.contacts.motion
+    errors = error_closing(contacts, effects)
+    energy = loaded_system(contacts, errors, torque)
+    steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
+    if not energy.clearance.size:
+        start, steps, found = stretch.condensed.settled(energy, torque, start)
+        closed = energy.closed(start) if quick else energy.state(start)
+        # final where the loaded flanks, and no others, carry
+        if isinstance(closed, State):
+            found &= closed.imbalance <= np.maximum(energy.tolerance(torque), closed.unbalanced)
+        else:
+            found &= ((closed.flanks > 0) == energy.driving_flanks).all(axis=1)
+        if found.all():
+            return _Solution(stretch, errors, energy, start, closed, steps, torque)
+    x, more, found = minimise(energy, torque, start)
+    steps = steps + more
+    if not found.all():
+        where = ", ".join(f"{math.degrees(a):.4g}" for a in motion.theta[~found][:5])
+        raise NotConvergedError(
+            f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
+            f"{where} deg ...); raise the torque, or check for errors and clearances far above 0.1 mm"
+        )
+    return _Solution(stretch, errors, energy, x, energy.state(x), steps, torque)
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Settled pose of one stretch of angles."""
+
+    stretch: Stretch
+    errors: Errors
+    energy: System
+    x: Array
+    closed: Closed
+    steps: Steps
+    torque: float
+    unloading: Array | float = 0.0  # what taking the load off adds to the pose
+
+    @property
+    def contacts(self) -> Geometry:
+        """Geometry of the contacts."""
+        return self.stretch.contacts
+
+    def unloaded(self) -> _Solution:
+        """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
+        return replace(self, unloading=-self._answer(self.energy.load))
+
+    def _answer(self, force: Array, *, quick: bool = False) -> Array:
+        """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
+        system, closed = self.energy, self.closed
+        if quick and not system.clearance.size and ((closed.flanks > 0) == system.driving_flanks).all():
+            return self.stretch.condensed.answer(system, closed, force)
+        return refined(system.newton_matrix(closed), force)
+
+    @property
+    def transmission_error(self) -> Array:
+        """Turn of the carrier."""
+        return np.asarray((self.x + self.unloading)[:, 2], dtype=np.float64)
+
+    def equilibrium(self) -> Equilibrium:
+        """What users see of it."""
+        reducer, n = self.contacts.motion.reducer, len(self.x)
+        parts = samples_last(self.x + self.unloading)
+        bodies = parts[3:-2].reshape(-1, 3, n)
+        state = self.closed if isinstance(self.closed, State) else self.energy.state(self.x)
+        residual = GRADIENT_TOLERANCE * state.imbalance / self.energy.tolerance(self.torque)
+        return Equilibrium(
+            transmission_error=self.transmission_error,
+            pose={
+                "carrier": parts[:3],
+                "disc": bodies[: reducer.discs],
+                "crank": bodies[reducer.discs :],
+                "sun": parts[-2:],
+            },
+            contact_forces=self._contact_forces(),
+            loaded_pins=(self.closed.pins > 0).sum(axis=2).T,
+            steps=self.steps,
+            residual=residual,
+            theta=self.contacts.motion.theta,
+        )
+
+    def _journals(self) -> npt.NDArray[np.bool_]:
+        return self.errors.clearance > 0
+
+    def _joints(self) -> Array:
+        """Closing of each bearing, (n, joints, 2)."""
+        return np.asarray(np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, self.x) + self.errors.joint)
+
+    def _contact_forces(self) -> dict[str, Array]:
+        stiffness = self.contacts.motion.reducer.stiffness
+        force = joint_stiffness(self.contacts.motion.reducer)[:, None] * self._joints()
+        if self._journals().any():
+            force[:, self._journals()] = self.energy.journal_forces(self.closed.journals)[1]
+        return self._by_contact(
+            pins=stiffness.pin_contact * np.maximum(self.closed.pins, 0.0),
+            flanks=stiffness.gear_mesh * np.maximum(self.closed.flanks, 0.0),
+            joints=force,
+        )
+
+    def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
+        """Sizes of forces, samples first, as vectors of the driving on the driven part, samples last."""
+        reducer, n = self.contacts.motion.reducer, len(self.x)
+        flank = samples_last(flanks.reshape(n, reducer.cranks, 2))
+        return {
+            "pin": samples_last(pins)[..., None, :] * self.contacts.motion.pin_normal,
+            **self._bearings(joints),
+            "mesh": flank[..., None, :] * self.contacts.motion.mesh_normal,
+            "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
+        }
+
+    def _bearings(self, joints: Array) -> dict[str, Array]:
+        """Vectors of cams and carrier bores, samples last, from those of all joints, samples first."""
+        reducer, vectors = self.contacts.motion.reducer, samples_last(joints)
+        cams = reducer.discs * reducer.cranks
+        return {
+            "cam": vectors[:cams].reshape(reducer.discs, reducer.cranks, 2, -1),
+            "carrier": vectors[cams:-2],
+        }
+
+    def _directions(self) -> dict[str, Array]:
+        """Unit vectors along which bearings carry."""
+        return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(self._joints()).items()}
+
+    def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array]:
+        """Change of the force of pins, flanks and joints per unit of output torque, samples first."""
+        stiffness, closed, system = self.contacts.motion.reducer.stiffness, self.closed, self.energy
+        unit = np.zeros_like(self.x)
+        unit[:, 2] = 1
+        answer = -self._answer(unit, quick=quick)
+        pins = (system.pin_rows * system.discs(answer)).sum(axis=1)
+        flanks = (system.flank_rows @ answer[..., None])[..., 0]
+        joints = np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, answer)
+        change = joint_stiffness(self.contacts.motion.reducer)[:, None] * joints
+        where = self._journals()
+        if where.any():
+            matrices = system.journal_matrices(closed.journals)
+            change[:, where] = (matrices @ joints[:, where][..., None])[..., 0]
+        return (
+            stiffness.pin_contact * (closed.pins > 0) * pins,
+            stiffness.gear_mesh * (closed.flanks > 0) * flanks,
+            change,
+        )
+
+    def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
+        """Change of the contact forces per unit of output torque with the closed contacts held closed."""
+        return {**self._changes(quick=quick), **self._directions(), "output": np.ones((1, len(self.x)))}
+
+    def _changes(self, *, quick: bool) -> dict[str, Array]:
+        pins, flanks, joints = self._per_torque(quick=quick)
+        return self._by_contact(pins=pins, flanks=flanks, joints=joints)
+
+    def influences(self, effects: tuple[Effect, ...]) -> Array:
+        """Change of the output angle per parameter (parameters, n)."""
+        n, forces = len(self.x), self._changes(quick=True)
+        errors = [self.contacts.error(effect) for effect in effects]
+        if any(isinstance(error, Clearance) for error in errors):
+            forces |= self._directions()
+        rows = [project(forces, error, n) for error in errors]
+        return np.concatenate([np.zeros((0, n)), *rows])

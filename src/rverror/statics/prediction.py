@@ -1,0 +1,309 @@
+"""What a model predicts under the conditions of a run: output error, and its change with each parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.geartrain.action_line import ContactForces, Contacts
+from rverror.geartrain.contacts import closed_form_forces, motion
+from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders, true_period
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.source import IndexValue
+from rverror.model import sensor
+from rverror.model.catalogue import source
+from rverror.model.compose import effect_matrix, effect_values, source_matrix
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import Stand, felt
+from rverror.statics.energy import Layout
+from rverror.statics.loaded_state import Statics, statics_of
+
+_FEWEST_PER_REPEAT = 128
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is predicted, and its change with the model.
+
+    Attributes
+    ----------
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrix : ndarray, shape (parameters, n)
+        Change per parameter of each effect.
+    poses : ndarray, shape (angles, unknowns), optional
+        Where the equilibrium predicts: poses at the angles at which it was solved.
+    repeats : bool
+        Whether those are angles of one repeat, and not of all samples.
+    effects : tuple of Effect
+        What it was predicted for.
+    conditions : Conditions, optional
+        Where.
+    """
+
+    transmission_error: Array
+    matrix: Array
+    poses: Array | None = None
+    repeats: bool = False
+    effects: tuple[Effect, ...] = ()
+    conditions: Conditions | None = None
+
+
+def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
+    """Tell whether the loaded equilibrium predicts, as it does for a reducer under a known torque."""
+    return isinstance(model.mechanism, Reducer) and bool(conditions.torque)
+
+
+def predict(model: Model, conditions: Conditions) -> Prediction:
+    """Predict the output error and its change with every parameter.
+
+    Parameters
+    ----------
+    model : Model
+    conditions : Conditions
+
+    Returns
+    -------
+    Prediction
+
+    Raises
+    ------
+    NotConvergedError
+        If the equilibrium was not reached at some angle.
+    """
+    return Predictor(model.mechanism, conditions).predict(model)
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Predictions for one mechanism under one set of conditions, prepared once for many models.
+
+    Attributes
+    ----------
+    mechanism : Reducer or Drive
+    conditions : Conditions
+
+    Notes
+    -----
+    What is not fixed in the housing repeats with every turn of the crank against the carrier, 40 times a turn for the
+    RV-40E; then the equilibrium is solved over one repeat and carried over by its Fourier series.
+    """
+
+    mechanism: Mechanism
+    conditions: Conditions
+
+    def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
+        """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+        near : Prediction, optional
+            Where it is of this very model under these conditions, it is the answer.
+
+        Returns
+        -------
+        Prediction
+        """
+        if near and near.conditions is self.conditions and near.effects == model.effects:
+            return near
+        return replace(self._predicted(model, near), effects=model.effects, conditions=self.conditions)
+
+    def _predicted(self, model: Model, near: Prediction | None) -> Prediction:
+        gears = felt(model.effects)
+        if any(source(e.key).acts == "marks" for e in model.effects):
+            _check_whole_periods(self.mechanism, self.conditions.theta)
+            turned = self._ahead(model).predict(replace(model, effects=gears), near)
+            return _as_read(model, motion(self.mechanism, self.conditions), turned)
+        if not uses_equilibrium(model, self.conditions):
+            matrix = effect_matrix(*self.contact_state(model), model.effects)
+            return Prediction(effect_values(model.effects) @ matrix, matrix)
+        repeats = all(source(e.key).repeats_with_crank(self.mechanism, e.indices) for e in gears)
+        start = self._starts(near) if near and not repeats else near.poses if near and near.repeats else None
+        loaded = replace(_loaded(self._repeat if repeats else self._whole, gears, start), repeats=repeats)
+        return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
+
+    def influences(
+        self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]], near: Prediction | None = None
+    ) -> Array:
+        """Influence of sources on the output error of a model, with the contacts as they are closed in it.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+        sources : sequence of (str, mapping)
+            Keys and indices.
+        near : Prediction, optional
+            Of the model or a similar one.
+
+        Returns
+        -------
+        ndarray, shape (parameters, n)
+            rad per mm or rad, one row per parameter of each source.
+        """
+        gears, forces = (self._ahead(model) if model.index_offset else self).contact_state(model, near)
+        where = Stand(replace(gears, theta=self.conditions.theta), gears)
+        return np.concatenate([source_matrix(where.of(key), forces, key, i) for key, i in sources])
+
+    def _ahead(self, model: Model) -> Predictor:
+        """Predictor of the gear train where it stands, its marks ahead of the bench's zero."""
+        return Predictor(self.mechanism, self.conditions.at(self.conditions.theta + model.index_offset))
+
+    def contact_state(self, model: Model, near: Prediction | None = None) -> tuple[Pose, ContactForces]:
+        """Motion and contact forces per unit torque with the gear's marks at every sample's angle.
+
+        Parameters
+        ----------
+        model : Model
+            Of this mechanism.
+        near : Prediction, optional
+            Of the model or a similar one.
+
+        Returns
+        -------
+        Pose, mapping of str to ndarray
+        """
+        if uses_equilibrium(model, self.conditions):
+            forces = self._whole.forces(model.effects, self._starts(near) if near else None)
+            return self._motion, forces
+        where = motion(self.mechanism, self.conditions)
+        return where, closed_form_forces(where)
+
+    @property
+    def _motion(self) -> Contacts:
+        """Motion at every sample, as what is read at the output needs it."""
+        return replace(self._whole.motion, time=self.conditions.time)
+
+    @cached_property
+    def _whole(self) -> Statics:
+        return self._statics(self.conditions.theta)
+
+    @cached_property
+    def _repeat(self) -> Statics:
+        """Over one repeat, with four angles for each that the samples hold."""
+        period = 2 * math.pi / self._repeat_order
+        sampled = period / self._step if self.conditions.theta.size > 1 else 1.0
+        points = max(2 ** math.ceil(math.log2(4 * sampled)), _FEWEST_PER_REPEAT)
+        return self._statics(self.conditions.theta[0] + period / points * np.arange(points))
+
+    @cached_property
+    def _waves(self) -> Array:
+        """Cosines and less sines of the harmonics of the repeat at all samples, shape (2 count, n)."""
+        ahead = self.conditions.theta - self.conditions.theta[0]
+        count = self._repeat.motion.theta.size // 2 if self.conditions.folds else self._unfolded
+        phase = self._repeat_order * np.outer(np.arange(count), ahead)
+        return np.concatenate([np.cos(phase), -np.sin(phase)])
+
+    def _at_samples(self, one: Array, *, folding: int = 0) -> Array:
+        """Rows over one repeat, shape (rows, points), at all samples; orders fold in the first `folding` rows only."""
+        count, points = len(self._waves) // 2, one.shape[1]
+        lines = np.zeros((len(one), count), dtype=np.complex128)
+        found = np.fft.rfft(one, axis=1)[:, :count] / points
+        lines[:, : found.shape[1]] = found
+        lines[:, 1:] *= 2
+        lines[folding:, self._unfolded :] = 0
+        return np.asarray(np.concatenate([lines.real, lines.imag], axis=1) @ self._waves)
+
+    @property
+    def _unfolded(self) -> int:
+        """Number of harmonics of the repeat that do not fold onto lower orders at the samples."""
+        most = self._repeat.motion.theta.size // 2
+        if self.conditions.theta.size < 3:
+            return most
+        return min(most, math.ceil(math.pi / self._step / self._repeat_order))
+
+    @property
+    def _repeat_order(self) -> float:
+        assert isinstance(self.mechanism, Reducer)
+        return fundamental_orders(self.mechanism)["crank"]
+
+    @property
+    def _step(self) -> float:
+        return abs(float(self.conditions.theta[1] - self.conditions.theta[0]))
+
+    def _statics(self, theta: Array) -> Statics:
+        return statics_of(self.mechanism, replace(self.conditions, theta=theta, time=None))
+
+    def _starts(self, near: Prediction) -> Array | None:
+        """Poses at all samples that those of a similar model come near to.
+
+        After each repeat the gear train stands as it did, turned with the carrier.
+        """
+        if near.poses is None or not near.repeats:
+            return near.poses
+        assert isinstance(self.mechanism, Reducer)
+        points = len(near.poses)
+        ahead = np.linspace(0, 2 * math.pi / self._repeat_order, points, endpoint=False)
+        still = turned(self.mechanism, near.poses, -ahead)
+        carried = self._at_samples(still.T).T
+        return turned(self.mechanism, carried, self.conditions.theta - self.conditions.theta[0])
+
+    def _carried_over(self, one: Prediction) -> Prediction:
+        """Prediction at all samples from one repeat.
+
+        Folded orders move with every jitter of the sampling, so the error has them but no size is drawn from them.
+        """
+        rows = self._at_samples(np.vstack([one.transmission_error, one.matrix]), folding=1)
+        return replace(one, transmission_error=rows[0], matrix=rows[1:])
+
+
+def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
+    step = np.diff(theta)
+    periods = theta.size * float(step.mean()) / (2 * math.pi * true_period(mechanism)) if step.size else 0.0
+    if not step.size or np.ptp(step) > 1e-6 * abs(step.mean()) or abs(periods - round(periods)) > 1e-6 or not periods:
+        raise ValueError(f"{sensor.MARKS.key} is predicted over even angles of whole periods; cut the run into them")
+
+
+def _loaded(statics: Statics, effects: tuple[Effect, ...], start: Array | None) -> Prediction:
+    """Prediction at the angles of the statics, from likely poses over the same stretch."""
+    return Prediction(
+        *statics.predict(effects, None if start is None else _resampled(start, statics.motion.theta.size))
+    )
+
+
+def _resampled(poses: Array, points: int) -> Array:
+    """Poses over one period at another number of even angles: near enough to start from."""
+    if len(poses) == points:
+        return poses
+    lines = np.fft.rfft(poses, axis=0) * (points / len(poses))
+    return np.asarray(np.fft.irfft(lines[: points // 2 + 1], points, axis=0), dtype=np.float64)
+
+
+def turned(reducer: Reducer, poses: Array, angle: Array) -> Array:
+    """Poses (n, unknowns) of a gear train that is turned as a whole about its axis by an angle (n,)."""
+    layout, result = Layout(reducer), poses.copy()
+    x = np.array([0, *layout.disc, *layout.crank, layout.sun])
+    place = (poses[:, x] + 1j * poses[:, x + 1]) * np.exp(1j * angle)[:, None]
+    result[:, x], result[:, x + 1] = place.real, place.imag
+    return result
+
+
+def _change_with_angle(row: Array, theta: Array) -> Array:
+    """Derivative of a row over whole periods, by its Fourier series."""
+    wave_numbers = 2j * np.pi * np.fft.rfftfreq(row.size, float(theta[1] - theta[0]))
+    return np.asarray(np.fft.irfft(np.fft.rfft(row) * wave_numbers, row.size), dtype=np.float64)
+
+
+def _as_read(model: Model, read: Pose, loaded: Prediction) -> Prediction:
+    """Put what acts beyond the gear train back among its effects, in the model's order."""
+    reading = {"output": np.ones((1, read.theta.size))}
+    error, rows, at = loaded.transmission_error.copy(), [], 0
+    for effect in model.effects:
+        count = len(effect.values)
+        if source(effect.key).acts == "marks":
+            matrix = _change_with_angle(loaded.transmission_error, read.theta)[None]
+        elif source(effect.key).at_output:
+            matrix = source_matrix(read, reading, effect.key, effect.indices)
+            error = error + np.array(effect.values) @ matrix
+        else:
+            matrix, at = loaded.matrix[at : at + count], at + count
+        rows.append(matrix)
+    matrix = np.concatenate(rows) if rows else np.zeros((0, read.theta.size))
+    return replace(loaded, transmission_error=error, matrix=np.asarray(matrix, dtype=np.float64))

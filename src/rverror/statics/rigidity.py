@@ -1,0 +1,279 @@
+"""Lost motion, backlash and torsional stiffness of a reducer, as its makers define them.
+
+The input is held, a torque is put on the output in either sense, and the turn of the output is drawn over it: the
+hysteresis curve.  The makers read three figures from it: the lost motion between +-3 % of the rated torque, at the
+midpoints of the loop's width; the backlash at no torque; the torsional rigidity b / a, the slope of the loaded branch.
+
+The model knows no friction, so its loop has no width: the curve is single-valued but for the play at no torque, and is
+the line of midpoints itself.  The backlash is then all play, without the share of friction that a measured one holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.effects import Model
+from rverror.model.readings import unread
+from rverror.statics.loaded_state import equilibrium
+
+
+@dataclass(frozen=True)
+class TorsionCurve(Viewed):
+    """Turn of the output under a torque, input held.
+
+    Attributes
+    ----------
+    torque : ndarray, shape (m,)
+        Torque on the output, N*mm, in the order in which it was asked for; positive turns it counter-clockwise.
+    angle : ndarray, shape (m, n)
+        Turn of the output from the middle of the play, rad.
+    """
+
+    torque: Array
+    angle: Array
+
+    def stiffness(self, *, low: Any, high: Any) -> Array:
+        """Slope of the curve between two torques.
+
+        Parameters
+        ----------
+        low, high : float or quantity
+            Torques on the output, N*mm, signed; the curve is taken as straight between its points.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            N*mm/rad.
+
+        Raises
+        ------
+        ValueError
+            If the torques are equal or lie outside the curve.
+        """
+        order = np.argsort(self.torque)
+        torque = self.torque[order]
+        ends = [units.to_core(value, "torque") for value in (low, high)]
+        for value in ends:
+            if not torque[0] <= value <= torque[-1]:
+                raise ValueError(
+                    f"{value / 1e3:g} N*m lies outside the curve, {torque[0] / 1e3:g} to {torque[-1] / 1e3:g} N*m; "
+                    "compute it for more torques"
+                )
+        if ends[0] == ends[1]:
+            raise ValueError(f"low and high are both {ends[0] / 1e3:g} N*m; a slope needs two torques")
+        first, last = (np.array([np.interp(value, torque, line) for line in self.angle[order].T]) for value in ends)
+        return np.asarray((ends[1] - ends[0]) / (last - first), dtype=np.float64)
+
+
+def lost_motion(model: Model, theta: Any, *, percent: float = 3.0) -> Array:
+    """Lost motion: turn of the output from a small torque in one sense to the same torque in the other, input held.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer with a rated torque.
+    theta : array_like or quantity, shape (n,)
+        Nominal output angle at which the input is held, rad.
+    percent : float
+        The torque, in percent of the rated torque; the makers' 3 where left out.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad.
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer, has no rated torque, or the percentage is below 0.
+
+    Notes
+    -----
+    The makers take the midpoints of the hysteresis loop's width at either torque.  Without friction the loop has no
+    width, and the curve is its own midpoint.  At 0 % it is the `backlash`; each percent more adds windup.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> lost = lost_motion(unit, [0.0, 0.1])
+    >>> windup = 2 * 0.03 * 412e3 / torsional_stiffness(unit, [0.0, 0.1])
+    >>> bool(np.allclose(lost, backlash(unit, [0.0, 0.1]) + windup, rtol=0.01))
+    True
+    """
+    size = float(percent)
+    if not (math.isfinite(size) and size >= 0):
+        raise ValueError(f"percent = {percent}: must be 0 or more, in percent of the rated torque")
+    lower, upper = _ends(model, theta, size / 100 * _rated_torque(model))
+    return upper - lower
+
+
+def backlash(model: Model, theta: Any) -> Array:
+    """Backlash: how far the output turns freely, input held.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer.
+    theta : array_like or quantity, shape (n,)
+        Nominal output angle at which the input is held, rad.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad.
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer.
+
+    Notes
+    -----
+    The width of the hysteresis curve at no torque.  A measured one holds friction too; here it is the limit of a
+    vanishing load from either side, as near as `equilibrium` comes to that limit.
+
+    Examples
+    --------
+    Each of two gear meshes of the RV-40E has 20 um of play along its line of action:
+
+    >>> import math, rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> mesh = 0.020 / (121 * 6.75 * math.cos(math.radians(20)))  # 5.4 arcsec
+    >>> bool(abs(backlash(unit, [0.0])[0] - mesh) < 1e-7)
+    True
+    """
+    lower, upper = _ends(model, theta, 0.0)
+    return upper - lower
+
+
+def torsion_curve(model: Model, theta: Any, *, torques: Any) -> TorsionCurve:
+    """Turn of the output under each of some torques, input held.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer.
+    theta : array_like or quantity, shape (n,)
+        Nominal output angle at which the input is held, rad.
+    torques : array_like or quantity, shape (m,)
+        Torques on the output, N*mm, of either sign; a list may hold strings such as ``"-20 N*m"``.
+
+    Returns
+    -------
+    TorsionCurve
+        Its angles are counted from the mean of the two positions without load, and 0 at no torque.
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer or the torques are not a row of finite numbers.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> curve = torsion_curve(unit, [0.0, 0.1], torques=["-412 N*m", "-206 N*m", 0, "206 N*m", "412 N*m"])
+    >>> curve.angle.shape
+    (5, 2)
+    >>> stiffness = curve.stiffness(low="206 N*m", high="412 N*m")  # N*mm/rad
+    """
+    size = _torques(torques)
+    lower, upper = _ends(model, theta, 0.0)
+    middle = (lower + upper) / 2
+    angle = [np.zeros(middle.size) if value == 0 else _position(model, theta, value) - middle for value in size]
+    return TorsionCurve(size, np.array(angle))
+
+
+def torsional_stiffness(model: Model, theta: Any, *, low: float = 50.0, high: float = 100.0) -> Array:
+    """Torsional stiffness: slope of the loaded branches of the torsion curve, input held.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer with a rated torque.
+    theta : array_like or quantity, shape (n,)
+        Nominal output angle at which the input is held, rad.
+    low, high : float
+        The part of either branch from which the slope is taken, in percent of the rated torque.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        N*mm/rad; the torque over the mean turn of both branches.
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer, has no rated torque, or not 0 <= low < high.
+
+    Notes
+    -----
+    The makers' torsional rigidity b / a.  The upper half of the branch keeps play and the first contacts out of it.
+
+    Examples
+    --------
+    >>> import math, rverror
+    >>> bearings = dict(crank_bearing=1e12, pin_contact=1e12, gear_mesh=1e12, carrier_bearing=3e5, main_bearing=1e12)
+    >>> unit = rverror.reducer("RV-40E", stiffness=rverror.Stiffness(**bearings))
+    >>> stiffness = torsional_stiffness(rverror.Model(unit), [0.0])
+    >>> bool(math.isclose(stiffness[0], 2 * 3e5 * 27**2, rel_tol=1e-3))  # two bearings at 27 mm
+    True
+    """
+    if not 0 <= low < high < math.inf:
+        raise ValueError(f"low = {low}, high = {high}: must be 0 <= low < high, in percent of the rated torque")
+    rated = _rated_torque(model)
+    inner, outer = (_ends(model, theta, percent / 100 * rated) for percent in (low, high))
+    turn = (outer[1] - outer[0]) - (inner[1] - inner[0])
+    return np.asarray(2 * (high - low) / 100 * rated / turn, dtype=np.float64)
+
+
+def _ends(model: Model, theta: Any, size: float) -> tuple[Array, Array]:
+    """Output under a torque clockwise and counter-clockwise, rad."""
+    return _position(model, theta, -size), _position(model, theta, size)
+
+
+def _position(model: Model, theta: Any, torque: float) -> Array:
+    """Output under a torque on it, rad; the sign of a zero counts, as the side from which no load is reached.
+
+    A torque that turns the output counter-clockwise drives it the way a load does that resists the reverse motion.
+    What only misreads it is no turn of the output; the gear train stands where its marks are.
+    """
+    _reducer(model)
+    found = equilibrium(unread(model), theta, torque=abs(torque), direction=-math.copysign(1.0, torque))
+    return found.transmission_error
+
+
+def _torques(torques: Any) -> Array:
+    """Row of torques, N*mm."""
+    if isinstance(torques, Sequence) and not isinstance(torques, str):
+        return np.array([units.to_core(value, "torque") for value in torques], dtype=np.float64)
+    row = units.to_core_array(torques, "torque")
+    if row.ndim != 1:
+        raise ValueError(f"torques has the shape {row.shape}; give a row of torques")
+    return row
+
+
+def _reducer(model: Model) -> Reducer:
+    if not isinstance(model.mechanism, Reducer):
+        raise ValueError("the torsion of a reducer needs a [reducer] model; a [drive] has no geometry")
+    return model.mechanism
+
+
+def _rated_torque(model: Model) -> float:
+    unit = _reducer(model)
+    if unit.rated_torque is None:
+        raise ValueError(
+            f"reducer {unit.name!r} has no rated_torque, of which the percentage is taken; "
+            "give it, e.g. rated_torque = '412 N*m'"
+        )
+    return unit.rated_torque

@@ -1,0 +1,1 @@
+"""Tolerances: budgets, very many virtual units, and what the tolerances should be."""

@@ -1,0 +1,604 @@
+"""Least cost: the widths of a stack's tolerances that keep the output error within a limit.
+
+The cost is a sum over entries; the limit is on the worst-case p-p, on the rms, or on a quantile of the p-p over units.
+Page ``theory/allocation.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.units import ARCSEC
+from rverror.base.viewed import Viewed
+from rverror.tolerances.cost import Cost, Grades
+from rverror.tolerances.limited_error import MeanSquare, Quantile, WorstPeakToPeak
+from rverror.tolerances.market import (
+    CLOSE,
+    ROUNDS,
+    Found,
+    Limited,
+    Market,
+    Row,
+    least_cost,
+    market_of,
+    multipliers_of,
+    slope_of,
+)
+from rverror.tolerances.sampling import virtual_units
+from rverror.tolerances.stacking import Stack, Tolerance
+
+Kind = Literal["worst", "yield", "rms"]
+
+#: Units on which a yield is optimised, and units that verify the result.
+SAMPLE, VERIFY = 2**14, 2**16
+
+_KINDS = ("worst", "yield", "rms")
+_NEAR = 5e-4  # relative; of a verified quantile to its limit
+_FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
+_IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
+_ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is met
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Quantile of the p-p by a simulation whose units took no part in finding the widths.
+
+    Attributes
+    ----------
+    level : float
+        Which quantile, such as 0.99.
+    quantile, low, high : float
+        The quantile and its interval, rad; by order statistics, whatever the distribution.
+    confidence : float
+        Of the interval.
+    units, seed : int
+        ``virtual_units(stack, units, seed=seed, draws="random")`` draws them again.
+    """
+
+    level: float
+    quantile: float
+    low: float
+    high: float
+    confidence: float
+    units: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Exchange of cost against the limited error at the widths as given, for one entry.
+
+    Attributes
+    ----------
+    label : str
+    relax : float or None
+        Cost saved per arcsec given up by a wider tolerance; infinite where the width does not matter.  None where
+        no wider one may be had.
+    tighten : float or None
+        Cost of an arcsec gained by a finer tolerance.  None where no finer one may be had, or gains nothing.
+
+    Both are None where an entry is fixed, or the width as given finer than all its grades.
+    """
+
+    label: str
+    relax: float | None
+    tighten: float | None
+
+
+@dataclass(frozen=True)
+class Allocation(Viewed):
+    """Widths of least cost.
+
+    Attributes
+    ----------
+    labels, keys, dimensions : tuple of str
+        Of each entry: its name, as in the stack, catalogue key, and dimension of its width; the last two are empty for
+        a stack that does not tell its components.
+    kind : str
+        ``"worst"``, ``"yield"`` or ``"rms"``, as in `allocate`.
+    limit : float
+        rad.
+    level : float
+        The quantile, of the limit where the kind is ``"yield"`` and of the verification.
+    widths_before, widths : tuple of float
+        Core units.
+    grades : tuple of str or None
+        Grade of each entry whose cost is a table.
+    fixed : tuple of bool
+    costs_before : tuple of float
+        Of each entry; not a number where the width as given is finer than all its grades.
+    costs : tuple of float
+        Of each entry.
+    value_before, value : float
+        What is limited, rad.  For ``"yield"`` the upper end of the verified interval: it is this that meets the limit.
+    verified_before, verified : Verification
+        Simulated p-p with the widths as given and with those found.
+    shadow_price : float or None
+        Cost saved per arcsec by which the limit is raised, grades held.  None where only grades are free.
+    bound_prices : tuple of float
+        Cost saved per core unit by which a bound that holds is pushed out, 0 where none holds; positive also for a
+        lower bound.
+    rates : tuple of Rate
+        Of each entry.
+    gap : float or None
+        How much cheaper, relatively, any other widths could be at the most; None where that is not proven.
+    proof : str
+        What is proven, one sentence.
+    """
+
+    labels: tuple[str, ...]
+    keys: tuple[str, ...]
+    dimensions: tuple[str, ...]
+    kind: Kind
+    limit: float
+    level: float
+    widths_before: tuple[float, ...]
+    widths: tuple[float, ...]
+    grades: tuple[str | None, ...]
+    fixed: tuple[bool, ...]
+    costs_before: tuple[float, ...]
+    costs: tuple[float, ...]
+    value_before: float
+    value: float
+    verified_before: Verification
+    verified: Verification
+    shadow_price: float | None
+    bound_prices: tuple[float, ...]
+    rates: tuple[Rate, ...]
+    gap: float | None
+    proof: str
+
+    @property
+    def cost_before(self) -> float:
+        """Cost of all entries at the widths as given; not a number where that of one is not known."""
+        return math.fsum(self.costs_before)
+
+    @property
+    def cost(self) -> float:
+        """Cost of all entries."""
+        return math.fsum(self.costs)
+
+    @property
+    def tighten_first(self) -> tuple[Rate, ...]:
+        """Entries that may be tightened, the cheapest arcsec first."""
+        return tuple(sorted((r for r in self.rates if r.tighten is not None), key=lambda r: r.tighten or 0.0))
+
+    @property
+    def relax_first(self) -> tuple[Rate, ...]:
+        """Entries that may be relaxed, the largest saving per arcsec first."""
+        return tuple(sorted((r for r in self.rates if r.relax is not None), key=lambda r: -(r.relax or 0.0)))
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """Least cost for one limit.
+
+    Attributes
+    ----------
+    limit : float
+        rad.
+    allocation : Allocation or None
+        None where the limit cannot be met.
+    reason : str
+        Why it cannot be met, else empty.
+    """
+
+    limit: float
+    allocation: Allocation | None
+    reason: str = ""
+
+
+def allocate(
+    stack: Stack,
+    costs: Sequence[Cost | None],
+    *,
+    limit: Any,
+    kind: Kind = "yield",
+    level: float = 0.99,
+    bounds: Sequence[tuple[float, float] | None] | None = None,
+    fixed: Sequence[bool] | None = None,
+    sample: int = SAMPLE,
+    verify: int = VERIFY,
+    confidence: float = 0.95,
+    seed: int = 0,
+    executor: Executor | None = None,
+) -> Allocation:
+    """Find the widths of least cost that keep the output error within a limit.
+
+    Parameters
+    ----------
+    stack : Stack
+    costs : sequence of Reciprocal, ReciprocalSquare, Grades or None
+        Cost of each entry of the stack; None, no cost, for fixed entries only.
+    limit : float, str or quantity
+        Of the p-p or rms, rad or with a unit.
+    kind : str
+        What is limited: ``"worst"`` the p-p of the worst parts within their tolerances, ``"yield"`` the quantile
+        `level` of the p-p over units, ``"rms"`` the root of the mean square over angles and units.
+    level : float
+        The quantile, above 0 and below 1; 0.99 for a yield of 99 %.
+    bounds : sequence of (float, float) or None, optional
+        Least and largest width of each entry, core units.  Where None: a tenth to ten times the width as given for
+        smooth costs, all its grades for a table.
+    fixed : sequence of bool, optional
+        Entries that keep their width.
+    sample, verify : int
+        Units on which a yield is optimised and, drawn afresh, verified.
+    confidence : float
+        Of the interval of the verified quantile.
+    seed : int
+        Fixes all draws.
+    executor : concurrent.futures.Executor, optional
+        Where the units that verify are drawn, as for `virtual_units`.
+
+    Returns
+    -------
+    Allocation
+        For ``"yield"`` the upper end of the verified interval is not above the limit.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of its bounds, or the limit cannot be met.
+
+    Examples
+    --------
+    Two sources whose p-p are 2 and 1 rad per mm at equal prices: the stronger gets the finer tolerance.
+
+    >>> from rverror.tolerances.cost import Reciprocal
+    >>> from rverror.tolerances.distribution import Uniform
+    >>> from rverror.tolerances.stacking import Block
+    >>> waves = np.array([[1.0, -1.0], [0.5, -0.5]])
+    >>> blocks = tuple(Block(e, e, 1, 1, Uniform()) for e in range(2))
+    >>> stack = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), blocks)
+    >>> found = allocate(stack, [Reciprocal(1.0, 1.0)] * 2, limit=2.0, kind="worst", verify=1000)
+    >>> [round(width, 6) for width in found.widths]  # as 1 : sqrt(2), 2 a + b = 2
+    [0.585786, 0.828427]
+    """
+    task = _task(
+        stack,
+        costs,
+        kind=kind,
+        level=level,
+        bounds=bounds,
+        fixed=fixed,
+        sample=sample,
+        verify=verify,
+        confidence=confidence,
+        seed=seed,
+        executor=executor,
+    )
+    return _solve(task, _angle(limit))
+
+
+def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
+    """Costs, bounds and what is fixed, of tolerances, as `allocate` and `cost_front` take them.
+
+    Parameters
+    ----------
+    tolerances : sequence of Tolerance
+        Those of the stack, in its order.
+
+    Returns
+    -------
+    dict
+        ``costs``, ``bounds`` and ``fixed``.
+
+    Examples
+    --------
+    >>> from rverror.tolerances.cost import Reciprocal
+    >>> from rverror.tolerances.stacking import tolerance
+    >>> terms([tolerance("crank.eccentricity", 0.005, cost=Reciprocal(12.0, 0.005))])["bounds"]
+    [(0.0005, 0.05)]
+    """
+    return {
+        "costs": [item.cost for item in tolerances],
+        "bounds": [_span(item) for item in tolerances],
+        "fixed": [item.fixed for item in tolerances],
+    }
+
+
+def _span(item: Tolerance) -> tuple[float, float]:
+    """Bounds of a tolerance; grades that are not bounded may all be bought, but for clearances that would vanish."""
+    low, high = item.span
+    if item.bounds is not None or not isinstance(item.cost, Grades):
+        return low, high
+    room = high if high < 10 * item.width else math.inf
+    return item.cost.widths[0], min(max(item.cost.widths), room)
+
+
+def cost_front(
+    stack: Stack, costs: Sequence[Cost | None], limits: Sequence[Any], **options: Any
+) -> tuple[FrontPoint, ...]:
+    """Least cost for each of a row of limits.
+
+    Parameters
+    ----------
+    stack, costs
+        As for `allocate`.
+    limits : sequence of float, str or quantity
+    **options
+        Everything else that `allocate` takes.
+
+    Returns
+    -------
+    tuple of FrontPoint
+        In the order of the limits; the same draws for all.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of its bounds; a limit that cannot be met is no error here.
+
+    Examples
+    --------
+    >>> from rverror.tolerances.cost import Reciprocal
+    >>> from rverror.tolerances.distribution import Uniform
+    >>> from rverror.tolerances.stacking import Block
+    >>> block, wave = Block(0, 0, 1, 1, Uniform()), np.array([[1.0, -1.0]])
+    >>> one = Stack(np.zeros(2), wave, (), np.zeros(1, int), np.ones(1), ("a",), (block,))
+    >>> front = cost_front(one, [Reciprocal(1.0, 1.0)], [2.0, 1.0], kind="worst", verify=1000)
+    >>> [round(point.allocation.cost, 6) for point in front]  # half the limit, twice the price
+    [1.0, 2.0]
+    """
+    task = _task(stack, costs, **options)
+    points = []
+    for limit in map(_angle, limits):
+        try:
+            points.append(FrontPoint(limit, _solve(task, limit)))
+        except _UnreachableError as error:
+            points.append(FrontPoint(limit, None, str(error)))
+    return tuple(points)
+
+
+class _UnreachableError(InputError):
+    """The limit cannot be met."""
+
+
+# --- one task, any limit -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Task:
+    """All but the limit."""
+
+    stack: Stack
+    market: Market
+    limited: Limited
+    kind: Kind
+    level: float
+    verify: int
+    confidence: float
+    seed: int
+    executor: Executor | None
+
+    def verified(self, widths: Array) -> Verification:
+        """Quantile of the p-p of fresh units, the same ones at every call."""
+        stack = replace(self.stack, width=widths)
+        seed = self.seed + 1  # the sample has the seed itself
+        drawn = virtual_units(stack, self.verify, seed=seed, draws="random", executor=self.executor)
+        found = drawn.quantile(self.level, confidence=self.confidence)
+        return Verification(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
+
+    def counted(self, widths: Array, verified: Verification) -> float:
+        """What is compared with the limit, rad."""
+        return verified.high if self.kind == "yield" else self.limited.measure(widths)[0]
+
+    @cached_property
+    def verified_before(self) -> Verification:
+        """With the widths as given."""
+        return self.verified(self.market.given)
+
+    @cached_property
+    def value_before(self) -> float:
+        """What is limited, with the widths as given."""
+        return self.counted(self.market.given, self.verified_before)
+
+    @cached_property
+    def least_value(self) -> float:
+        """What is limited, with all widths at their least."""
+        low = self.market.low
+        return self.verified(low).high if self.kind == "yield" else self.limited.measure(low)[0]
+
+    @cached_property
+    def rates(self) -> tuple[Rate, ...]:
+        """Exchange of cost against the limited error at the widths as given."""
+        return _rates(self.market, slope_of(self.limited, self.market.given))
+
+    def unreachable(self, limit: float) -> _UnreachableError:
+        """Why the limit cannot be met, and what can be done."""
+        market = self.market
+        part = market.low * slope_of(self.limited, market.low)
+        label = market.labels[int(part.argmax())]
+        name = {"worst": "worst-case p-p", "rms": "rms", "yield": f"p-p at {100 * self.level:g} % yield (verified)"}
+        return _UnreachableError(
+            f"limit {limit / ARCSEC:.4g} arcsec: with every width at its least the {name[self.kind]} is "
+            f"{self.least_value / ARCSEC:.4g} arcsec; raise the limit or allow finer widths, first of {label}"
+        )
+
+
+def _angle(limit: Any) -> float:
+    try:
+        value = units.to_core(limit, "angle")
+    except ValueError as error:
+        raise InputError(f"limit: {error}") from error
+    if value <= 0:
+        raise InputError(f"limit = {limit!r}: must be above 0; give an angle such as '60 arcsec'")
+    return value
+
+
+def _task(
+    stack: Stack,
+    costs: Sequence[Cost | None],
+    *,
+    kind: Kind = "yield",
+    level: float = 0.99,
+    bounds: Sequence[tuple[float, float] | None] | None = None,
+    fixed: Sequence[bool] | None = None,
+    sample: int = SAMPLE,
+    verify: int = VERIFY,
+    confidence: float = 0.95,
+    seed: int = 0,
+    executor: Executor | None = None,
+) -> _Task:
+    if kind not in _KINDS:
+        raise InputError(f"kind = {kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
+    for name, share in (("level", level), ("confidence", confidence)):
+        if not 0 < share < 1:
+            raise InputError(f"{name} = {share:g}: must lie between 0 and 1, such as 0.99")
+    fewest = math.ceil(_FEWEST_BEYOND / min(level, 1 - level))
+    ending = math.ceil(math.log((1 - confidence) / 2) / math.log(level))  # units for an interval that ends
+    for name, number, least in (("sample", sample, fewest), ("verify", verify, max(fewest, ending))):
+        if number < least:
+            raise InputError(f"{name} = {number}: too few units for the level {level:g}; give {least} or more")
+    waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
+    size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])
+    market = market_of(stack.labels, stack.width, costs, bounds, fixed).relaxed(size <= _IDLE * size.max())
+    limited: Limited = MeanSquare(stack)
+    if kind == "yield":
+        limited = Quantile(stack, level=level, sample=sample, seed=seed)
+    if kind == "worst":
+        limited = WorstPeakToPeak(stack)
+    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor)
+
+
+def _solve(task: _Task, limit: float) -> Allocation:
+    """Least cost for one limit."""
+    if task.least_value > limit:
+        raise task.unreachable(limit)
+    rows: list[Row] = []
+    if task.kind == "yield":
+        found, target, verified = _verified(task, limit, rows)
+    else:
+        exact = least_cost(task.market, task.limited, limit, rows)
+        if exact is None:
+            raise task.unreachable(limit)
+        found, target, verified = exact, limit, task.verified(exact.widths)
+    return _described(task, limit, target, found, rows, verified)
+
+
+def _verified(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float, Verification]:
+    """Least cost whose verified quantile meets the limit, the target on the sample that led there, and the check."""
+    market, target = task.market, limit
+    best: tuple[Found, float, Verification] | None = None
+    for attempt in range(ROUNDS):
+        found = least_cost(market, task.limited, target, rows)
+        if found is None:
+            break
+        held = market.holding(found.grades)
+        verified = task.verified(found.widths)
+        high = verified.high
+        if limit < high <= limit * (1 + _NEAR) and held.smooth.any():  # a hair above needs no new solution
+            found, verified = _shrunk(task, held, found, limit, verified)
+        if verified.high <= limit and (best is None or market.total(found.widths) < market.total(best[0].widths)):
+            best = found, target, verified
+        room = bool((held.smooth & (found.widths < held.high)).any())
+        met = limit * (1 - _NEAR if room else 0) <= verified.high <= limit
+        if best is not None and (met or attempt >= _ATTEMPTS):
+            break
+        target *= limit / high * (1 - CLOSE)
+        if not room:  # the next combination of grades, not this one again
+            target = min(target, task.limited.measure(found.widths)[0] * (1 - 2 * CLOSE))
+        market = replace(market, given=np.where(market.smooth, found.widths, market.given))
+    if best is not None:
+        return best
+    raise task.unreachable(limit)
+
+
+def _shrunk(
+    task: _Task, market: Market, found: Found, limit: float, verified: Verification
+) -> tuple[Found, Verification]:
+    """Smooth widths made smaller until the verified quantile meets the limit, further at each step."""
+    for step in range(10):
+        factor = (limit / verified.high * (1 - CLOSE)) ** (2**step)
+        widths = np.where(market.smooth, np.clip(found.widths * factor, market.low, market.high), found.widths)
+        found = replace(found, widths=widths)
+        verified = task.verified(widths)
+        if verified.high <= limit:
+            break
+    return found, verified
+
+
+def _described(
+    task: _Task, limit: float, target: float, found: Found, rows: list[Row], verified: Verification
+) -> Allocation:
+    """The result for people: prices, rates and what is proven."""
+    market, limited, widths = task.market, task.limited, found.widths
+    held = market.holding(found.grades)
+    grades: list[str | None] = [None] * widths.size
+    for (entry, table, _), grade in zip(market.tables, found.grades, strict=True):
+        grades[entry] = table.names[grade]
+    value, row = limited.measure(widths)
+    if task.kind == "yield":
+        target, rows = min(target, value), [row]  # what the verification brought it to
+    multipliers = multipliers_of(held, limited, target, [*rows, row], widths)
+    # a row's target is the limit, or its square; that of the sample goes with the limit
+    price = float(multipliers.values.sum()) * (2 * limit if limited.power == 2 else target / limit)
+    cost = market.total(widths)
+    lower = max(found.lower, -math.inf if market.tables else multipliers.lower)
+    gap = None if task.kind == "yield" else max(0.0, (cost - lower) / cost) if cost else 0.0
+    stack = task.stack
+    first = [stack.components[block.components.start] for block in stack.blocks] if stack.components else []
+    return Allocation(
+        labels=market.labels,
+        keys=tuple(component.key for component in first),
+        dimensions=tuple(component.dimension for component in first),
+        kind=task.kind,
+        limit=limit,
+        level=task.level,
+        widths_before=_floats(market.given),
+        widths=_floats(widths),
+        grades=tuple(grades),
+        fixed=market.fixed,
+        costs_before=_floats(market.before),
+        costs=_floats(market.each(widths)),
+        value_before=task.value_before,
+        value=task.counted(widths, verified),
+        verified_before=task.verified_before,
+        verified=verified,
+        shadow_price=price * ARCSEC if held.smooth.any() else None,
+        bound_prices=_floats(np.abs(multipliers.bounds)),
+        rates=task.rates,
+        gap=gap,
+        proof=found.proof,
+    )
+
+
+def _floats(values: Array) -> tuple[float, ...]:
+    return tuple(map(float, values))
+
+
+def _rates(market: Market, slope: Array) -> tuple[Rate, ...]:
+    """Of each entry, from the derivative of what is limited by the widths as given."""
+    slopes = market.slopes(market.given)
+    rates = [Rate(label, None, None) for label in market.labels]
+    for e in map(int, np.flatnonzero(market.smooth)):
+        rate = _rate(-float(slopes[e]), float(slope[e]))
+        relax = rate if market.given[e] < market.high[e] else None
+        rates[e] = Rate(market.labels[e], relax, rate if market.given[e] > market.low[e] else None)
+    for e, table, allowed in market.tables:
+        if not table.holds(float(market.given[e])):
+            continue
+        here = table.index(float(market.given[e]))
+        wider, finer = ([g for g in allowed if g > here], [g for g in allowed if g < here])
+        steps = []
+        for others in (wider[:1], finer[-1:]):
+            gain = [(table.prices[here] - table.prices[g], table.widths[g] - table.widths[here]) for g in others]
+            steps.append(_rate(gain[0][0] / gain[0][1], float(slope[e])) if gain else None)
+        rates[e] = Rate(market.labels[e], *steps)
+    return tuple(rates)
+
+
+def _rate(saved: float, given_up: float) -> float:
+    """Cost per arcsec from cost and rad per width; without bound where the width does not matter."""
+    return saved / given_up * ARCSEC if given_up > 0 else math.inf

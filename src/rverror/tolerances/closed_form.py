@@ -1,0 +1,316 @@
+"""Error budget in closed form: mean, variance, worst case and root sum of squares of a stack of tolerances.
+
+All of it follows from TE = nominal + x @ influence, page ``theory/budget.md``.  Angles are rad throughout.  A deviation
+is TE less its mean over the revolution, the offset: the zero of a joint is set on the machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
+from rverror.tolerances.stacking import Block, Stack, WorstGroup
+from rverror.tolerances.worst_pair import GroupWaves
+
+#: Draws for the mean peak-to-peak of each entry alone.
+DRAWS = 2048
+
+_CONSTANT = 1e-12  # of a waveform's size: below it is rounding
+_ROWS = 256  # units whose waveforms are held at a time
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one entry, the tolerance of a source, does to the output error.
+
+    Attributes
+    ----------
+    label : str
+    width : float
+        T, core unit.
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    components : int
+        Its number of toleranced components.
+    mean_square : float
+        rad^2; variance of its deviation, mean over the revolution.
+    share : float
+        Of all entries' `mean_square`; these add up to 1, or are all 0 where every entry moves the offset alone.
+    worst_peak_to_peak : float
+        Largest peak-to-peak of the entry alone.
+    worst_part : float
+        Its part of the worst case of all, `WorstCase.peak_to_peak`.
+    rss : float
+        Root sum of squares of the largest peak-to-peaks of its groups alone.
+    mean_peak_to_peak : float
+        Expected peak-to-peak of the entry alone.
+    mean_peak_to_peak_error : float
+        Its standard error, not less than it is.
+    offset_deviation : float
+        Standard deviation of the offset that it makes.
+    worst_offset : float
+        Largest offset that it makes, to either side of its mean.
+    effect : str
+        ``"wave"``, ``"offset"`` where it moves the offset alone, ``"nothing"``.
+    """
+
+    label: str
+    width: float
+    dimension: str
+    components: int
+    mean_square: float
+    share: float
+    worst_peak_to_peak: float
+    worst_part: float
+    rss: float
+    mean_peak_to_peak: float
+    mean_peak_to_peak_error: float
+    offset_deviation: float
+    worst_offset: float
+    effect: str
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """Largest output errors within the tolerances, exact for the linear map at the angles given.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (n,)
+        Envelope of TE.
+    offset : tuple of float
+        Least and largest offset.
+    peak_to_peak : float
+        Largest peak-to-peak of any unit, nominal error included.
+    peak_to_peak_nominal : float
+        The nominal error's part of it; the rest is `Contribution.worst_part`.
+    peak_to_peak_angles : tuple of int
+        Places of the highest and the lowest angle.
+    peak_to_peak_values : ndarray, shape (m,)
+        Components of that unit, core units, less their means.
+    maximum : float
+        Largest \\|deviation\\| of any unit.
+    maximum_angle : int
+    maximum_values : ndarray, shape (m,)
+        Components of that unit, core units, less their means.
+    """
+
+    lower: Array
+    upper: Array
+    offset: tuple[float, float]
+    peak_to_peak: float
+    peak_to_peak_nominal: float
+    peak_to_peak_angles: tuple[int, int]
+    peak_to_peak_values: Array
+    maximum: float
+    maximum_angle: int
+    maximum_values: Array
+
+
+@dataclass(frozen=True)
+class Budget(Viewed):
+    """Closed-form error budget.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,), optional
+        Nominal output angle.
+    mean : ndarray, shape (n,)
+        Expected TE.
+    standard_deviation, deviation_standard_deviation : ndarray, shape (n,)
+        Of TE, and of the deviation.
+    offset_mean, offset_deviation : float
+        Mean and standard deviation of the offset.
+    nominal_peak_to_peak, nominal_mean_square : float
+        Of the deviation of `mean`.
+    mean_square : float
+        Expected square of the rms over the revolution: `nominal_mean_square` and that of all entries.
+    rss : float
+        Root sum of squares of the largest peak-to-peaks of all groups alone, nominal error not included.
+    worst : WorstCase
+    contributions : tuple of Contribution
+        In the order of the entries.
+    """
+
+    theta: Array | None
+    mean: Array
+    standard_deviation: Array
+    deviation_standard_deviation: Array
+    offset_mean: float
+    offset_deviation: float
+    nominal_peak_to_peak: float
+    nominal_mean_square: float
+    mean_square: float
+    rss: float
+    worst: WorstCase
+    contributions: tuple[Contribution, ...]
+
+    @property
+    def rms(self) -> float:
+        """Root of the expected mean square; the expected rms is a little below."""
+        return math.sqrt(self.mean_square)
+
+
+def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed: int = 0) -> Budget:
+    """Closed-form error budget of a stack.
+
+    Parameters
+    ----------
+    stack : Stack
+    width : ndarray, shape (entries,), optional
+        Widths in core units; those of the stack where left out.
+    draws : int, optional
+        Units drawn for the mean peak-to-peak of each entry alone, the only figure that is not closed.
+    seed : int, optional
+
+    Returns
+    -------
+    Budget
+
+    Examples
+    --------
+    >>> import rverror
+    >>> from rverror.tolerances.stacking import stack, tolerance
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> result = budget(stack(unit, [tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]))
+    >>> f"{result.worst.peak_to_peak * 180 / np.pi * 3600:.2f}"  # arcsec
+    '18.51'
+    """
+    used = stack.width if width is None else np.asarray(width, dtype=np.float64)
+    scaled = stack.scaled(used)
+    offset = scaled.mean(axis=1)
+    deviation = scaled - offset[:, None]
+    size = np.abs(scaled).max(axis=1, initial=0.0)
+    deviation[np.abs(deviation).max(axis=1, initial=0.0) <= _CONSTANT * size] = 0.0
+    nominal_offset = float(stack.nominal.mean())
+    nominal = stack.nominal - nominal_offset
+
+    variance = _by_entry(stack.blocks, scaled)
+    deviating = _by_entry(stack.blocks, deviation)
+    offsets = _by_entry(stack.blocks, offset[:, None])[:, 0]
+    mean_squares = deviating.mean(axis=1)
+    total = float(mean_squares.sum())
+
+    worst, parts = _worst_case(stack, used, scaled, offset, deviation)
+    entries = []
+    for e, block in enumerate(stack.blocks):
+        rows = block.components
+        alone = GroupWaves(block.worst_groups(), deviation)
+        mean_pp, error = _mean_peak_to_peak(block, deviation[rows], draws=draws, seed=(seed, e))
+        waves = bool(deviation[rows].any())
+        entries.append(
+            Contribution(
+                label=stack.labels[e],
+                width=float(used[e]),
+                dimension=stack.components[rows.start].dimension,
+                components=rows.stop - rows.start,
+                mean_square=float(mean_squares[e]),
+                share=float(mean_squares[e]) / total if total else 0.0,
+                worst_peak_to_peak=alone.farthest()[0],
+                worst_part=float(parts[e]),
+                rss=math.sqrt(sum(p * p for p in alone.peak_to_peaks())),
+                mean_peak_to_peak=mean_pp,
+                mean_peak_to_peak_error=error,
+                offset_deviation=math.sqrt(offsets[e]),
+                worst_offset=float(GroupWaves(block.worst_groups(), offset[:, None]).size()[0]),
+                effect="wave" if waves else "offset" if size[rows].any() else "nothing",
+            )
+        )
+    nominal_square = float(nominal @ nominal) / nominal.size
+    return Budget(
+        theta=stack.theta,
+        mean=stack.nominal,
+        standard_deviation=np.sqrt(variance.sum(axis=0)),
+        deviation_standard_deviation=np.sqrt(deviating.sum(axis=0)),
+        offset_mean=nominal_offset,
+        offset_deviation=math.sqrt(offsets.sum()),
+        nominal_peak_to_peak=float(np.ptp(nominal)),
+        nominal_mean_square=nominal_square,
+        mean_square=nominal_square + total,
+        rss=math.sqrt(sum(entry.rss**2 for entry in entries)),
+        worst=worst,
+        contributions=tuple(entries),
+    )
+
+
+def _by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
+    """Variance that each entry makes at each angle, shape (entries, n).
+
+    ``w @ block.covariance() @ w`` as squares of the instances' waves and of their sums, which rounding does not make
+    negative where the sums cancel.
+    """
+    return np.array([_variance(block, scaled[block.components]) for block in blocks])
+
+
+def _variance(block: Block, rows: Array) -> Array:
+    waves = rows.reshape(block.instances, block.terms, -1)
+    own = np.einsum("itn,itn->n", waves, waves)
+    shared = (waves.sum(axis=0) ** 2).sum(axis=0)
+    rho = block.remaining_correlation
+    return np.asarray(block.distribution.variance * ((1 - rho) * own + rho * shared), dtype=np.float64)
+
+
+def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[int, int]) -> tuple[float, float]:
+    """Mean peak-to-peak of an entry alone and its standard error, from draws that are stratified in each variate."""
+    rng = np.random.default_rng(seed)
+    columns = block.variates.stop - block.variates.start
+    strata = rng.permuted(np.tile(np.arange(draws), (columns, 1)), axis=1).T
+    drawn = block.standard((strata + rng.random((draws, columns))) / draws)
+    found = [np.ptp(part @ scaled, axis=1) for part in np.array_split(drawn, max(draws // _ROWS, 1))]
+    sizes = np.concatenate(found)
+    return float(sizes.mean()), float(sizes.std()) / math.sqrt(draws)
+
+
+# --- worst case -------------------------------------------------------------------------------------------------------
+
+
+def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
+    """Worst case, and the part of each entry in its peak-to-peak."""
+    groups = stack.worst_groups
+    nominal_offset = float(stack.nominal.mean())
+    nominal = stack.nominal - nominal_offset
+    reach = GroupWaves(groups, scaled).size()
+    offset_reach = float(GroupWaves(groups, offset[:, None]).size()[0])
+    peak_to_peak, high, low = GroupWaves(groups, deviation, nominal).farthest()
+    if nominal[high] < nominal[low]:
+        high, low = low, high
+    swing, lengths = _towards(groups, deviation[:, high] - deviation[:, low])
+    entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
+    parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
+
+    deviating = np.abs(nominal) + GroupWaves(groups, deviation).size()
+    at = int(deviating.argmax())
+    sign = -1.0 if nominal[at] < 0 else 1.0
+    largest, _ = _towards(groups, sign * deviation[:, at])
+    of_component = width[stack.entry]
+    worst = WorstCase(
+        lower=stack.nominal - reach,
+        upper=stack.nominal + reach,
+        offset=(nominal_offset - offset_reach, nominal_offset + offset_reach),
+        peak_to_peak=peak_to_peak,
+        peak_to_peak_nominal=float(nominal[high] - nominal[low]),
+        peak_to_peak_angles=(high, low),
+        peak_to_peak_values=swing * of_component,
+        maximum=float(deviating[at]),
+        maximum_angle=at,
+        maximum_values=largest * of_component,
+    )
+    return worst, parts
+
+
+def _towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
+    """Standard values at the limits that make ``values @ gradient`` largest, and what each group adds to it."""
+    values = np.zeros(gradient.size)
+    parts = np.zeros(len(groups))
+    for g, group in enumerate(groups):
+        direction = gradient[group.components].sum(axis=0)
+        length = float(np.hypot.reduce(direction))
+        if length > 0:
+            values[group.components] = group.radius * direction / length
+        parts[g] = group.radius * length
+    return values, parts

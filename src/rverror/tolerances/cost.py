@@ -1,0 +1,204 @@
+"""What a tolerance costs: smooth curves of its width, or a table of grades.
+
+Widths are in the core unit of the tolerance (mm, rad), costs in any currency, the same for all tolerances.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rverror.base.errors import InputError
+
+#: Widths nearer than this, relatively, are one width: they come from texts with units.
+SAME_WIDTH = 1e-9
+
+
+@dataclass(frozen=True)
+class Reciprocal:
+    """Cost that grows as one over the width: ``cost(T) = base + price * at / T``.
+
+    Attributes
+    ----------
+    price : float
+        Cost above `base` at the width `at`, not negative.
+    at : float
+        Width to which `price` belongs, core unit.
+    base : float
+        Cost at any width, not negative.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite or out of its bound.
+
+    Examples
+    --------
+    >>> Reciprocal(price=12.0, at=0.005, base=3.0).cost(0.0025)  # half the width, twice the price
+    27.0
+    """
+
+    price: float
+    at: float
+    base: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check_curve(self)
+
+    def cost(self, width: float) -> float:
+        """Cost of a width, core unit."""
+        return self.base + self.price * self.at / _positive(width)
+
+    def slope(self, width: float) -> float:
+        """Change of the cost per core unit of width; negative or zero."""
+        return -self.price * self.at / _positive(width) ** 2
+
+
+@dataclass(frozen=True)
+class ReciprocalSquare:
+    """Cost that grows as one over the square of the width: ``cost(T) = base + price * (at / T)**2``.
+
+    Attributes
+    ----------
+    price : float
+        Cost above `base` at the width `at`, not negative.
+    at : float
+        Width to which `price` belongs, core unit.
+    base : float
+        Cost at any width, not negative.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite or out of its bound.
+
+    Examples
+    --------
+    >>> ReciprocalSquare(price=12.0, at=0.005, base=3.0).cost(0.0025)  # half the width, four times the price
+    51.0
+    """
+
+    price: float
+    at: float
+    base: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check_curve(self)
+
+    def cost(self, width: float) -> float:
+        """Cost of a width, core unit."""
+        return self.base + self.price * (self.at / _positive(width)) ** 2
+
+    def slope(self, width: float) -> float:
+        """Change of the cost per core unit of width; negative or zero."""
+        return -2.0 * self.price * self.at**2 / _positive(width) ** 3
+
+
+@dataclass(frozen=True)
+class Grades:
+    """Cost by a table: only these widths can be bought.
+
+    Attributes
+    ----------
+    widths : tuple of float
+        Core unit; kept finest first, whatever the order given.
+    prices : tuple of float
+        Cost of each width, not negative; a wider grade costs no more than a finer one.
+    names : tuple of str
+        What people call each grade, such as ``"IT5"``.
+
+    Raises
+    ------
+    InputError
+        If the lists differ in length or are empty, a value is not finite or out of its bound, a width comes twice, or a
+        wider grade costs more than a finer one.
+
+    Examples
+    --------
+    >>> table = Grades((0.005, 0.003), (18.0, 30.0), ("IT5", "IT4"))
+    >>> table.names, table.cost(0.003)
+    (('IT4', 'IT5'), 30.0)
+    >>> table.cost(0.004)  # is held by the next finer grade
+    30.0
+    """
+
+    widths: tuple[float, ...]
+    prices: tuple[float, ...]
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check the grades and put the finest first."""
+        counts = len(self.widths), len(self.prices), len(self.names)
+        if not self.widths or len(set(counts)) != 1:
+            given = "widths {}, prices {}, names {}".format(*counts)
+            raise InputError(f"grades of a cost: {given}; give one width, price and name per grade, at least one grade")
+        for name, width, price in zip(self.names, self.widths, self.prices, strict=True):
+            _check(f"width of the grade {name}", width, above_zero=True)
+            _check(f"price of the grade {name}", price)
+        rows = sorted(zip(self.widths, self.prices, self.names, strict=True), key=lambda row: row[0])
+        for finer, wider in pairwise(rows):
+            if wider[0] <= finer[0] * (1 + SAME_WIDTH):
+                raise InputError(f"grades {finer[2]} and {wider[2]} have one width, {wider[0]:.6g}; keep one of them")
+            if wider[1] > finer[1]:
+                raise InputError(
+                    f"grade {wider[2]} is wider than {finer[2]} and costs more, {wider[1]:g} against {finer[1]:g}; "
+                    "a wider grade costs no more: exchange the prices or leave the grade out"
+                )
+        # hold the order of the widths: a dataclass is frozen only after this
+        for field, column in zip(("widths", "prices", "names"), zip(*rows, strict=True), strict=True):
+            object.__setattr__(self, field, tuple(column))
+
+    def holds(self, width: float) -> bool:
+        """Whether a grade is as fine as a width."""
+        return self.widths[0] <= _positive(width) * (1 + SAME_WIDTH)
+
+    def index(self, width: float) -> int:
+        """Place in the table of the grade that holds a width: the widest not above it.
+
+        Raises
+        ------
+        InputError
+            If the finest grade is wider.
+        """
+        if not self.holds(width):
+            raise InputError(
+                f"width {width:.6g} is finer than the finest grade {self.names[0]}, {self.widths[0]:.6g}; "
+                "add a finer grade or give a wider tolerance"
+            )
+        return max(place for place, grade in enumerate(self.widths) if grade <= width * (1 + SAME_WIDTH))
+
+    def cost(self, width: float) -> float:
+        """Cost of the grade that holds a width, core unit."""
+        return self.prices[self.index(width)]
+
+    def slope(self, width: float) -> float:
+        """Change of the cost per core unit of width towards the next wider grade; 0 at the widest."""
+        place = self.index(width)
+        if place + 1 == len(self.widths):
+            return 0.0
+        return (self.prices[place + 1] - self.prices[place]) / (self.widths[place + 1] - self.widths[place])
+
+
+#: What a tolerance may cost by.
+Cost = Reciprocal | ReciprocalSquare | Grades
+
+
+def _check_curve(curve: Reciprocal | ReciprocalSquare) -> None:
+    _check("price of a cost", curve.price)
+    _check("width of a cost ('at')", curve.at, above_zero=True)
+    _check("base of a cost", curve.base)
+
+
+def _check(name: str, value: float, *, above_zero: bool = False) -> None:
+    least = "above 0" if above_zero else "0 or more"
+    if not math.isfinite(value) or value < 0 or (above_zero and value == 0):
+        raise InputError(f"{name} is {value:g}; give a finite number {least}")
+
+
+def _positive(width: float) -> float:
+    if not (math.isfinite(width) and width > 0):
+        raise InputError(f"a cost was asked for the width {width:g}; give a finite width above 0")
+    return width

@@ -1,0 +1,394 @@
+"""Distributions of a part's error within its tolerance, each for a tolerance of width 1.
+
+Every distribution scales with the width T of its tolerance: a value is T times a standard draw.  A `Scalar` one gives
+each component by itself, a `Planar` one the two components of a vector together.  Page ``theory/budget.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy
+from scipy.special import ndtr, ndtri
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+
+#: Share of the parts outside the tolerance at a capability of 1, for an amplitude: that of +-3 sigma.
+OUTSIDE = 0.0027
+
+_FAR = 8.5  # of a normal variable: beyond it lies 1e-17
+_STEPS = 341
+_SMALLEST_UNIFORM = 2.0**-54  # so that no normal quantile is infinite
+
+
+class Distribution(ABC):
+    """What all distributions have.
+
+    Attributes
+    ----------
+    name : str
+        As in tolerance files.
+    vector : bool
+        Whether the tolerance limits the length of a vector, not each component: the worst case is a circle.
+    """
+
+    name: ClassVar[str]
+    vector: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def variance(self) -> float:
+        """Variance of one component of the standard draw, whose mean is 0."""
+
+
+class Scalar(Distribution):
+    """Distribution of one component."""
+
+    @abstractmethod
+    def quantile(self, probability: Array) -> Array:
+        """Standard values below which lie the given shares of the parts, any shape."""
+
+    def from_normal(self, z: Array) -> Array:
+        """Standard values as monotone images of standard normal ones, any shape."""
+        return self.quantile(np.asarray(ndtr(z)))
+
+    def normal_correlation(self, correlation: float) -> float:
+        """Correlation that normal variables need for their images by `from_normal` to have the given one.
+
+        Parameters
+        ----------
+        correlation : float
+            Pearson correlation of the values, 0 to 1.
+
+        Returns
+        -------
+        float
+
+        Notes
+        -----
+        By quadrature over two normal variables with a common part.  The images' correlation grows with that of the
+        normal variables, so there is one solution.
+        """
+        if correlation in (0.0, 1.0):
+            return correlation
+        z = np.linspace(-_FAR, _FAR, _STEPS)
+        weight = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
+        mean = float(weight @ self.from_normal(z))
+        spread = float(weight @ (self.from_normal(z) - mean) ** 2)
+
+        def excess(r: float) -> float:
+            given_common = self.from_normal(math.sqrt(r) * z[:, None] + math.sqrt(1 - r) * z) @ weight
+            return float(weight @ (given_common - mean) ** 2) / spread - correlation
+
+        return float(scipy.optimize.brentq(excess, 0.0, 1.0, xtol=1e-10))
+
+
+class Planar(Distribution):
+    """Distribution of a vector whose phase is uniform.
+
+    Attributes
+    ----------
+    variates : int
+        Uniform variates that one vector takes.
+    """
+
+    vector: ClassVar[bool] = True
+    variates: ClassVar[int]
+
+    @abstractmethod
+    def pairs(self, uniform: Array) -> Array:
+        """Standard vectors, shape (..., 2), from uniform variates, shape (..., variates)."""
+
+
+@dataclass(frozen=True)
+class Uniform(Scalar):
+    """Each component anywhere in +-T alike."""
+
+    name: ClassVar[str] = "uniform"
+
+    @property
+    def variance(self) -> float:
+        """1/3."""
+        return 1 / 3
+
+    def quantile(self, probability: Array) -> Array:
+        """``2 u - 1``."""
+        return 2 * probability - 1
+
+    def normal_correlation(self, correlation: float) -> float:
+        """``2 sin(pi rho / 6)``, exact."""
+        return 2 * math.sin(math.pi * correlation / 6)
+
+
+@dataclass(frozen=True)
+class Triangular(Scalar):
+    """Each component in +-T, the density falling from the middle to both ends along straight lines."""
+
+    name: ClassVar[str] = "triangular"
+
+    @property
+    def variance(self) -> float:
+        """1/6."""
+        return 1 / 6
+
+    def quantile(self, probability: Array) -> Array:
+        """From the area of the triangle on the nearer side."""
+        side = probability - 0.5
+        return np.asarray(np.sign(side) * (1 - np.sqrt(1 - 2 * np.abs(side))), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Normal(Scalar):
+    """Each component normal, the tolerance T at 3 Cp sigma.
+
+    Attributes
+    ----------
+    capability : float
+        Process capability Cp, above 0: T / (3 sigma).
+    """
+
+    capability: float = 1.0
+    name: ClassVar[str] = "normal"
+
+    def __post_init__(self) -> None:
+        """Check the capability."""
+        _check_capability(self.capability)
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation in widths."""
+        return 1 / (3 * self.capability)
+
+    @property
+    def variance(self) -> float:
+        """``sigma**2``."""
+        return self.sigma**2
+
+    def quantile(self, probability: Array) -> Array:
+        """Normal quantile times sigma."""
+        return self.from_normal(normal_quantile(probability))
+
+    def from_normal(self, z: Array) -> Array:
+        """``sigma z``."""
+        return self.sigma * z
+
+    def normal_correlation(self, correlation: float) -> float:
+        """The same."""
+        return correlation
+
+
+@dataclass(frozen=True)
+class Rayleigh(Normal):
+    """Vector of normal components: its amplitude is a Rayleigh variable, its phase uniform.
+
+    Attributes
+    ----------
+    capability : float
+        Process capability Cp, above 0.  At 1 the amplitude exceeds T in 0.27 % of the parts, as with +-3 sigma.
+    """
+
+    name: ClassVar[str] = "rayleigh"
+    vector: ClassVar[bool] = True
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of each component in widths, ``1 / (Cp sqrt(-2 ln 0.0027))``."""
+        return 1 / (self.capability * math.sqrt(-2 * math.log(OUTSIDE)))
+
+
+@dataclass(frozen=True)
+class TruncatedNormal(Scalar):
+    """Each component normal with T at 3 Cp sigma, and parts beyond +-T sorted out.
+
+    Attributes
+    ----------
+    capability : float
+        Process capability Cp before sorting, above 0.
+    """
+
+    capability: float = 1.0
+    name: ClassVar[str] = "truncated_normal"
+
+    def __post_init__(self) -> None:
+        """Check the capability."""
+        _check_capability(self.capability)
+
+    @property
+    def variance(self) -> float:
+        """``(1 - 2 k phi(k) / (2 Phi(k) - 1)) / k**2`` with k = 3 Cp."""
+        k = 3 * self.capability
+        density = math.exp(-k * k / 2) / math.sqrt(2 * math.pi)
+        return (1 - 2 * k * density / math.erf(k / math.sqrt(2))) / k**2
+
+    def quantile(self, probability: Array) -> Array:
+        """Normal quantile of the share within the cut, from the nearer side."""
+        k = 3 * self.capability
+        side = np.asarray(probability) - 0.5
+        tail = float(ndtr(-k)) + (0.5 - np.abs(side)) * math.erf(k / math.sqrt(2))
+        return np.asarray(-np.sign(side) * ndtri(tail) / k, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Samples(Scalar):
+    """Measured values, resampled along straight lines between neighbours.
+
+    Attributes
+    ----------
+    values : tuple of float
+        Core units; at least two different ones.
+
+    Notes
+    -----
+    The i-th smallest of N stands at the probability (i - 1/2) / N; beyond the first and the last the quantile is flat.
+    So the mean is that of the values exactly and nothing lies beyond them.
+    """
+
+    values: tuple[float, ...]
+    name: ClassVar[str] = "samples"
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check_samples(self.values)
+        if min(self.values) == max(self.values):
+            raise InputError(f"samples: all {len(self.values)} values are equal; give at least two different ones")
+
+    @property
+    def mean(self) -> float:
+        """Mean of the values, core units."""
+        return math.fsum(self.values) / len(self.values)
+
+    @property
+    def width(self) -> float:
+        """Largest deviation of a value from the mean, core units."""
+        return max(abs(value - self.mean) for value in self.values)
+
+    @property
+    def variance(self) -> float:
+        """Of the piecewise straight quantile, in widths squared."""
+        return _mean_square(self._standard())
+
+    def quantile(self, probability: Array) -> Array:
+        """Straight lines between the values."""
+        return _interpolated(probability, self._standard())
+
+    def _standard(self) -> Array:
+        return (np.sort(self.values) - self.mean) / self.width
+
+
+@dataclass(frozen=True)
+class Circle(Planar):
+    """Vector anywhere in a circle of radius T alike."""
+
+    name: ClassVar[str] = "circle"
+    variates: ClassVar[int] = 2
+
+    @property
+    def variance(self) -> float:
+        """1/4."""
+        return 1 / 4
+
+    def pairs(self, uniform: Array) -> Array:
+        """Amplitude ``sqrt(u1)``, phase ``2 pi u2``."""
+        return _polar(np.sqrt(uniform[..., 0]), uniform[..., 1])
+
+
+@dataclass(frozen=True)
+class Ring(Planar):
+    """Vector of length T exactly: a sorted part at a random assembly phase."""
+
+    name: ClassVar[str] = "ring"
+    variates: ClassVar[int] = 1
+
+    @property
+    def variance(self) -> float:
+        """1/2."""
+        return 1 / 2
+
+    def pairs(self, uniform: Array) -> Array:
+        """Phase ``2 pi u``."""
+        return _polar(np.ones(uniform.shape[:-1]), uniform[..., 0])
+
+
+@dataclass(frozen=True)
+class SampledAmplitude(Planar):
+    """Vector of a measured length at a random phase.
+
+    Attributes
+    ----------
+    values : tuple of float
+        Measured lengths, core units, not negative, resampled as `Samples` does.
+    """
+
+    values: tuple[float, ...]
+    name: ClassVar[str] = "samples"
+    variates: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check_samples(self.values)
+        if min(self.values) < 0:
+            raise InputError(f"samples: {min(self.values):g} is no length of a vector; give values of 0 or more")
+        if max(self.values) == 0:
+            raise InputError("samples: all values are 0; give the measured lengths")
+
+    @property
+    def width(self) -> float:
+        """Largest value, core units."""
+        return max(self.values)
+
+    @property
+    def variance(self) -> float:
+        """Half the mean square length, in widths squared."""
+        return _mean_square(self._standard()) / 2
+
+    def pairs(self, uniform: Array) -> Array:
+        """Amplitude by the quantile of the values at u1, phase ``2 pi u2``."""
+        return _polar(_interpolated(uniform[..., 0], self._standard()), uniform[..., 1])
+
+    def _standard(self) -> Array:
+        return np.sort(self.values) / self.width
+
+
+def normal_quantile(uniform: Array) -> Array:
+    """Standard normal values of uniform variates, finite at 0 and 1 too."""
+    return np.asarray(ndtri(np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2)), dtype=np.float64)
+
+
+def turned(pairs: Array, uniform: Array) -> Array:
+    """Vectors, shape (..., 2), each turned by 2 pi times its uniform variate, shape (...)."""
+    cos, sin = np.moveaxis(_polar(np.ones(uniform.shape), uniform), -1, 0)
+    x, y = pairs[..., 0], pairs[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def _polar(amplitude: Array, turns: Array) -> Array:
+    angle = 2 * np.pi * turns
+    return np.stack([amplitude * np.cos(angle), amplitude * np.sin(angle)], axis=-1)
+
+
+def _check_capability(capability: float) -> None:
+    if not 0 < capability < math.inf:
+        raise InputError(f"capability = {capability:g}: must be above 0; give the Cp of the process, such as 1.33")
+
+
+def _check_samples(values: tuple[float, ...]) -> None:
+    if not values:
+        raise InputError("samples: there are none; give at least two measured values")
+    if not all(math.isfinite(value) for value in values):
+        raise InputError("samples: a value is not finite; leave it out")
+
+
+def _mean_square(knots: Array) -> float:
+    """Mean square of the piecewise straight quantile through sorted knots."""
+    ends = (knots[0] ** 2 + knots[-1] ** 2) / 2
+    low, high = knots[:-1], knots[1:]
+    return float((ends + ((low * low + low * high + high * high) / 3).sum()) / knots.size)
+
+
+def _interpolated(probability: Array, knots: Array) -> Array:
+    return np.interp(np.asarray(probability) * knots.size - 0.5, np.arange(knots.size), knots)

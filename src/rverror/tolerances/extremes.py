@@ -1,0 +1,388 @@
+"""Peak-to-peak, max and rms of very many linear combinations of waveforms.  Page ``theory/virtual-units.md``."""
+
+from __future__ import annotations
+
+import bisect
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+
+#: Largest difference of a peak-to-peak that leaving out small waves may make, rad.
+TOLERANCE = 1e-6 * ARCSEC
+#: Draws, in widths, up to which `TOLERANCE` is kept.
+REACH = 10.0
+
+_UNIT_ROUNDOFF = 2.0**-53
+_WORTHWHILE = 2 / 3  # of the multiplications of the whole product, for `kernel` to take the form by orders
+_DIRECT_SAMPLES = 2**21  # of a block of units: 16 MB, where the product is at its fastest
+_FOLDED_SAMPLES = 2**17  # 1 MB: sums and peaks stay in a core's cache
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Sizes of the output error of many units over one revolution.
+
+    Attributes
+    ----------
+    peak_to_peak : ndarray, shape (units,)
+        Largest less smallest value.
+    max : ndarray, shape (units,)
+        Largest distance from the mean over the angles.
+    rms : ndarray, shape (units,)
+        About the mean over the angles.
+    offset : ndarray, shape (units,)
+        The mean over the angles, which the others leave out.
+    """
+
+    peak_to_peak: Array
+    max: Array
+    rms: Array
+    offset: Array
+
+
+@dataclass(frozen=True)
+class Kernel(ABC):
+    """Waveforms made ready for very many combinations ``nominal + values @ waveforms``.
+
+    Attributes
+    ----------
+    offsets : ndarray, shape (m,)
+        Mean of each waveform, which is kept apart from it.
+    nominal_offset : float
+        Mean of the nominal.
+    factor : ndarray, shape (m, r)
+        Coordinates of the waveforms in an orthonormal basis.
+    nominal_factor : ndarray, shape (r,)
+        Coordinates of the nominal.
+    slack : ndarray, shape (m,)
+        What any sample may be off by, for a value of 1 of each waveform.
+    nominal_slack : float
+        The same for the nominal.
+    """
+
+    offsets: Array
+    nominal_offset: float
+    factor: Array
+    nominal_factor: Array
+    slack: Array
+    nominal_slack: float
+
+    @abstractmethod
+    def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
+        """Write maximum, minimum and rms of each combination, its mean taken off."""
+
+    @property
+    @abstractmethod
+    def work(self) -> int:
+        """Multiplications that one combination takes."""
+
+    def extremes(self, values: Array) -> Extremes:
+        """Sizes of ``nominal + values @ waveforms`` for each row of values.
+
+        Parameters
+        ----------
+        values : ndarray, shape (units, m)
+
+        Returns
+        -------
+        Extremes
+            In the unit of the waveforms.
+        """
+        high, low, rms = np.empty((3, values.shape[0]))
+        self._fill(values, high, low, rms)
+        return Extremes(high - low, np.maximum(high, -low), rms, self.nominal_offset + values @ self.offsets)
+
+    def bound(self, values: Array) -> Array:
+        """Bound on the error of each peak-to-peak: of waves left out and of rounding.
+
+        Parameters
+        ----------
+        values : ndarray, shape (units, m)
+
+        Returns
+        -------
+        ndarray, shape (units,)
+        """
+        return np.asarray(2 * (np.abs(values) @ self.slack + self.nominal_slack), dtype=np.float64)
+
+    def bound_within(self, reach: float) -> float:
+        """Bound on the error of any peak-to-peak whose values lie within +-reach."""
+        return 2 * (reach * float(self.slack.sum()) + self.nominal_slack)
+
+
+@dataclass(frozen=True)
+class DirectKernel(Kernel):
+    """The straightforward form: the matrix product in blocks, then its maxima and minima.
+
+    Attributes
+    ----------
+    waveforms : ndarray, shape (m, n)
+        Without their means.
+    nominal : ndarray, shape (n,)
+        Without its mean.
+    """
+
+    waveforms: Array
+    nominal: Array
+
+    @property
+    def work(self) -> int:
+        """Multiplications that one combination takes."""
+        return self.waveforms.size
+
+    def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
+        samples = self.nominal.size
+        buffer = np.empty((_rows(_DIRECT_SAMPLES, samples, values.shape[0]), samples))
+        shifted = self.nominal.any()
+        for part in _blocks(values.shape[0], buffer.shape[0]):
+            te = np.matmul(values[part], self.waveforms, out=buffer[: part.stop - part.start])
+            if shifted:
+                te += self.nominal
+            te.max(axis=1, out=high[part])
+            te.min(axis=1, out=low[part])
+            coordinates = values[part] @ self.factor + self.nominal_factor
+            rms[part] = np.sqrt(np.einsum("ur,ur->u", coordinates, coordinates) / samples)
+
+
+@dataclass(frozen=True)
+class FoldedKernel(Kernel):
+    """The form by orders: waves that repeat within the revolution are summed on the angles of one repeat alone.
+
+    Attributes
+    ----------
+    levels : tuple of ndarray, each of shape (r_v, h_v)
+        Orthonormal waves of each level.  Those of all but the last change their sign after h_v samples, those of the
+        last repeat; level v + 1 is added to the first and to the second half of what level v leaves of the revolution.
+    weights : ndarray, shape (r,)
+        Mean square over the revolution of each wave.
+    """
+
+    levels: tuple[Array, ...]
+    weights: Array
+
+    @property
+    def work(self) -> int:
+        """Multiplications that one combination takes."""
+        return self.factor.size + sum(level.size for level in self.levels)
+
+    def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
+        lengths = [level.shape[1] for level in self.levels]
+        ends = np.cumsum([level.shape[0] for level in self.levels]).tolist()
+        rows = _rows(_FOLDED_SAMPLES, lengths[0], values.shape[0])
+        products = [np.empty((rows, length)) for length in lengths]
+        sums = [np.empty((rows, 2 * length)) for length in lengths[1:-1]]
+        peaks = np.empty((rows, lengths[0]))
+        for part in _blocks(values.shape[0], rows):
+            used = slice(0, part.stop - part.start)
+            coordinates = values[part] @ self.factor
+            coordinates += self.nominal_factor
+            by_level = np.split(coordinates, ends[:-1], axis=1)
+            waves = [
+                np.matmul(numbers, level, out=product[used])
+                for numbers, level, product in zip(by_level, self.levels, products, strict=True)
+            ]
+            np.square(coordinates, out=coordinates)
+            np.sqrt(coordinates @ self.weights, out=rms[part])
+            even = waves.pop()
+            for odd, both in zip(waves[:0:-1], reversed(sums), strict=True):
+                np.add(even, odd, out=both[used, : odd.shape[1]])
+                np.subtract(even, odd, out=both[used, odd.shape[1] :])
+                even = both[used]
+            if not waves:
+                even.max(axis=1, out=high[part])
+                even.min(axis=1, out=low[part])
+                continue
+            swing = np.abs(waves[0], out=waves[0])
+            np.add(even, swing, out=peaks[used]).max(axis=1, out=high[part])
+            np.subtract(even, swing, out=peaks[used]).min(axis=1, out=low[part])
+
+
+def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:
+    """Make waveforms ready for the straightforward form.
+
+    Parameters
+    ----------
+    waveforms : ndarray, shape (m, n)
+    nominal : ndarray, shape (n,)
+
+    Returns
+    -------
+    DirectKernel
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit or a number is not finite.
+    """
+    rows, means, left_out = _centred(waveforms, nominal)
+    count = rows.shape[0]
+    triangle: Array = np.asarray(np.linalg.qr(rows.T, mode="r"))
+    left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
+    noise = 2 * _UNIT_ROUNDOFF * max(rows.shape) * values[0]  # as numpy.linalg.matrix_rank has it
+    factor = (left * values)[:, values > noise]
+    slack = left_out + _gamma(count + 4) * np.abs(rows).max(axis=1)
+    return DirectKernel(
+        offsets=means[:-1],
+        nominal_offset=float(means[-1]),
+        factor=np.ascontiguousarray(factor[:-1]),
+        nominal_factor=np.ascontiguousarray(factor[-1]),
+        slack=slack[:-1],
+        nominal_slack=float(slack[-1]),
+        waveforms=rows[:-1],
+        nominal=rows[-1],
+    )
+
+
+def folded_kernel(
+    waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE
+) -> FoldedKernel:
+    """Make waveforms ready for the form by orders.
+
+    Parameters
+    ----------
+    waveforms : ndarray, shape (m, n)
+    nominal : ndarray, shape (n,)
+    reach : float
+        Largest value that will multiply a waveform.
+    tolerance : float
+        Bound on the error of a peak-to-peak, as long as no value exceeds `reach`; in the unit of the waveforms.
+
+    Returns
+    -------
+    FoldedKernel
+        Its `bound_within(reach)` tells whether the tolerance was to be had: rounding may not allow it.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit or a number is not finite.
+
+    Notes
+    -----
+    With h half the angles, (TE(i) + TE(i + h)) / 2 holds the even orders and (TE(i) - TE(i + h)) / 2 the odd ones; the
+    even ones are folded again.  On each level the waveforms are written by as few waves as their rank.
+    """
+    rows, means, left_out = _centred(waveforms, nominal)
+    count = rows.shape[0]
+    folded = _folded(rows)
+    limits = np.append(np.full(count - 1, reach), 1.0)  # of what multiplies each row
+    share = tolerance / (4 * len(folded))  # half of the bound is left to rounding
+    factors: list[Array] = []
+    levels: list[Array] = []
+    weights: list[Array] = []
+    sizes = np.zeros(count)
+    for level in folded:
+        factor, basis, rest = _truncated(level, limits, share)
+        left_out += rest
+        sizes += (np.abs(factor) @ np.abs(basis)).max(axis=1)
+        if levels or len(basis) or level is folded[-1]:  # a common repeat leaves nothing on the first levels
+            factors.append(factor)
+            levels.append(basis)
+            weights.append(np.full(len(basis), 1 / level.shape[1]))
+    together = np.concatenate(factors, axis=1)
+    rank = max(len(level) for level in levels)
+    slack = left_out + _gamma(count + 2 * rank + 2 * len(folded) + 4) * (sizes + left_out)
+    return FoldedKernel(
+        offsets=means[:-1],
+        nominal_offset=float(means[-1]),
+        factor=np.ascontiguousarray(together[:-1]),
+        nominal_factor=together[-1],
+        slack=slack[:-1],
+        nominal_slack=float(slack[-1]),
+        levels=tuple(levels),
+        weights=np.concatenate(weights),
+    )
+
+
+def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE) -> Kernel:
+    """Make waveforms ready: the form by orders where it is exact enough and cheaper, else the straightforward one.
+
+    Parameters
+    ----------
+    waveforms : ndarray, shape (m, n)
+        Such as `Stack.scaled`, rad per standard draw.
+    nominal : ndarray, shape (n,)
+    reach, tolerance : float
+        As for `folded_kernel`; a tolerance of 0 asks for the straightforward form.
+
+    Returns
+    -------
+    Kernel
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit or a number is not finite.
+
+    Examples
+    --------
+    >>> theta = 2 * np.pi * np.arange(4096) / 4096
+    >>> waves = 5 * ARCSEC * np.array([np.cos(40 * theta), np.sin(40 * theta), np.ones(4096)])
+    >>> ready = kernel(waves, np.zeros(4096))
+    >>> ready.levels[0].shape  # order 40 changes its sign after a sixteenth of the revolution
+    (2, 256)
+    >>> sizes = ready.extremes(np.array([[3.0, 4.0, 7.0]]))
+    >>> [round(float(size[0] / ARCSEC), 3) for size in (sizes.max, sizes.rms, sizes.offset)]
+    [25.0, 17.678, 35.0]
+    """
+    if tolerance > 0:
+        folded = folded_kernel(waveforms, nominal, reach=reach, tolerance=tolerance)
+        if folded.bound_within(reach) <= tolerance and folded.work < _WORTHWHILE * waveforms.size:
+            return folded
+    return direct_kernel(waveforms, nominal)
+
+
+def _centred(waveforms: Array, nominal: Array) -> tuple[Array, Array, Array]:
+    """Waveforms with the nominal below them, without their means; the means; and what that leaves out of each."""
+    if waveforms.ndim != 2 or nominal.shape != waveforms.shape[1:] or not nominal.size:
+        raise ValueError(f"waveforms {waveforms.shape} and nominal {nominal.shape}: give (m, n) and (n,) with n > 0")
+    rows = np.concatenate([waveforms, nominal[None]], dtype=np.float64)
+    if not np.isfinite(rows).all():
+        raise ValueError("the waveforms or the nominal hold numbers that are not finite; check the model")
+    means = rows.mean(axis=1)
+    rows -= means[:, None]
+    size = np.abs(rows).max(axis=1)
+    constant = size <= 8 * _UNIT_ROUNDOFF * np.abs(means)  # but for rounding
+    rows[constant] = 0
+    return rows, means, np.where(constant, size, 0)
+
+
+def _folded(rows: Array) -> list[Array]:
+    """Parts that change their sign after half of what is left, then what repeats."""
+    parts = []
+    while rows.shape[1] % 2 == 0 and rows.shape[1] // 2 >= rows.shape[0]:
+        first, second = np.split(rows, 2, axis=1)
+        parts.append((first - second) / 2)
+        rows = (first + second) / 2
+    return [*parts, rows]
+
+
+def _truncated(rows: Array, limits: Array, most: float) -> tuple[Array, Array, Array]:
+    """Factors of the least rank whose rest, each row times its limit, adds up to no more than `most`; and the rest."""
+    left, values, waves = np.linalg.svd(rows, full_matrices=False)
+    left *= values
+
+    def rest(rank: int) -> Array:
+        size: Array = np.abs(rows - left[:, :rank] @ waves[:rank]).max(axis=1)
+        return size
+
+    rank = bisect.bisect_left(range(len(values)), True, key=lambda r: float(limits @ rest(r)) <= most)
+    return left[:, :rank], np.ascontiguousarray(waves[:rank]), rest(rank)
+
+
+def _gamma(count: int) -> float:
+    """Largest relative error of a sum of so many products."""
+    return count * _UNIT_ROUNDOFF / (1 - count * _UNIT_ROUNDOFF)
+
+
+def _rows(most: int, length: int, count: int) -> int:
+    """Units in a block of no more than so many samples."""
+    return min(count, max(16, most // length))
+
+
+def _blocks(count: int, size: int) -> list[slice]:
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]

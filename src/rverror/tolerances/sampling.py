@@ -1,0 +1,569 @@
+"""Statistics of very many virtual units: drawn in chunks by any executor, resumed where they were left.
+
+Page ``theory/virtual-units.md``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import os
+import zipfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+from scipy.special import bdtr, bdtrik, betaincinv
+
+from rverror.base.arrays import Array
+from rverror.base.chance import student
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, write_bytes
+from rverror.base.version import __version__
+from rverror.base.viewed import Viewed
+from rverror.tolerances.extremes import TOLERANCE, Extremes, Kernel, kernel
+from rverror.tolerances.stacking import Stack
+
+Result = TypeVar("Result")
+Draws = Literal["sobol", "random"]
+Size = Literal["peak_to_peak", "max", "rms", "offset"]
+
+#: Most variates of a unit for which there are direction numbers of Sobol sequences.
+MOST_SOBOL_DIMENSIONS = 21201
+
+_LONGEST_CHUNK = 2**14
+_REPLICATES = 12  # chunks that a job has at least, where it has enough units: their scatter makes intervals
+_STEP = 1024  # units drawn at a time
+_CELL = 2.0**-30  # distance of neighbouring Sobol points
+_IN_FLIGHT = 64  # chunks handed to an executor at a time
+_SIZES = ("peak_to_peak", "max", "rms", "offset")
+_FORMAT = 1  # of the chunk files
+
+
+@dataclass(frozen=True)
+class IntervalEstimate:
+    """A quantile or a yield with its intervals.
+
+    Attributes
+    ----------
+    value : float
+        From all units together.
+    low, high : float
+        Interval that counts the units as independent, or that of the scrambles where it reaches farther.  Infinite, or
+        0 for the lower end of a quantile, where there are too few units.
+    scramble_low, scramble_high : float
+        Interval from the scatter of the chunks, each a scramble of its own; not a number where there is one chunk.
+    """
+
+    value: float
+    low: float
+    high: float
+    scramble_low: float
+    scramble_high: float
+
+
+@dataclass(frozen=True)
+class VirtualUnits(Viewed):
+    """Sizes of the output error of many virtual units.
+
+    Attributes
+    ----------
+    peak_to_peak, max, rms, offset : ndarray, shape (units,)
+        rad, as in `Extremes`.
+    chunk : int
+        Units of each chunk; the last may be shorter.
+    draws : str
+        ``sobol`` or ``random``.
+    seed : int
+    form : str
+        ``FoldedKernel`` or ``DirectKernel``.
+    error_bound : float
+        rad; no peak-to-peak is off by more, of waves left out and of rounding.
+    kept : int
+        Chunks that were there from an earlier call.
+    """
+
+    peak_to_peak: Array
+    max: Array
+    rms: Array
+    offset: Array
+    chunk: int
+    draws: Draws
+    seed: int
+    form: str
+    error_bound: float
+    kept: int
+
+    @property
+    def count(self) -> int:
+        """Number of units."""
+        return self.peak_to_peak.size
+
+    def quantile(self, probability: float, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
+        """Size that so large a share of the units does not exceed.
+
+        Parameters
+        ----------
+        probability : float
+            Between 0 and 1: 0.99 for P99.
+        of : str
+            ``peak_to_peak``, ``max``, ``rms`` or ``offset``.
+        confidence : float
+            Of the intervals.
+
+        Returns
+        -------
+        IntervalEstimate
+            rad.
+
+        Raises
+        ------
+        InputError
+            If a probability is not between 0 and 1.
+
+        Notes
+        -----
+        ``low`` and ``high`` are order statistics x_(l), x_(u) with P(K < l) and P(K >= u) at most half of what the
+        confidence leaves, K binomial; or the pooled quantiles at ``probability`` +- (t sigma + 1 / units), sigma from
+        the scatter of the chunks (Woodruff 1952), where these reach farther.
+        """
+        _check_share("probability", probability)
+        _check_share("confidence", confidence)
+        sizes = getattr(self, of)
+        value = float(np.quantile(sizes, probability))
+        ordered, tail = np.sort(sizes), (1 - confidence) / 2
+        below = _binomial_quantile(tail, self.count, probability)  # least l with P(K <= l) above the tail
+        above = _binomial_quantile(1 - tail, self.count, probability) + 1
+        low = float(ordered[below - 1]) if below else (-math.inf if of == "offset" else 0.0)
+        high = float(ordered[above - 1]) if above <= self.count else math.inf
+        margin = self._scatter(sizes <= value, confidence) + 1 / self.count  # no share is known to less than a unit
+        shares = np.clip([probability - margin, probability + margin], 0, 1)
+        scramble = [math.nan] * 2 if math.isnan(margin) else np.quantile(sizes, shares).tolist()
+        return IntervalEstimate(value, min(low, *scramble), max(high, *scramble), *scramble)
+
+    def yield_at(self, limit: float, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
+        """Share of the units that do not exceed a limit.
+
+        Parameters
+        ----------
+        limit : float
+            rad.
+        of : str
+            ``peak_to_peak``, ``max``, ``rms`` or ``offset``.
+        confidence : float
+            Of the intervals.
+
+        Returns
+        -------
+        IntervalEstimate
+            Between 0 and 1.
+
+        Raises
+        ------
+        InputError
+            If the confidence is not between 0 and 1.
+
+        Notes
+        -----
+        ``low`` and ``high`` are those of Clopper and Pearson, or of Student from the scatter of the chunks, where these
+        reach farther.
+        """
+        _check_share("confidence", confidence)
+        within = getattr(self, of) <= limit
+        good, count, tail = int(within.sum()), self.count, (1 - confidence) / 2
+        low = float(betaincinv(good, count - good + 1, tail)) if good else 0.0
+        high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
+        value, margin = good / count, self._scatter(within, confidence)
+        scramble = [math.nan] * 2 if math.isnan(margin) else np.clip([value - margin, value + margin], 0, 1).tolist()
+        return IntervalEstimate(value, min(low, *scramble), max(high, *scramble), *scramble)
+
+    def _scatter(self, hits: npt.NDArray[np.bool_], confidence: float) -> float:
+        """Half the width of the interval of a share of the units, from its scatter between the chunks."""
+        starts = np.arange(0, self.count, self.chunk)
+        chunks = starts.size
+        if chunks < 2:
+            return math.nan
+        lengths = np.diff(starts, append=self.count)
+        differences = np.add.reduceat(hits.astype(np.float64), starts) - lengths * hits.mean()
+        variance = chunks / (chunks - 1) * float((differences**2).sum()) / self.count**2
+        return student((1 - confidence) / 2, chunks - 1) * math.sqrt(variance)
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """What turns uniform variates into sizes: all that a worker needs of a stack, without its long arrays.
+
+    Attributes
+    ----------
+    stack : Stack
+        Draws, and has neither samples nor components.
+    kernel : Kernel
+    """
+
+    stack: Stack
+    kernel: Kernel
+
+    def sizes(self, uniforms: Array) -> tuple[Extremes, float]:
+        """Sizes of units and the largest bound on the error of their peak-to-peak.
+
+        Parameters
+        ----------
+        uniforms : ndarray, shape (units, dimensions)
+
+        Returns
+        -------
+        Extremes, float
+            rad.
+        """
+        values = self.stack.standard(uniforms)
+        return self.kernel.extremes(values), float(self.kernel.bound(values).max(initial=0.0))
+
+
+def sampler(stack: Stack, tolerance: float = TOLERANCE) -> Sampler:
+    """Make a stack ready for very many units.
+
+    Parameters
+    ----------
+    stack : Stack
+    tolerance : float
+        As for `virtual_units`.
+
+    Returns
+    -------
+    Sampler
+    """
+    ready = kernel(stack.scaled(), stack.nominal, tolerance=tolerance)
+    no_samples = np.empty((stack.influence.shape[0], 0))
+    return Sampler(replace(stack, nominal=np.empty(0), influence=no_samples, components=(), theta=None), ready)
+
+
+@dataclass(frozen=True)
+class _Chunks:
+    """What a worker needs: how units are drawn and sized, and how they are cut into chunks."""
+
+    sampler: Sampler
+    count: int
+    chunk: int
+    seed: int
+    draws: Draws
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.count // self.chunk)
+
+    def span(self, index: int) -> slice:
+        """Units of a chunk."""
+        return slice(index * self.chunk, min((index + 1) * self.chunk, self.count))
+
+    def __call__(self, index: int) -> tuple[Array, float]:
+        """Sizes of one chunk, shape (4, units), and the bound on their error."""
+        span = self.span(index)
+        sizes = np.empty((len(_SIZES), span.stop - span.start))
+        bound, done = 0.0, 0
+        dimensions = self.sampler.stack.dimensions
+        for block in uniforms(sizes.shape[1], dimensions, seed=self.seed, index=index, draws=self.draws):
+            part, off = self.sampler.sizes(block)
+            for row, name in zip(sizes, _SIZES, strict=True):
+                row[done : done + len(block)] = getattr(part, name)
+            bound, done = max(bound, off), done + len(block)
+        return sizes, bound
+
+
+def virtual_units(
+    stack: Stack,
+    count: int,
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    folder: PathLike | None = None,
+    draws: Draws = "sobol",
+    tolerance: float = TOLERANCE,
+) -> VirtualUnits:
+    """Draw virtual units of a tolerance stack and compute the sizes of their output errors.
+
+    Parameters
+    ----------
+    stack : Stack
+    count : int
+        Number of units.
+    seed : int
+        0 or more; another one gives independent units.
+    executor : concurrent.futures.Executor, optional
+        Where the chunks are computed: threads, processes, Dask's ``client.get_executor()``; it stays open.  Left out:
+        in this process, one after another.  The numbers are the same in all cases, bit for bit.
+    folder : str or path-like, optional
+        Where each chunk is written as soon as it is done; made where missing.  Called again after an interruption,
+        with the same stack and settings, what is there is not computed again.
+    draws : str
+        ``sobol``: quasi-random units, up to 21201 variates each.  ``random``: plain random ones.
+    tolerance : float
+        Bound on the error of a peak-to-peak that the form by orders may make, rad; 0 for the straightforward form.
+
+    Returns
+    -------
+    VirtualUnits
+
+    Raises
+    ------
+    InputError
+        If a setting is unusable, the folder holds other files or chunks of another stack, settings or version, or the
+        workers are lost.
+
+    Notes
+    -----
+    Memory: the results, a few numbers for each unit, and in each worker the waveforms and a block of units.
+
+    The work is many small matrix products, for which BLAS threads wait on one another, on a busy machine for most of
+    the time: start Python with ``OMP_NUM_THREADS=1`` and give more workers instead.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> from rverror.tolerances.stacking import stack, tolerance
+    >>> from rverror.base.units import ARCSEC
+    >>> cams = stack(rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")])
+    >>> units = virtual_units(cams, 2000)
+    >>> p95 = units.quantile(0.95)
+    >>> print(f"{p95.value / ARCSEC:.0f} arcsec")
+    26 arcsec
+    """
+    if count < 1:
+        raise InputError(f"count = {count}: no unit to draw; give 1 or more")
+    if seed < 0:
+        raise InputError(f"seed = {seed}: must be 0 or more")
+    _check_draws(draws, stack.dimensions)
+    job = _Chunks(sampler(stack, tolerance), int(count), _chunk_length(count), int(seed), draws)
+    store = None if folder is None else _Store(Path(folder), _digest(stack, job, tolerance), job)
+    results = np.empty((len(_SIZES), job.count))
+    bound = 0.0
+    missing = []
+    for index in range(job.chunks):
+        found = None if store is None else store.read(index)
+        if found is None:
+            missing.append(index)
+            continue
+        results[:, job.span(index)] = found[0]
+        bound = max(bound, found[1])
+    for index, (sizes, off) in computed(job, missing, executor):
+        if store is not None:
+            store.write(index, sizes, off)
+        results[:, job.span(index)] = sizes
+        bound = max(bound, off)
+    peak_to_peak, largest, rms, offset = results
+    return VirtualUnits(
+        peak_to_peak,
+        largest,
+        rms,
+        offset,
+        chunk=job.chunk,
+        draws=draws,
+        seed=job.seed,
+        form=type(job.sampler.kernel).__name__,
+        error_bound=bound,
+        kept=job.chunks - len(missing),
+    )
+
+
+def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws = "sobol") -> Iterator[Array]:
+    """Uniform variates of one chunk, a block at a time; seeded by the seed and the index alone.
+
+    Parameters
+    ----------
+    count : int
+        Units of the chunk.
+    dimensions : int
+        Variates of a unit.
+    seed, index : int
+        0 or more.
+    draws : str
+        ``sobol``: the first points of a Sobol sequence with a scramble of its own, each in the middle of its cell of
+        2**-30.  ``random``: plain random numbers.
+
+    Yields
+    ------
+    ndarray, shape (units, dimensions)
+        Between 0 and 1, never 0 or 1.
+
+    Raises
+    ------
+    InputError
+        If a Sobol sequence of so many dimensions does not exist.
+    """
+    _check_draws(draws, dimensions)
+    rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
+    points = _sobol(dimensions, rng) if draws == "sobol" and dimensions else None
+    for start in range(0, count, _STEP):
+        rows = min(_STEP, count - start)
+        if points is None:
+            yield np.maximum(rng.random((rows, dimensions)), 2.0**-54)
+        else:
+            whole = 1 << (rows - 1).bit_length()  # scipy warns of any other number
+            yield points.random(whole)[:rows] + _CELL / 2
+
+
+def _sobol(dimensions: int, rng: np.random.Generator) -> Any:
+    from scipy.stats import qmc  # takes long to load
+
+    return qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng)
+
+
+def _check_draws(draws: str, dimensions: int) -> None:
+    if draws not in ("sobol", "random"):
+        raise InputError(f"draws = {draws!r}: must be 'sobol' or 'random'")
+    if draws == "sobol" and dimensions > MOST_SOBOL_DIMENSIONS:
+        raise InputError(
+            f"{dimensions} variates a unit: Sobol sequences go up to {MOST_SOBOL_DIMENSIONS}; give draws='random'"
+        )
+
+
+def _check_share(name: str, value: float) -> None:
+    if not 0 < value < 1:
+        raise InputError(f"{name} = {value:g}: must lie between 0 and 1, such as 0.95")
+
+
+def _chunk_length(count: int) -> int:
+    """Largest power of two that leaves enough chunks, within limits."""
+    return min(_LONGEST_CHUNK, 1 << max(4, (max(1, count // _REPLICATES)).bit_length() - 1))
+
+
+def computed(
+    task: Callable[[int], Result], indices: Iterable[int], executor: Executor | None
+) -> Iterator[tuple[int, Result]]:
+    """Results of a task for each index as they are done, no more than a few handed out at a time.
+
+    Parameters
+    ----------
+    task : callable
+        Of an index; must pickle where the executor has other processes.
+    indices : iterable of int
+    executor : concurrent.futures.Executor or None
+        None: in this process.
+
+    Yields
+    ------
+    int, object
+        Index and result, in any order.
+
+    Raises
+    ------
+    InputError
+        If the workers are lost.
+    """
+    if executor is None:
+        for index in indices:
+            yield index, task(index)
+        return
+    waiting = iter(indices)
+    pending: dict[Future[Result], int] = {}
+    try:
+        while True:
+            for index in waiting:
+                pending[executor.submit(task, index)] = index
+                if len(pending) >= _IN_FLIGHT:
+                    break
+            if not pending:
+                return
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                yield pending.pop(future), future.result()
+    except BrokenExecutor as problem:
+        raise InputError(
+            f"the workers were lost ({type(problem).__name__}: {problem}); start again, with fewer if memory ran out; "
+            'what is in folder= is kept; a script needs an `if __name__ == "__main__":`'
+        ) from problem
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+@dataclass(frozen=True)
+class _Store:
+    """Folder of a job: a file for each chunk that is done, which states what job it belongs to."""
+
+    folder: Path
+    digest: str
+    job: _Chunks
+
+    def __post_init__(self) -> None:
+        """Make the folder, or check that it holds nothing but chunks."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            names = {entry.name for entry in self.folder.iterdir() if not entry.name.startswith(".")}
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(f"{self.folder}: cannot use the folder ({reason}); choose another") from error
+        if not os.access(self.folder, os.W_OK):
+            raise InputError(f"{self.folder}: no permission to write in it; choose another folder")
+        foreign = sorted(names - {self.path(index).name for index in range(self.job.chunks)})
+        if foreign:
+            raise InputError(f"{self.folder}: {foreign[0]!r} is no chunk of these units; choose an empty folder")
+
+    def path(self, index: int) -> Path:
+        """File of a chunk."""
+        return self.folder / f"units-{index:06d}.npz"
+
+    def read(self, index: int) -> tuple[Array, float] | None:
+        """Chunk from its file; None where there is none, or half of one."""
+        path = self.path(index)
+        try:
+            raw = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise InputError(f"{path}: cannot read the chunk ({error.strerror}); remove it") from error
+        try:
+            with np.load(io.BytesIO(raw), allow_pickle=False) as file:
+                digest, sizes, bound = str(file["job"]), file["sizes"], float(file["bound"])
+        except (EOFError, ValueError, KeyError, IndexError, TypeError, zipfile.BadZipFile) as error:
+            if raw[:2] in (b"", b"PK") and not isinstance(error, KeyError):
+                return None  # half of a file: a full disk, or a copy that was cut short
+            raise InputError(f"{path}: this is no chunk of virtual units; choose an empty folder") from error
+        if digest != self.digest:
+            raise InputError(
+                f"{path}: made from another stack, count, seed or version; choose an empty folder or remove the chunks"
+            )
+        return sizes, bound
+
+    def write(self, index: int, sizes: Array, bound: float) -> None:
+        """Write a chunk in one step."""
+        content = io.BytesIO()
+        np.savez(content, job=np.array(self.digest), sizes=sizes, bound=np.array(bound))
+        write_bytes(self.path(index), content.getvalue(), overwrite=True)
+
+
+def _digest(stack: Stack, job: _Chunks, tolerance: float) -> str:
+    """SHA-256 of all that the numbers depend on."""
+    versions = (_FORMAT, __version__, np.__version__, scipy.__version__)
+    settings = (job.count, job.chunk, job.seed, job.draws, tolerance)
+    sha = hashlib.sha256()
+    for piece in _pieces((versions, settings, stack.nominal, stack.influence, stack.entry, stack.width, stack.blocks)):
+        sha.update(len(piece).to_bytes(8, "little") + piece)
+    return sha.hexdigest()
+
+
+def _pieces(thing: object) -> Iterator[bytes]:
+    """Content of arrays, tuples, dataclasses and plain values."""
+    if isinstance(thing, np.ndarray):
+        yield f"{thing.dtype.str}{thing.shape}".encode()
+        yield np.ascontiguousarray(thing).tobytes()
+    elif isinstance(thing, tuple):
+        yield f"tuple {len(thing)}".encode()
+        for part in thing:
+            yield from _pieces(part)
+    elif is_dataclass(thing):
+        yield type(thing).__qualname__.encode()
+        yield from _pieces(tuple((field.name, getattr(thing, field.name)) for field in fields(thing)))
+    else:
+        yield repr(thing).encode()
+
+
+def _binomial_quantile(share: float, count: int, probability: float) -> int:
+    """Least number k of hits with P(hits <= k) of at least that share."""
+    k = max(0, math.ceil(float(bdtrik(share, count, probability))))
+    return k - 1 if k and float(bdtr(k - 1, count, probability)) >= share else k

@@ -1,0 +1,737 @@
+"""Tolerances of a model, and the stack of influences and draws that budget and allocation compute with.
+
+A unit's output error over a revolution is TE(theta) = nominal(theta) + sum_c x_c W_c(theta), one term per toleranced
+component c: one parameter of one instance of a source.  x_c = mean + T s_c with the width T of the component's
+tolerance and a standard draw s_c of width 1, so all that follows is linear in the widths.  Page ``theory/budget.md``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import Any, Literal, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.geartrain.contacts import closed_form_forces, pose
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.source import Index, IndexValue, Parameter
+from rverror.model.catalogue import source
+from rverror.model.compose import source_matrix, transmission_error
+from rverror.model.effects import Model
+from rverror.model.readings import stand
+from rverror.tolerances.cost import SAME_WIDTH, Cost
+from rverror.tolerances.distribution import (
+    Circle,
+    Distribution,
+    Normal,
+    Planar,
+    Rayleigh,
+    Ring,
+    SampledAmplitude,
+    Samples,
+    Scalar,
+    Triangular,
+    TruncatedNormal,
+    Uniform,
+    normal_quantile,
+    turned,
+)
+
+Instances = IndexValue | tuple[IndexValue, ...]
+
+#: Distributions by the name that tolerance files use; samples are given by their values.
+DISTRIBUTIONS: Mapping[str, type[Distribution]] = {
+    law.name: law for law in (Uniform, Triangular, Normal, TruncatedNormal, Rayleigh, Circle, Ring)
+}
+
+#: Angles of one revolution where none are given: the mesh orders of an RV-40E need them.
+ANGLES = 4096
+
+_ROUNDING = 1e-12  # relative
+
+#: Names of parameters that are the two components of one vector.
+PAIRS = (
+    ("x", "y"),
+    ("radial", "tangential"),
+    ("cos", "sin"),
+    ("radial_cos", "radial_sin"),
+    ("tangential_cos", "tangential_sin"),
+)
+
+
+@dataclass(frozen=True)
+class Component:
+    """One toleranced parameter of one instance of a source.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping of str to int or str
+        Which crank, disc, pin, harmonic.
+    parameter : str
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    parameter: str
+    dimension: str
+
+    def __str__(self) -> str:
+        """Key, indices and parameter in one word: ``crank.eccentricity(crank=0, disc=1).radial``."""
+        return f"{self.key}{_listed(self.indices)}.{self.parameter}"
+
+
+@dataclass(frozen=True)
+class WorstGroup:
+    """Components whose values the worst case chooses together.
+
+    Attributes
+    ----------
+    kind : str
+        ``"box"``: one number, within +-`radius` widths.  ``"circle"``: a vector, no longer than `radius` widths.
+    components : ndarray of int, shape (instances, 1) or (instances, 2)
+        Instances that move as one; the columns are the components of the vector.
+    radius : float
+        In widths of the tolerance.
+    """
+
+    kind: Literal["box", "circle"]
+    components: npt.NDArray[np.intp]
+    radius: float = 1.0
+
+
+@dataclass(frozen=True)
+class Block:
+    """How the standard draws of one entry come about.
+
+    Attributes
+    ----------
+    first_variate, first_component : int
+        Where the entry's uniform variates and components begin.
+    instances, terms : int
+        Components are ordered by instance, then by parameter; the two of a vector stand side by side.
+    distribution : Scalar or Planar
+    correlation : float
+        Pearson correlation of the values of one parameter between any two instances, 0 to 1.
+    random_phase : bool
+        Whether each vector is turned by an angle of its own at assembly, after the correlation.
+    """
+
+    first_variate: int
+    first_component: int
+    instances: int
+    terms: int
+    distribution: Distribution
+    correlation: float = 0.0
+    random_phase: bool = False
+
+    @property
+    def variates(self) -> slice:
+        """Columns of the uniform variates."""
+        return slice(self.first_variate, self.first_variate + self._drawn + self._turns)
+
+    @property
+    def components(self) -> slice:
+        """Rows of the influence."""
+        return slice(self.first_component, self.first_component + self.instances * self.terms)
+
+    @property
+    def _vectors(self) -> int:
+        """Vectors of one instance."""
+        return self.terms // 2
+
+    @property
+    def _drawn(self) -> int:
+        """Variates before any turning."""
+        if isinstance(self.distribution, Planar):
+            alone = self._vectors * self.distribution.variates
+            return alone if self.correlation else self.instances * alone
+        if self.correlation == 1:
+            return self.terms
+        return self.terms * (self.instances + (1 if self.correlation else 0))
+
+    @property
+    def _turns(self) -> int:
+        """Variates that turn vectors; none where all phases are independent and uniform without."""
+        free = self.distribution.vector and not self.correlation
+        return self.instances * self._vectors if self.random_phase and not free else 0
+
+    @cached_property
+    def _normal_correlation(self) -> float:
+        assert isinstance(self.distribution, Scalar)
+        return self.distribution.normal_correlation(self.correlation)
+
+    def standard(self, uniforms: Array) -> Array:
+        """Standard draws.
+
+        Parameters
+        ----------
+        uniforms : ndarray, shape (units, variates)
+            The block's columns only.
+
+        Returns
+        -------
+        ndarray, shape (units, instances * terms)
+        """
+        number = uniforms.shape[0]
+        drawn = self._values(uniforms[:, : self._drawn])
+        if self._turns:
+            angles = uniforms[:, self._drawn :].reshape(number, self.instances, self._vectors)
+            vectors = np.broadcast_to(drawn, (number, self.instances, self.terms)).reshape(*angles.shape, 2)
+            drawn = turned(vectors, angles)
+        shape = (number, self.instances, self.terms)
+        return np.broadcast_to(drawn.reshape(number, -1, self.terms), shape).reshape(number, -1)
+
+    def _values(self, uniforms: Array) -> Array:
+        """Values before turning, shape (units, instances or 1 for all, terms)."""
+        number, law = uniforms.shape[0], self.distribution
+        if isinstance(law, Planar):
+            return law.pairs(uniforms.reshape(number, -1, self._vectors, law.variates)).reshape(number, -1, self.terms)
+        assert isinstance(law, Scalar)
+        if self.correlation in (0, 1):
+            return law.quantile(uniforms).reshape(number, -1, self.terms)
+        r = self._normal_correlation
+        z = normal_quantile(uniforms).reshape(number, self.instances + 1, self.terms)
+        return law.from_normal(math.sqrt(r) * z[:, :1] + math.sqrt(1 - r) * z[:, 1:])
+
+    @property
+    def remaining_correlation(self) -> float:
+        """Correlation of one component between two instances: none where each vector is turned by itself."""
+        return 0.0 if self.random_phase else self.correlation
+
+    def covariance(self) -> Array:
+        """Covariance of the standard draws, shape (instances * terms, instances * terms).
+
+        Random phases leave the variance of a component, for it is half the mean square length.
+        """
+        among = (1 - self.remaining_correlation) * np.eye(self.instances) + self.remaining_correlation
+        return np.asarray(self.distribution.variance * np.kron(among, np.eye(self.terms)), dtype=np.float64)
+
+    def worst_groups(self) -> tuple[WorstGroup, ...]:
+        """Components that the worst case chooses together, in widths; correlation counts where it is exactly 1."""
+        rows = np.arange(self.components.start, self.components.stop, dtype=np.intp)
+        circles = self.distribution.vector or self.random_phase
+        by_vector = rows.reshape(self.instances, -1, 2 if circles else 1)
+        as_one = self.correlation == 1 and not self.random_phase
+        kept = [by_vector[:, v] for v in range(by_vector.shape[1])]
+        groups = kept if as_one else [vector[i : i + 1] for i in range(self.instances) for vector in kept]
+        radius = 1.0 if self.distribution.vector or not circles else math.sqrt(2)  # a box turned about its corner
+        return tuple(WorstGroup("circle" if circles else "box", group, radius) for group in groups)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """A model and its tolerances as arrays.
+
+    Attributes
+    ----------
+    nominal : ndarray, shape (n,)
+        rad; output error of the declared model with all toleranced values at their means.
+    influence : ndarray, shape (m, n)
+        rad per core unit (mm, rad) of each component.
+    components : tuple of Component, length m
+    entry : ndarray of int, shape (m,)
+        Tolerance to which each component belongs.
+    width : ndarray, shape (entries,)
+        Widths T as given, core units.
+    labels : tuple of str
+        Name of each entry.
+    blocks : tuple of Block
+        How each entry is drawn.
+    theta : ndarray, shape (n,), optional
+        Nominal output angle, rad.
+    """
+
+    nominal: Array
+    influence: Array
+    components: tuple[Component, ...]
+    entry: npt.NDArray[np.intp]
+    width: Array
+    labels: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    theta: Array | None = field(default=None)
+
+    def scaled(self, width: Array | None = None) -> Array:
+        """Influence of the standard draws, rad: `influence` times the width of each component, shape (m, n).
+
+        Parameters
+        ----------
+        width : ndarray, shape (entries,), optional
+            Core units; the widths as given where left out.
+        """
+        used = self.width if width is None else np.asarray(width, dtype=np.float64)
+        return self.influence * used[self.entry][:, None]
+
+    @property
+    def dimensions(self) -> int:
+        """Uniform variates that one unit takes."""
+        return self.blocks[-1].variates.stop if self.blocks else 0
+
+    @property
+    def variate_entry(self) -> npt.NDArray[np.intp]:
+        """Entry to which each variate belongs, shape (dimensions,)."""
+        counts = [block.variates.stop - block.variates.start for block in self.blocks]
+        return np.repeat(np.arange(len(self.blocks), dtype=np.intp), counts)
+
+    def standard(self, uniforms: Array) -> Array:
+        """Standard draws s of many units: width 1, mean 0.
+
+        Parameters
+        ----------
+        uniforms : ndarray, shape (units, dimensions)
+            Variates in 0..1.
+
+        Returns
+        -------
+        ndarray, shape (units, m)
+        """
+        drawn = np.empty((uniforms.shape[0], self.influence.shape[0]))
+        for block in self.blocks:
+            drawn[:, block.components] = block.standard(uniforms[:, block.variates])
+        return drawn
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the standard draws, shape (m, m); zero between entries."""
+        matrix = np.zeros((self.influence.shape[0],) * 2)
+        for block in self.blocks:
+            matrix[block.components, block.components] = block.covariance()
+        return matrix
+
+    @property
+    def worst_groups(self) -> tuple[WorstGroup, ...]:
+        """Components that the worst case chooses together."""
+        return tuple(group for block in self.blocks for group in block.worst_groups())
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far one source's parameters may be from their declared values, in all instances or some.
+
+    `tolerance` makes one from texts with units.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    width : float
+        T, core unit, above 0.
+    distribution : Scalar or Planar
+    indices : mapping of str to int, str or tuple
+        Which instances; of an index that is left out, all.
+    parameters : tuple of str
+        Which parameters; all where empty.
+    mean : mapping of str to float
+        Shift of the centre by parameter, core unit; 0 where left out.
+    correlation : float
+        Pearson correlation of the values of one parameter between any two instances, 0 to 1.
+    random_phase : bool
+        Whether each vector is turned by an angle of its own at assembly.
+    fixed : bool
+        Whether allocation leaves it.
+    bounds : tuple of float, optional
+        Least and largest width for allocation; `span` where left out.
+    cost : Reciprocal or ReciprocalSquare or Grades, optional
+
+    Raises
+    ------
+    InputError
+        If the values do not go together; the message says which.
+    """
+
+    key: str
+    width: float
+    distribution: Distribution
+    indices: Mapping[str, Instances] = field(default_factory=dict)
+    parameters: tuple[str, ...] = ()
+    mean: Mapping[str, float] = field(default_factory=dict)
+    correlation: float = 0.0
+    random_phase: bool = False
+    fixed: bool = False
+    bounds: tuple[float, float] | None = None
+    cost: Cost | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the values go together."""
+        entry = source(self.key)
+        if source(self.key).acts == "marks":
+            self._refuse("it turns the waveforms of others and adds none of its own; leave it out")
+        for name in self.parameters:
+            if name not in [p.name for p in entry.parameters]:
+                self._refuse(f"no parameter {name!r};{_names('parameters', [p.name for p in entry.parameters], name)}")
+        for name in self.indices:
+            if name not in [i.name for i in entry.indices]:
+                self._refuse(f"no index {name!r};{_names('indices', [i.name for i in entry.indices], name)}")
+        for name in self.mean:
+            if name not in [p.name for p in self.chosen]:
+                self._refuse(f"mean of {name!r};{_names('parameters', [p.name for p in self.chosen], name)}")
+        if not 0 < self.width < math.inf:
+            self._refuse(f"tolerance = {self.width:g}: must be above 0; give half the allowed spread")
+        if not 0 <= self.correlation <= 1:
+            self._refuse(
+                f"correlation = {self.correlation:g}: must be from 0 to 1; 1 is the same value in all instances"
+            )
+        self._check_vectors()
+        self._check_bounds()
+
+    def _check_vectors(self) -> None:
+        law = self.distribution
+        if not self.in_vectors:
+            names = ", ".join(p.name for p in self.chosen)
+            if law.vector:
+                self._refuse(
+                    f"distribution = {law.name!r} is for vectors, and {names} is none; use 'normal' or 'uniform', or "
+                    "all parameters"
+                )
+            if self.random_phase:
+                self._refuse(f"phase = 'random' turns vectors, and {names} is none; leave phase out")
+        if self.random_phase and any(self.mean.values()):
+            self._refuse("a mean that is turned at random is no mean; leave mean out, or use the distribution 'ring'")
+        if isinstance(law, Planar) and self.correlation not in (0, 1):
+            self._refuse(
+                f"correlation = {self.correlation:g}: the distribution {law.name!r} takes 0 or 1; use 'rayleigh' for "
+                "what lies between"
+            )
+
+    def _check_bounds(self) -> None:
+        """Clearances and the like have a least value."""
+        law = self.distribution
+        for item in self.chosen:
+            unit = units.DISPLAY_UNITS[item.dimension]
+            lowest = min(law.values) - law.mean if isinstance(law, Samples) else -self.width
+            low = self.mean.get(item.name, 0.0) + lowest
+            if low < item.least - SAME_WIDTH * self.width:
+                self._refuse(
+                    f"{item.name} would come down to {units.to_display(low, item.dimension):g} {unit}, below "
+                    f"{item.least:g}; give a mean of {units.to_display(item.least - lowest, item.dimension):g} {unit} "
+                    "or more"
+                )
+        if self.bounds is not None:
+            low, high = self.bounds
+            if not 0 < low <= high < math.inf:
+                self._refuse(f"bounds = {low:g}, {high:g}: must be above 0, the smaller first")
+            if high > self._room * (1 + SAME_WIDTH):
+                unit = units.DISPLAY_UNITS[self.chosen[0].dimension]
+                size = units.to_display(self._room, self.chosen[0].dimension)
+                self._refuse(f"bounds: the larger would let a clearance vanish; give {size:g} {unit} or less")
+
+    def _refuse(self, message: str) -> NoReturn:
+        raise InputError(f"{self.key}: {message}")
+
+    @property
+    def _room(self) -> float:
+        """Largest width that keeps every parameter at its least value or above."""
+        if isinstance(self.distribution, Samples):
+            return math.inf  # what was measured is there
+        return min(self.mean.get(item.name, 0.0) - item.least for item in self.chosen)
+
+    @property
+    def chosen(self) -> tuple[Parameter, ...]:
+        """The source's parameters that are toleranced, in the order of the catalogue."""
+        return tuple(p for p in source(self.key).parameters if not self.parameters or p.name in self.parameters)
+
+    @property
+    def in_vectors(self) -> bool:
+        """Whether the toleranced parameters are the components of vectors, two and two."""
+        return _in_vectors([p.name for p in self.chosen])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Least and largest width for allocation: `bounds`, else a tenth to ten times the width."""
+        return self.bounds or (self.width / 10, min(10 * self.width, self._room))
+
+    @property
+    def label(self) -> str:
+        """Key, with the indices and parameters where not all are meant."""
+        few = f".{','.join(p.name for p in self.chosen)}" if self.parameters else ""
+        return f"{self.key}{_listed(self.indices)}{few}"
+
+    def instances(self, mechanism: Mechanism) -> tuple[dict[str, IndexValue], ...]:
+        """Index sets that the tolerance covers in a mechanism.
+
+        Raises
+        ------
+        InputError
+            If an index is not one of the mechanism's, or a harmonic is not given.
+        """
+        entry = source(self.key)
+        entry.check_mechanism(mechanism)
+        values = [self._index_values(index, mechanism) for index in entry.indices]
+        names = [index.name for index in entry.indices]
+        sets = tuple(dict(zip(names, chosen, strict=True)) for chosen in product(*values))
+        for indices in sets:
+            entry.check_indices(mechanism, indices)
+        return sets
+
+    def _index_values(self, index: Index, mechanism: Mechanism) -> tuple[IndexValue, ...]:
+        given = self.indices.get(index.name)
+        if given is not None:
+            return given if isinstance(given, tuple) else (given,)
+        if index.name == "harmonic":
+            self._refuse("no harmonic; give which ones among the indices, like harmonic = 1 or harmonic = [1, 2]")
+        return tuple(value for value in index.allowed(mechanism) if value != "all")  # "all" is each with correlation 1
+
+
+def tolerance(
+    key: str,
+    width: Any = None,
+    *,
+    distribution: str | None = None,
+    capability: float | None = None,
+    samples: Sequence[Any] | None = None,
+    mean: Any = None,
+    correlation: float = 0.0,
+    phase: str | None = None,
+    parameters: Sequence[str] = (),
+    fixed: bool = False,
+    bounds: tuple[Any, Any] | None = None,
+    cost: Cost | None = None,
+    **indices: IndexValue | Sequence[IndexValue],
+) -> Tolerance:
+    """Make a tolerance from texts with units, quantities or plain numbers in core units.
+
+    Parameters
+    ----------
+    key : str
+        A key of the catalogue.
+    width : float or str or quantity
+        T: half the allowed spread of a scalar, the longest allowed vector.  Left out with `samples`.
+    distribution : str, optional
+        A key of `DISTRIBUTIONS`.  Left out: rayleigh where all parameters are vectors, else normal.
+    capability : float, optional
+        Process capability Cp of normal, truncated_normal and rayleigh; 1 where left out.
+    samples : sequence of float, str or quantity, optional
+        Measured values, in place of width and distribution; of vectors with `phase` measured lengths.
+    mean : float or str or quantity, or a mapping of these by parameter, optional
+        Shift of the centre.
+    correlation : float, optional
+        Of the values of one parameter between any two instances.
+    phase : str, optional
+        ``"random"``: each vector is turned by an angle of its own at assembly.
+    parameters : sequence of str, optional
+        Which parameters; all where left out.
+    fixed : bool, optional
+        Whether allocation leaves it.
+    bounds : pair, optional
+        Least and largest width for allocation.
+    cost : Reciprocal or ReciprocalSquare or Grades, optional
+    **indices
+        Which instances: a value or several; of an index that is left out, all.
+
+    Returns
+    -------
+    Tolerance
+
+    Raises
+    ------
+    ValueError
+        If the key is unknown, a value has the wrong unit, or the values do not go together.
+
+    Examples
+    --------
+    >>> cams = tolerance("crank.eccentricity", "5 um", disc=0)
+    >>> cams.distribution, cams.label
+    (Rayleigh(capability=1.0), 'crank.eccentricity(disc=0)')
+    """
+    entry = source(key)
+    # an unknown parameter is refused by Tolerance
+    chosen = [p for p in entry.parameters if p.name in parameters] or list(entry.parameters)
+    dimension = chosen[0].dimension
+    if phase not in (None, "random"):
+        raise InputError(f"{key}: phase = {phase!r}: must be 'random' or left out")
+    means = _means(key, chosen, mean)
+    law: Distribution
+    if samples is None:
+        law = _law(key, distribution, capability, vectors=_in_vectors([p.name for p in chosen]))
+        if width is None:
+            raise InputError(f"{key}: no tolerance; give a width like '5 {units.DISPLAY_UNITS[dimension]}', or samples")
+        size = _core(f"{key}: tolerance", width, dimension)
+    else:
+        given = {"tolerance": width, "distribution": distribution, "capability": capability, "mean": mean}
+        beside = [name for name, value in given.items() if value is not None]
+        if beside:
+            raise InputError(f"{key}: {beside[0]} beside samples; samples say it themselves, leave it out")
+        measured = tuple(_core(f"{key}: samples", value, dimension) for value in samples)
+        law = SampledAmplitude(measured) if phase else Samples(measured)
+        size = law.width
+        if isinstance(law, Samples):
+            means = {p.name: law.mean for p in chosen}
+    limits = None if bounds is None else tuple(_core(f"{key}: bounds", value, dimension) for value in bounds)
+    return Tolerance(
+        key,
+        size,
+        law,
+        {name: tuple(v) if isinstance(v, Sequence) and not isinstance(v, str) else v for name, v in indices.items()},
+        tuple(parameters),
+        means,
+        correlation,
+        phase == "random",
+        fixed,
+        None if limits is None else (limits[0], limits[1]),
+        cost,
+    )
+
+
+def _law(key: str, name: str | None, capability: float | None, *, vectors: bool) -> Distribution:
+    """Distribution by name."""
+    used = name or (Rayleigh.name if vectors else Normal.name)
+    if used not in DISTRIBUTIONS:
+        raise InputError(f"{key}: no distribution {used!r};{_names('distributions', list(DISTRIBUTIONS), used)}")
+    kind = DISTRIBUTIONS[used]
+    if capability is None:
+        return kind()
+    if not issubclass(kind, (Normal, TruncatedNormal)):
+        raise InputError(f"{key}: capability beside the distribution {used!r}, which has none; leave it out")
+    return kind(capability)
+
+
+def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]:
+    if mean is None:
+        return {}
+    if isinstance(mean, Mapping):
+        known = {p.name: p.dimension for p in chosen}
+        for name in mean:
+            if name not in known:
+                raise InputError(f"{key}: mean of {name!r};{_names('parameters', list(known), name)}")
+        return {name: _core(f"{key}: mean of {name}", value, known[name]) for name, value in mean.items()}
+    if len(chosen) > 1:
+        raise InputError(
+            f"{key}: mean = {mean!r}: which parameter? give a table, like {{ {chosen[0].name} = {mean!r} }}"
+        )
+    return {chosen[0].name: _core(f"{key}: mean", mean, chosen[0].dimension)}
+
+
+def stack(
+    model: Model,
+    tolerances: Sequence[Tolerance],
+    theta: Any = None,
+    *,
+    direction: float = 1.0,
+    torque: Any = None,
+) -> Stack:
+    """Lay a model and its tolerances out as arrays.
+
+    Parameters
+    ----------
+    model : Model
+    tolerances : sequence of Tolerance
+    theta : array_like or quantity, shape (n,), optional
+        Nominal output angle, rad; `ANGLES` over one revolution where left out.
+    direction : float, optional
+        +1 forward, -1 reverse.
+    torque : float or quantity, optional
+        Needed by ``load.torsion``.
+
+    Returns
+    -------
+    Stack
+
+    Raises
+    ------
+    ValueError
+        If there is no tolerance, one does not fit the mechanism, or the angles are unusable.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = stack(unit, [tolerance("crank.eccentricity", "5 um")])
+    >>> cams.influence.shape, cams.dimensions, str(cams.components[0])
+    ((8, 4096), 8, 'crank.eccentricity(crank=0, disc=0).radial')
+    """
+    if not tolerances:
+        raise InputError("no tolerance; give at least one")
+    if theta is None:
+        theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
+    forces = closed_form_forces(where.gears)
+    nominal = transmission_error(model, where.read.theta, direction=direction, torque=torque, forces=forces)
+    components: list[Component] = []
+    blocks: list[Block] = []
+    rows: list[Array] = []
+    means: list[float] = []
+    for item in tolerances:
+        entry = source(item.key)
+        chosen = [i for i, p in enumerate(entry.parameters) if p in item.chosen]
+        instances = item.instances(model.mechanism)
+        first = blocks[-1].variates.stop if blocks else 0
+        blocks.append(
+            Block(
+                first,
+                len(components),
+                len(instances),
+                len(chosen),
+                item.distribution,
+                item.correlation,
+                item.random_phase,
+            )
+        )
+        for indices in instances:
+            matrix = source_matrix(where.of(item.key), forces, item.key, indices)[chosen]
+            rows.append(_without_rounding(matrix, _least(model.mechanism, item.chosen)))
+            components += [Component(item.key, indices, p.name, p.dimension) for p in item.chosen]
+            means += [item.mean.get(p.name, 0.0) for p in item.chosen]
+    influence = np.concatenate(rows)
+    counts = [block.instances * block.terms for block in blocks]
+    return Stack(
+        nominal=nominal + np.array(means) @ influence,
+        influence=influence,
+        components=tuple(components),
+        entry=np.repeat(np.arange(len(blocks), dtype=np.intp), counts),
+        width=np.array([item.width for item in tolerances]),
+        labels=_distinct([item.label for item in tolerances]),
+        blocks=tuple(blocks),
+        theta=where.read.theta,
+    )
+
+
+def _least(mechanism: Mechanism, chosen: Sequence[Parameter]) -> float:
+    """Influence that is rounding, rad per core unit."""
+    if isinstance(mechanism, Reducer) and chosen[0].dimension == "length":
+        return _ROUNDING / mechanism.crank_radius
+    return _ROUNDING
+
+
+def _without_rounding(rows: Array, least: float) -> Array:
+    """Rows of which only rounding is left, or of which only rounding is no constant, made exactly so."""
+    size = np.abs(rows).max(axis=1, keepdims=True)
+    steady = np.ptp(rows, axis=1, keepdims=True) <= _ROUNDING * size + least
+    return np.where(size <= least, 0.0, np.where(steady, rows.mean(axis=1, keepdims=True), rows))
+
+
+def _distinct(labels: Sequence[str]) -> tuple[str, ...]:
+    """Number labels that come more than once."""
+    return tuple(f"{t} #{labels[: i + 1].count(t)}" if labels.count(t) > 1 else t for i, t in enumerate(labels))
+
+
+def _in_vectors(names: Sequence[str]) -> bool:
+    return all(pair in PAIRS for pair in zip(names[::2], names[1::2], strict=False)) and len(names) % 2 == 0
+
+
+def _core(what: str, value: Any, dimension: str) -> float:
+    try:
+        return units.to_core(value, dimension)
+    except ValueError as error:
+        raise InputError(f"{what}: {error}") from error
+
+
+def _names(what: str, known: Sequence[str], word: str) -> str:
+    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    hint = f" did you mean {close[0]!r}?" if close else ""
+    return f"{hint} the {what} are {', '.join(known)}" if known else " it has none"
+
+
+def _listed(indices: Mapping[str, Any]) -> str:
+    return f"({', '.join(f'{name}={value}' for name, value in indices.items())})" if indices else ""

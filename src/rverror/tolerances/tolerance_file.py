@@ -1,0 +1,477 @@
+"""Tolerance files, TOML: reading with the line of every mistake, copying with other widths."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rverror.base import units
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
+from rverror.geartrain.source import Parameter, Source
+from rverror.model.catalogue import CATALOGUE, source
+from rverror.model.effects import Model
+from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.iso_grades import it_width
+from rverror.tolerances.stacking import Tolerance, tolerance
+
+_TAKEN_OUT = "\0"
+#: Indent, and what follows the value, of a line that holds one key with a text.
+_VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*')(\s*(?:#.*)?)$""")
+_SIZES = ("tolerance", "grade", "samples")
+_KEYS = (
+    "key",
+    "indices",
+    "parameters",
+    "tolerance",
+    "grade",
+    "size",
+    "samples",
+    "distribution",
+    "capability",
+    "mean",
+    "correlation",
+    "phase",
+    "fixed",
+    "bounds",
+    "cost",
+)
+_CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
+    "reciprocal": Reciprocal,
+    "reciprocal_square": ReciprocalSquare,
+}
+_COST_KEYS = {"curve": ("curve", "price", "at", "base"), "grades": ("grades", "size"), "table": ("table",)}
+_COST_EXAMPLES = {
+    "curve": 'cost = { curve = "reciprocal", price = 12.0, at = "%s", base = 3.0 }',
+    "grades": 'cost = { grades = { IT4 = 40.0, IT5 = 22.0 }, size = "32 mm" }',
+    "table": 'cost = { table = [["%s", 30.0]] }',
+}
+
+
+def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Tolerance, ...]:
+    """Read a tolerance file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Files of samples that it names lie beside it.
+    model : Model, optional
+        Whose tolerances they are: indices that it does not have are refused here.
+
+    Returns
+    -------
+    tuple of Tolerance
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used; one line that names file, line, key and remedy.
+
+    Notes
+    -----
+    The keys of a ``[[tolerance]]`` table stand in docs page ``theory/budget.md``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "tolerances.toml")
+    ...     size = file.write_text('[[tolerance]]\\nkey = "crank.eccentricity"\\ntolerance = "5 um"\\n')
+    ...     load_tolerances(file)[0].width
+    0.005
+    """
+    return _tolerances(str(path), read_text(path), model)
+
+
+def save_widths(
+    source_path: PathLike,
+    target_path: PathLike,
+    widths: Sequence[float],
+    *,
+    grades: Sequence[str | None] | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Copy a tolerance file, comments and all, with other widths; what does not change stays as written.
+
+    Parameters
+    ----------
+    source_path, target_path : str or path-like
+        The same file only with `overwrite`.
+    widths : sequence of float
+        One for each entry, core units.  Written with four digits, rounded down, so that no error grows.
+    grades : sequence of str or None, optional
+        Grade of each entry; written where the entry has a grade and it fits the width.
+    overwrite : bool, optional
+        Whether an existing target may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the source is no tolerance file, the numbers do not fit its entries, a width belongs to samples or stands
+        where it cannot be replaced, or the target exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     old, new = Path(folder, "tolerances.toml"), Path(folder, "finer.toml")
+    ...     size = old.write_text('[[tolerance]]\\nkey = "crank.eccentricity"\\ntolerance = "5 um"  # drawing 12\\n')
+    ...     save_widths(old, new, [0.004])
+    ...     new.read_text().splitlines()[2]
+    'tolerance = "4 um"  # drawing 12'
+    """
+    name, text = str(source_path), read_text(source_path)
+    before = _tolerances(name, text, None)
+    named = [None] * len(before) if grades is None else list(grades)
+    if not len(before) == len(widths) == len(named):
+        raise InputError(f"{name}: {len(widths)} widths for {len(before)} tolerances; give one for each")
+    for item, width in zip(before, widths, strict=True):
+        if not 0 < width < math.inf:
+            raise InputError(f"{name}: width = {width:g} for {item.label}: must be above 0 and finite")
+    where, lines, wanted = read_toml(name, text), split_lines(text), []
+    for i, (item, width, grade) in enumerate(zip(before, widths, named, strict=True)):
+        if math.isclose(item.width, width, rel_tol=SAME_WIDTH):
+            wanted.append(item)
+            continue
+        entry = _Entry(where, ("tolerance", i), where.content["tolerance"][i])
+        for place, line in entry.changed(lines, width, grade).items():
+            lines[place] = line
+        wanted.append(replace(item, width=_rounded_down(width, entry.dimension)))
+    # a line taken out holds a mark that no text file has
+    changed = "\n".join(line for line in lines if line != _TAKEN_OUT)
+    after = _tolerances(name, changed, None)
+    if len(after) != len(wanted) or not all(_alike(a, b) for a, b in zip(after, wanted, strict=True)):
+        raise InputError(f"{name}: the new widths would not read back; write each tolerance = ... on a line of its own")
+    write_text(target_path, changed.replace("\n", "\r\n") if "\r\n" in text else changed, overwrite=overwrite)
+
+
+def _alike(one: Tolerance, other: Tolerance) -> bool:
+    """Equal but for rounding of the width."""
+    return math.isclose(one.width, other.width, rel_tol=SAME_WIDTH) and replace(one, width=other.width) == other
+
+
+def _rounded_down(width: float, dimension: str) -> float:
+    """Width of four digits in the unit in which people read it; as it is where it has no more."""
+    shown_width = units.to_display(width, dimension)
+    step = 10.0 ** (math.floor(math.log10(shown_width)) - 3)
+    return math.floor(shown_width / step * (1 + SAME_WIDTH)) * step * width / shown_width
+
+
+def _tolerances(name: str, text: str, model: Model | None) -> tuple[Tolerance, ...]:
+    if not text.strip():
+        raise InputError(f"{name}: the file is empty; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
+    where = read_toml(name, text)
+    content = where.content
+    where.check_keys((), content, ("name", "tolerance"), "top-level key")
+    where.string((), content, "name", "")
+    listed = content.get("tolerance", [])
+    if not isinstance(listed, list):
+        where.refuse(("tolerance",), "tolerance is a single table; write '[[tolerance]]', with two brackets")
+    if not listed:
+        where.refuse((), "no tolerance; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
+    return tuple(_Entry(where, ("tolerance", i), item).read(model) for i, item in enumerate(listed))
+
+
+class _Entry:
+    """Reader of one ``[[tolerance]]`` table."""
+
+    def __init__(self, where: TomlText, place: Place, value: object) -> None:
+        if not isinstance(value, dict):
+            where.refuse(place, f"tolerance holds {shown(value)}, which is no table; write it below '[[tolerance]]'")
+        self.where, self.place, self.table = where, place, value
+        if "key" not in value:
+            where.refuse(place, '[[tolerance]] lacks key; write key = "crank.eccentricity", or another key')
+        key = where.string(place, value, "key", "")
+        if key not in CATALOGUE:
+            hint = did_you_mean(key, list(CATALOGUE))
+            self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
+        self.source: Source = source(key)
+        where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
+        self.parameters = self._parameters()
+        self.dimension = self.parameters[0].dimension
+        self.example = EXAMPLES[self.dimension]
+
+    def refuse(self, name: str, message: str) -> NoReturn:
+        """Refuse with the line of a key."""
+        self.where.refuse((*self.place, name), message)
+
+    def read(self, model: Model | None) -> Tolerance:
+        """Make the tolerance, and see that its indices are those of the model."""
+        table = self.table
+        width, samples = self._size()
+        given = {name: table[name] for name in ("distribution", "phase") if self._is_text(name)}
+        given |= {name: self._number(name) for name in ("capability", "correlation") if name in table}
+        try:
+            item = tolerance(
+                self.source.key,
+                width,
+                samples=samples,
+                mean=self._mean(),
+                parameters=[p.name for p in self.parameters] if "parameters" in table else (),
+                fixed=self._flag("fixed"),
+                bounds=self._bounds(),
+                cost=self._cost(),
+                **given,
+                **self._indices(),
+            )
+            if model is not None:
+                item.instances(model.mechanism)
+        except ValueError as error:
+            self.refuse(self._blamed(str(error)), str(error))
+        return item
+
+    def changed(self, lines: Sequence[str], width: float, grade: str | None) -> dict[int, str]:
+        """Lines that give the entry another width, by their places."""
+        given = next(name for name in _SIZES if name in self.table)
+        if given == "samples":
+            self.refuse(
+                "samples", f"{self.source.key}: the width is that of the samples; write fixed = true to keep it"
+            )
+        at = self._line(given)
+        found = _VALUE.match(lines[at])
+        if found is None:
+            self.refuse(given, f"{given} stands among other things; write it on a line of its own")
+        if given == "grade" and grade is not None and self._is_width_of(grade, width):
+            return {at: f'{found[1]}grade = "{grade}"{found[2]}'}
+        unit = units.DISPLAY_UNITS[self.dimension]
+        size = units.to_display(_rounded_down(width, self.dimension), self.dimension)
+        new = {at: f'{found[1]}tolerance = "{size:.4g} {unit}"{found[2]}'}
+        return new | {self._line("size"): _TAKEN_OUT} if given == "grade" else new
+
+    def _line(self, name: str) -> int:
+        """Place of the line of a key among all lines."""
+        if (*self.place, name) not in self.where.lines:
+            self.refuse(name, f"{name} stands among other things; write it on a line of its own")
+        return self.where.lines[(*self.place, name)] - 1
+
+    def _is_width_of(self, grade: str, width: float) -> bool:
+        try:
+            return math.isclose(self._grade(grade, self.table, ("grade",)), width, rel_tol=SAME_WIDTH)
+        except InputError:  # a name of the user's own
+            return False
+
+    def _blamed(self, message: str) -> str:
+        """Key whose line a refusal of the values gets."""
+        said = message.removeprefix(f"{self.source.key}: ")
+        index_names = [index.name for index in self.source.indices]
+        if any(said.startswith(f"{name} = ") for name in index_names) or said.startswith(("no index", "no harmonic")):
+            return "indices" if "indices" in self.table else "key"
+        first = said.partition(" ")[0].rstrip(":")
+        size = next((name for name in _SIZES if name in self.table), "key")
+        words = {"tolerance": size, "a": "mean", "no": "distribution"} | {p.name: size for p in self.parameters}
+        name = words.get(first, first)
+        return name if name in self.table else "key"
+
+    def _is_text(self, name: str) -> bool:
+        self.where.string(self.place, self.table, name, "")
+        return name in self.table
+
+    def _number(self, name: str, table: Mapping[str, Any] | None = None, place: Place = ()) -> float:
+        value = (self.table if table is None else table)[name]
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            self.where.refuse(
+                (*self.place, *place, name), f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
+            )
+        return float(value)
+
+    def _flag(self, name: str) -> bool:
+        value = self.table.get(name, False)
+        if not isinstance(value, bool):
+            self.refuse(name, f"{name} = {shown(value)}: must be true or false; write {name} = true")
+        return value
+
+    def _quantity(self, name: str, value: object, dimension: str, example: str) -> float:
+        return self.where.quantity((*self.place, name), value, dimension, example)
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        every = {p.name: p for p in self.source.parameters}
+        names = self.table.get("parameters", list(every))
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+            first = next(iter(every))
+            self.refuse("parameters", f'parameters = {shown(names)}: must be a list; write parameters = ["{first}"]')
+        for name in names:
+            if name not in every:
+                hint = did_you_mean(name, every)
+                self.refuse("parameters", f"no parameter {shown(name)};{hint} the parameters are {', '.join(every)}")
+        return tuple(p for p in every.values() if p.name in names)
+
+    def _indices(self) -> dict[str, Any]:
+        known = [index.name for index in self.source.indices]
+        value = self.table.get("indices", {})
+        if not isinstance(value, dict):
+            name = known[0] if known else "disc"
+            self.refuse("indices", f"indices = {shown(value)}: must be a table; write indices = {{ {name} = 0 }}")
+        for name, item in value.items():
+            if name not in known:
+                hint = did_you_mean(name, known)
+                said = f"the indices are {', '.join(known)}" if known else "it has none"
+                self.refuse("indices", f"{self.source.key}: no index {shown(name)};{hint} {said}")
+            items = item if isinstance(item, list) else [item]
+            if not items or any(isinstance(i, bool) or not isinstance(i, (int, str)) for i in items):
+                self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
+        return value
+
+    def _size(self) -> tuple[float | None, list[float] | None]:
+        """Width, or samples in its place."""
+        given = [name for name in _SIZES if name in self.table]
+        if len(given) != 1:
+            problem = f"{' and '.join(given)} side by side" if given else "no tolerance"
+            self.refuse(
+                given[-1] if given else "key",
+                f'{self.source.key}: {problem}; give one of tolerance = "{self.example}", grade with size, or samples',
+            )
+        if given == ["samples"]:
+            return None, self._samples(self.table["samples"])
+        if given == ["grade"]:
+            return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
+        if "size" in self.table:
+            self.refuse("size", 'size goes with a grade; leave it out, or write grade = "IT5" instead of tolerance')
+        return self._quantity("tolerance", self.table["tolerance"], self.dimension, self.example), None
+
+    def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
+        """Half the width of an ISO 286 grade."""
+        at = (*self.place, *place)
+        if self.dimension != "length":
+            self.where.refuse(at, f"{self.source.key}: a grade is of a length, and this is none; give a tolerance")
+        if "size" not in table:
+            self.where.refuse(at, 'a grade needs the size of the part; add size = "32 mm"')
+        size = self.where.quantity((*at[:-1], "size"), table["size"], "length", "32 mm")
+        try:
+            return it_width(grade, size) / 2
+        except ValueError as error:
+            self.where.refuse(at, str(error))
+
+    def _samples(self, value: object) -> list[float]:
+        if isinstance(value, list):
+            return [self._quantity("samples", item, self.dimension, self.example) for item in value]
+        if isinstance(value, dict):
+            self.where.check_keys((*self.place, "samples"), value, ("file", "column"), "key of samples")
+        name, column = (value, None) if isinstance(value, str) else self._file(value)
+        try:
+            return _column(Path(self.where.path).parent / name, column, self.dimension)
+        except InputError as error:
+            self.refuse("samples", f"samples: {error}")
+
+    def _file(self, value: object) -> tuple[str, str | None]:
+        if isinstance(value, dict):
+            name, column = value.get("file"), value.get("column")
+            if isinstance(name, str) and (column is None or isinstance(column, str)):
+                return name, column
+        example = f'samples = ["{self.example}", ...] or samples = "parts.csv"'
+        self.refuse("samples", f"samples = {shown(value)}: must be values or a file; write {example}")
+
+    def _mean(self) -> Any:
+        value = self.table.get("mean")
+        if value is None:
+            return None
+        if not isinstance(value, dict):
+            return self._quantity("mean", value, self.dimension, self.example)
+        return {name: self._quantity("mean", item, self.dimension, self.example) for name, item in value.items()}
+
+    def _bounds(self) -> tuple[float, float] | None:
+        value = self.table.get("bounds")
+        if value is None:
+            return None
+        if not isinstance(value, list) or len(value) != 2:
+            example = f'bounds = ["{self.example}", "{self.example}"]'
+            self.refuse("bounds", f"bounds = {shown(value)}: must be two widths, the smaller first; write {example}")
+        low, high = (self._quantity("bounds", item, self.dimension, self.example) for item in value)
+        return low, high
+
+    def _cost(self) -> Cost | None:
+        value = self.table.get("cost")
+        if value is None:
+            return None
+        kinds = [kind for kind in _COST_KEYS if isinstance(value, dict) and kind in value]
+        if not isinstance(value, dict) or len(kinds) != 1:
+            said = "several kinds of cost" if kinds else "no kind of cost"
+            examples = " or ".join(self._cost_example(kind) for kind in _COST_KEYS)
+            self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
+        kind = kinds[0]
+        self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
+        try:
+            return {"curve": self._curve, "grades": self._grades, "table": self._price_table}[kind](value)
+        except ValueError as error:
+            if str(error).startswith(self.where.path):
+                raise
+            self.refuse("cost", f"cost: {error}")
+
+    def _cost_example(self, kind: str) -> str:
+        text = _COST_EXAMPLES[kind]
+        return text % self.example if "%s" in text else text
+
+    def _curve(self, value: Mapping[str, Any]) -> Cost:
+        curve = value["curve"]
+        if curve not in _CURVES:
+            self.refuse("cost", f"no cost curve {shown(curve)}; the curves are {', '.join(_CURVES)}")
+        for name in ("price", "at"):
+            if name not in value:
+                self.refuse("cost", f"the cost has no {name}; write {self._cost_example('curve')}")
+        price = self._number("price", value, ("cost",))
+        base = self._number("base", value, ("cost",)) if "base" in value else 0.0
+        return _CURVES[curve](
+            price=price, at=self._quantity("cost", value["at"], self.dimension, self.example), base=base
+        )
+
+    def _grades(self, value: Mapping[str, Any]) -> Cost:
+        prices = value["grades"]
+        if not isinstance(prices, dict) or not prices:
+            self.refuse("cost", f"grades = {shown(prices)}: must be a table; write {self._cost_example('grades')}")
+        names = tuple(prices)
+        widths = tuple(self._grade(name, value, ("cost",)) for name in names)
+        return Grades(widths, tuple(self._number(name, prices, ("cost", "grades")) for name in names), names)
+
+    def _price_table(self, value: Mapping[str, Any]) -> Cost:
+        rows = value["table"]
+        if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
+            self.refuse("cost", f"table = {shown(rows)}: must be pairs; write {self._cost_example('table')}")
+        widths = tuple(self._quantity("cost", row[0], self.dimension, self.example) for row in rows)
+        prices = tuple(self._number("price", {"price": row[1]}, ("cost",)) for row in rows)
+        return Grades(widths, prices, tuple(str(row[0]) for row in rows))
+
+
+def _column(path: Path, name: str | None, dimension: str) -> list[float]:
+    """Values of a column ``name[unit]`` of a CSV file, core units; of the only one where no name is given."""
+    lines = [
+        (i, line) for i, line in enumerate(split_lines(read_text(path)), 1) if line.strip() and line.strip()[0] != "#"
+    ]
+    example = f"size[{units.DISPLAY_UNITS[dimension]}]"
+    if not lines:
+        raise InputError(
+            f"{path}: the file is empty; write the column's name and unit, like '{example}', and values below"
+        )
+    number, head = lines[0]
+    cells = [cell.strip() for cell in next(csv.reader([head]))]
+    titles = [cell.partition("[")[0].strip() for cell in cells]
+    if name is None and len(cells) > 1:
+        raise InputError(f"{path}: {len(cells)} columns; say which: samples = {{ file = ..., column = '{titles[0]}' }}")
+    if name is not None and name not in titles:
+        raise InputError(
+            f"{path}: no column {shown(name)};{did_you_mean(name, titles)} the columns are {', '.join(titles)}"
+        )
+    at = 0 if name is None else titles.index(name)
+    unit = cells[at].partition("[")[2].rstrip("] ")
+    if not unit:
+        raise InputError(f"{path}, line {number}: {shown(cells[at])} has no unit; write it like '{example}'")
+    try:
+        factor = units.unit_factor(unit, dimension)
+    except ValueError as error:
+        raise InputError(f"{path}, line {number}: {error}") from error
+    values = []
+    for number, line in lines[1:]:
+        row: Sequence[str] = next(csv.reader([line]))
+        try:
+            values.append(float(row[at]) * factor)
+        except (IndexError, ValueError) as error:
+            raise InputError(
+                f"{path}, line {number}: {shown(line)} has no number in column {at + 1}; correct it"
+            ) from error
+    return values

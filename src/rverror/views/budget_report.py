@@ -1,0 +1,448 @@
+"""Budgets and an allocation for people and for programs: text and JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.errors import InputError
+from rverror.base.numbers import count_of, in_arcsec, interval, rounded, way, with_unit
+from rverror.base.text import joined
+from rverror.base.units import ARCSEC
+from rverror.geartrain.mechanism import Reducer
+from rverror.tolerances.allocation import Allocation, Rate, Verification
+from rverror.tolerances.closed_form import Budget, Contribution
+from rverror.tolerances.control_variate import LEVELS
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.sampling import IntervalEstimate, Size, VirtualUnits
+from rverror.tolerances.sobol import SobolIndices
+from rverror.tolerances.stacking import Stack
+from rverror.views.contact_report import contact_content, contact_lines
+from rverror.views.envelope import InputFile, enveloped
+
+_ROUNDING = 1e-9 * ARCSEC
+#: Sizes of an output error: name in the code, for people, and key in JSON.
+SIZES: tuple[tuple[Size, str, str], ...] = (
+    ("peak_to_peak", "peak-to-peak", "peak_to_peak_arcsec"),
+    ("max", "max |TE - offset|", "max_arcsec"),
+    ("rms", "rms", "rms_arcsec"),
+    ("offset", "offset", "offset_arcsec"),
+)
+
+
+def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> str:
+    """Budget as text.
+
+    Parameters
+    ----------
+    found : ErrorBudget or Budget
+    limit : float, optional
+        Of the peak-to-peak, rad: the yield of an `ErrorBudget` is told at it.
+
+    Returns
+    -------
+    str
+        Angles in arcsec.
+
+    Raises
+    ------
+    InputError
+        If a limit is given for a budget in closed form, which knows no yield.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um")]
+    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
+    >>> print(budget_text(found).splitlines()[0])
+    Error budget of RV-40E: 1 tolerance, 8 components, forward
+    >>> print(budget_text(found.closed).splitlines()[0])
+    Budget in closed form: 1 tolerance, 8 components
+    """
+    if isinstance(found, Budget):
+        return _closed_text(found, limit)
+    closed, drawn = found.closed, found.units
+    bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
+    lines = [
+        f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
+        f"{_counts(closed)}, {way(found.direction)}",
+        f"Closed form{bearings}; {closed.mean.size} angles; {drawn.count} virtual units, "
+        f"seed {drawn.seed}. All in arcsec.",
+        "",
+        f"{'':20s} {'nominal':>9s} " + " ".join(f"{f'P{level * 100:g}':>9s}" for level in LEVELS) + f" {'worst':>9s}",
+    ]
+    for size, name, _ in SIZES:
+        at = [drawn.quantile(level, size).value for level in LEVELS]
+        lines.append(
+            f"{name:20s} " + " ".join(_cell(value) for value in (_nominal(closed, size), *at, worst_of(closed, size)))
+        )
+    p99 = drawn.quantile(0.99)
+    lines += [
+        "",
+        f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)}; {_sums(closed)}",
+    ]
+    if limit is not None:
+        share = drawn.yield_at(limit)
+        lines.append(
+            f"Yield at {limit / ARCSEC:g} arcsec peak-to-peak: {100 * share.value:.4g} % "
+            f"[{100 * share.low:.4g}, {100 * share.high:.4g}]"
+        )
+    lines += ["", *_contribution_lines(closed, found.indices)]
+    if found.contact is not None:
+        lines += ["", *contact_lines(found.contact, limit=limit)]
+    return joined([*lines, *_quiet_lines(closed)])
+
+
+def _closed_text(closed: Budget, limit: float | None) -> str:
+    _check_no_limit(limit)
+    lines = [
+        f"Budget in closed form: {_counts(closed)}",
+        f"{closed.mean.size} angles. All in arcsec.",
+        "",
+        f"{'':20s} {'nominal':>9s} {'worst':>9s}",
+        *(f"{name:20s} {_cell(_nominal(closed, size))} {_cell(worst_of(closed, size))}" for size, name, _ in SIZES),
+        "",
+        _sums(closed)[0].upper() + _sums(closed)[1:],
+        "",
+        *_contribution_lines(closed, None),
+        *_quiet_lines(closed),
+    ]
+    return joined(lines)
+
+
+def _check_no_limit(limit: float | None) -> None:
+    if limit is not None:
+        raise InputError("limit: a budget in closed form knows no yield; leave it out, or give an error_budget")
+
+
+def _counts(closed: Budget) -> str:
+    entries = closed.contributions
+    return f"{count_of(len(entries), 'tolerance')}, {count_of(sum(e.components for e in entries), 'component')}"
+
+
+def _sums(closed: Budget) -> str:
+    return (
+        f"root sum of squares of the single peak-to-peaks: {closed.rss / ARCSEC:.4g}; "
+        f"expected rms {closed.rms / ARCSEC:.4g}"
+    )
+
+
+def _quiet_lines(closed: Budget) -> list[str]:
+    quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
+    return ["", "Moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []
+
+
+def _contribution_lines(closed: Budget, indices: SobolIndices | None) -> list[str]:
+    entries = closed.contributions
+    order = sorted(range(len(entries)), key=lambda e: -entries[e].share)
+    width = max(len(entry.label) for entry in entries)
+    heads = (
+        ("tolerance", "width", "share of", "p-p", "alone", "part of", "Sobol index", "of the p-p"),
+        ("", "", "variance", "mean", "worst", "worst", "first", "total"),
+    )
+    lines = [
+        f"{name:{width}s} {size:>12s} {share:>9s} {mean:>9s} {worst:>9s} {part:>8s} {first:>13s} {total:>13s}".rstrip()
+        for name, size, share, mean, worst, part, first, total in heads
+    ]
+    for e in order:
+        entry, waves = entries[e], entries[e].effect == "wave"
+        size = with_unit(entry.width, entry.dimension)
+        first, total = (_share(indices, which, e, waves=waves) for which in ("first", "total"))
+        lines.append(
+            f"{entry.label:{width}s} {size:>12s} {100 * entry.share:8.1f}% {_cell(entry.mean_peak_to_peak)} "
+            f"{_cell(entry.worst_peak_to_peak)} {_cell(entry.worst_part, 8)} {first:>13s} {total:>13s}"
+        )
+    return lines
+
+
+def _share(indices: SobolIndices | None, which: str, entry: int, *, waves: bool) -> str:
+    if indices is None or not waves:
+        return "-"
+    value, low, high = (float(getattr(indices, f"{which}{end}")[entry]) for end in ("", "_low", "_high"))
+    return f"{value:.2f} +- {(high - low) / 2:.2f}"
+
+
+def _cell(value: float, width: int = 9) -> str:
+    if abs(value) < _ROUNDING:
+        return " " * (width - 1) + "0"
+    return f"{value / ARCSEC:{width}.4g}" if math.isfinite(value) else " " * (width - 1) + "-"
+
+
+def _nominal(closed: Budget, size: Size) -> float:
+    """Of the model with every toleranced value at its mean."""
+    return {
+        "peak_to_peak": closed.nominal_peak_to_peak,
+        "max": float(np.abs(closed.mean - closed.offset_mean).max()),
+        "rms": math.sqrt(closed.nominal_mean_square),
+        "offset": closed.offset_mean,
+    }[size]
+
+
+def worst_of(closed: Budget, size: Size) -> float:
+    """Exact worst case; not a number for the rms, of which none is known."""
+    worst = closed.worst
+    return {
+        "peak_to_peak": worst.peak_to_peak,
+        "max": worst.maximum,
+        "rms": math.nan,
+        "offset": max(worst.offset, key=abs),
+    }[size]
+
+
+def _interval(estimate: IntervalEstimate, scale: float = ARCSEC) -> dict[str, float | None]:
+    return {name: rounded(getattr(estimate, name) / scale) for name in ("value", "low", "high")}
+
+
+def budget_json(
+    found: ErrorBudget | Budget, *, limit: float | None = None, files: Sequence[InputFile] = ()
+) -> dict[str, Any]:
+    """Budget as plain data for `json.dump`; keys are only ever added.
+
+    Parameters
+    ----------
+    found : ErrorBudget or Budget
+    limit : float, optional
+        As for `budget_text`.
+    files : sequence of InputFile, optional
+        What it was made from.
+
+    Returns
+    -------
+    dict
+        Sizes in arcsec and um; numbers that are not determined are None.
+
+    Raises
+    ------
+    InputError
+        If a limit is given for a budget in closed form, which knows no yield.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]
+    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
+    >>> round(budget_json(found)["peak_to_peak_arcsec"]["worst_case"], 2)
+    18.51
+    """
+    closed = found if isinstance(found, Budget) else found.closed
+    drawn = None if isinstance(found, Budget) else found.units
+    sizes = {
+        key: {
+            "nominal": in_arcsec(_nominal(closed, size)),
+            **({} if drawn is None else _drawn_json(drawn, size)),
+            "worst_case": in_arcsec(worst_of(closed, size)),
+        }
+        for size, _, key in SIZES
+    }
+    sizes["peak_to_peak_arcsec"]["root_sum_of_squares"] = in_arcsec(closed.rss)
+    sizes["rms_arcsec"]["root_of_expected_mean_square"] = in_arcsec(closed.rms)
+    if isinstance(found, Budget):
+        _check_no_limit(limit)
+        entries = [_contribution_json(entry, None, e) for e, entry in enumerate(closed.contributions)]
+        return enveloped("Budget", {"angles": closed.mean.size, **sizes, "contributions": entries}, files)
+    content = {
+        "model": found.model.name or found.model.mechanism.name,
+        "direction": way(found.direction),
+        "angles": closed.mean.size,
+        "components": len(found.stack.components),
+        "units": found.units.count,
+        "seed": found.units.seed,
+        **sizes,
+        "limit_arcsec": in_arcsec(limit),
+        "yield": None if limit is None else _interval(found.units.yield_at(limit), 1.0),
+        "contributions": [
+            {"label": entry.label, "key": tolerance.key, **_contribution_json(entry, found.indices, e)}
+            for e, (tolerance, entry) in enumerate(zip(found.tolerances, closed.contributions, strict=True))
+        ],
+        "contact": None if found.contact is None else contact_content(found.contact, limit=limit),
+    }
+    return enveloped("ErrorBudget", content, files)
+
+
+def _drawn_json(drawn: VirtualUnits, size: Size) -> dict[str, Any]:
+    return {
+        **{f"p{level * 100:g}": _interval(drawn.quantile(level, size)) for level in LEVELS},
+        "mean": in_arcsec(float(getattr(drawn, size).mean())),
+    }
+
+
+def _contribution_json(entry: Contribution, indices: SobolIndices | None, e: int) -> dict[str, Any]:
+    sobol = {
+        f"sobol_{which}": None
+        if indices is None
+        else {
+            name: rounded(float(getattr(indices, f"{which}{end}")[e]))
+            for name, end in (("value", ""), ("low", "_low"), ("high", "_high"))
+        }
+        for which in ("first", "total")
+    }
+    return {
+        "label": entry.label,
+        "width": rounded(units.to_display(entry.width, entry.dimension)),
+        "unit": units.DISPLAY_UNITS[entry.dimension],
+        "components": entry.components,
+        "effect": entry.effect,
+        "share_of_variance": rounded(entry.share),
+        "mean_peak_to_peak_alone_arcsec": in_arcsec(entry.mean_peak_to_peak),
+        "worst_peak_to_peak_alone_arcsec": in_arcsec(entry.worst_peak_to_peak),
+        "part_of_worst_case_arcsec": in_arcsec(entry.worst_part),
+        "offset_deviation_arcsec": in_arcsec(entry.offset_deviation),
+        "worst_offset_arcsec": in_arcsec(entry.worst_offset),
+        **sobol,
+    }
+
+
+_KIND_WORDS = {
+    "worst": "worst-case peak-to-peak",
+    "yield": "peak-to-peak",
+    "rms": "expected rms",
+}
+
+
+def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
+    """Allocation as text.
+
+    Parameters
+    ----------
+    found : Allocation
+    stack : Stack, optional
+        Not needed: the allocation knows what its widths are.
+
+    Returns
+    -------
+    str
+        Angles in arcsec, widths in the units that people read.
+
+    Examples
+    --------
+    Half the peak-to-peak costs twice as much.
+
+    >>> import rverror
+    >>> from rverror.tolerances.cost import Reciprocal
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
+    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
+    >>> print(allocation_text(found).splitlines()[0])
+    Least cost for worst-case peak-to-peak within 37 arcsec
+    """
+    what = f"P{100 * found.level:g} of the peak-to-peak" if found.kind == "yield" else _KIND_WORDS[found.kind]
+    width = max(len(label) for label in found.labels)
+    lines = [
+        f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec",
+        "",
+        f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
+        f"{what[:40]:12s} {found.value_before / ARCSEC:12.4g} -> {found.value / ARCSEC:.4g} arcsec"
+        + (" (upper end of its interval)" if found.kind == "yield" else ""),
+        f"{'verified':12s} {_verified(found.verified)}",
+        "",
+        f"{'tolerance':{width}s} {'before':>12s} {'allocated':>12s} {'cost':>9s} {'':>9s}",
+    ]
+    for e, label in enumerate(found.labels):
+        before, after = (with_unit(widths[e], found.dimensions[e]) for widths in (found.widths_before, found.widths))
+        mark = "fixed" if found.fixed[e] else found.grades[e] or ""
+        costs = f"{found.costs_before[e]:9.4g} {found.costs[e]:9.4g}"
+        lines.append(f"{label:{width}s} {before:>12s} {after:>12s} {costs}  {mark}".rstrip())
+    if found.shadow_price is not None:
+        lines += ["", f"One arcsec more would save {found.shadow_price:.4g}."]
+    for title, rates, which in (
+        ("From the widths as given, tighten first (cost of an arcsec gained)", found.tighten_first, "tighten"),
+        ("From the widths as given, relax first (cost saved per arcsec given up)", found.relax_first, "relax"),
+    ):
+        if rates:
+            lines += ["", f"{title}:", *(f"  {rate.label:{width}s} {_price(rate, which)}" for rate in rates)]
+    lines += ["", f"How good it is: {found.proof}."]
+    return joined(lines)
+
+
+def _price(rate: Rate, which: str) -> str:
+    value = getattr(rate, which)
+    return "the width does not matter" if math.isinf(value) else f"{value:.4g}"
+
+
+def _verified(verified: Verification) -> str:
+    level = f"P{100 * verified.level:g}"
+    return (
+        f"{level} of the peak-to-peak {verified.quantile / ARCSEC:.4g} arcsec [{verified.low / ARCSEC:.4g}, "
+        f"{verified.high / ARCSEC:.4g}] in {verified.units} fresh units, seed {verified.seed}"
+    )
+
+
+def allocation_json(
+    found: Allocation, stack: Stack | None = None, *, files: Sequence[InputFile] = ()
+) -> dict[str, Any]:
+    """Allocation as plain data for `json.dump`; keys are only ever added.
+
+    Parameters
+    ----------
+    found : Allocation
+    stack : Stack, optional
+        Not needed: the allocation knows what its widths are.
+    files : sequence of InputFile, optional
+        What it was made from.
+
+    Returns
+    -------
+    dict
+        Sizes in arcsec and um.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> from rverror.tolerances.cost import Reciprocal
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
+    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
+    >>> [(entry["width_before"], entry["unit"]) for entry in allocation_json(found)["entries"]]
+    [(5.0, 'um')]
+    """
+    entries = []
+    for e, (label, dimension) in enumerate(zip(found.labels, found.dimensions, strict=True)):
+        rate = found.rates[e]
+        entries.append(
+            {
+                "label": label,
+                "key": found.keys[e],
+                "width_before": rounded(units.to_display(found.widths_before[e], dimension)),
+                "width": rounded(units.to_display(found.widths[e], dimension)),
+                "unit": units.DISPLAY_UNITS[dimension],
+                "grade": found.grades[e],
+                "fixed": found.fixed[e],
+                "cost_before": rounded(found.costs_before[e]),
+                "cost": rounded(found.costs[e]),
+                "saved_per_arcsec_given_up": rounded(rate.relax),
+                "cost_per_arcsec_gained": rounded(rate.tighten),
+            }
+        )
+    content = {
+        "kind": found.kind,
+        "level": found.level,
+        "limit_arcsec": in_arcsec(found.limit),
+        "value_before_arcsec": in_arcsec(found.value_before),
+        "value_arcsec": in_arcsec(found.value),
+        "cost_before": rounded(found.cost_before),
+        "cost": rounded(found.cost),
+        "shadow_price_per_arcsec": rounded(found.shadow_price),
+        "optimality_gap": rounded(found.gap),
+        "proof": found.proof,
+        "entries": entries,
+        "verified_before": _verification_json(found.verified_before),
+        "verified": _verification_json(found.verified),
+        "tighten_first": [rate.label for rate in found.tighten_first],
+        "relax_first": [rate.label for rate in found.relax_first],
+    }
+    return enveloped("Allocation", content, files)
+
+
+def _verification_json(verified: Verification) -> dict[str, Any]:
+    return {
+        "level": verified.level,
+        "quantile_arcsec": in_arcsec(verified.quantile),
+        "low_arcsec": in_arcsec(verified.low),
+        "high_arcsec": in_arcsec(verified.high),
+        "units": verified.units,
+        "seed": verified.seed,
+    }

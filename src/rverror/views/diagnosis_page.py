@@ -1,0 +1,309 @@
+"""One HTML page from the data of a diagnosis: every number on it is one of the JSON's, every text is escaped here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rverror.base.numbers import brief
+from rverror.views.html import document, escaped, escaped_lines, number, scrolled
+
+Data = Mapping[str, Any]
+
+
+def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]]], text: str) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    data : mapping
+        As `diagnosis_report.diagnosis_json` makes it.
+    summary : str
+        One sentence on the outcome, plain text.
+    figures : sequence of (str, sequence of str)
+        Heading, and SVG elements: for a wide page, then for a narrow one.
+    text : str
+        The text report, shown at the end as it is.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    title = f"rverror: {data['verdict'].replace('_', ' ')}"
+    sections = [
+        _head(data, title, summary),
+        _added(data),
+        _unexplained(data),
+        _next(data),
+        _sizes(data),
+        *(_figure(heading, pictures, data) for heading, pictures in figures),
+        _orders(data),
+        _candidates(data),
+        _declared(data),
+        _notes(data),
+        _inputs(data),
+        f"<details><summary>The same as text</summary>\n<pre>{escaped_lines(text)}</pre></details>",
+    ]
+    body = "\n".join(section for section in sections if section)
+    return document(title, body)
+
+
+def name_of(entry: Data) -> str:
+    """Key and indices of an effect, as HTML."""
+    inside = ", ".join(f"{key} {value}" for key, value in entry["indices"].items())
+    return f"<code>{escaped(str(entry['key']))}</code>" + (f" ({escaped(inside)})" if inside else "")
+
+
+def _head(data: Data, title: str, summary: str) -> str:
+    unit = escaped(data["unit"])
+    before, after = (_heldout(data, key) for key in ("before", "after"))
+    peaks = [_size(data, key, "peak_to_peak") for key in ("before", "after")]
+    tiles = [
+        ("held-out rms, before → after", f"{number(before)} → {number(after)} {unit}"),
+        ("noise floor, rms", f"{number(data['noise_rms_' + data['suffix']])} {unit}"),
+        ("peak-to-peak, before → after", f"{number(peaks[0])} → {number(peaks[1])} {unit}"),
+        ("added", f"{len(data['added'])} of {data['candidates_tried']} candidates"),
+    ]
+    boxes = "".join(f'<div class="tile"><span class="soft">{escaped(a)}</span><b>{b}</b></div>' for a, b in tiles)
+    return (
+        f"<h1>{escaped(title)}</h1>\n"
+        f'<p class="soft">{escaped(data["declared"]["name"])}</p>\n'
+        f'<div class="verdict {escaped(data["verdict"])}"><p>{escaped(summary)}</p></div>\n'
+        f'<div class="tiles">{boxes}</div>'
+    )
+
+
+def _size(data: Data, key: str, what: str) -> float | None:
+    value: float | None = data[key][f"{what}_{data['suffix']}"]
+    return value
+
+
+def _heldout(data: Data, key: str) -> float | None:
+    return _size(data, key, "heldout_rms")
+
+
+def _added(data: Data) -> str:
+    if not data["added"]:
+        return ""
+    parts = ["<h2>What was added</h2>"]
+    for place, added in enumerate(data["added"], 1):
+        parts.append(f"<h3>{place}. {name_of(added)}</h3>")
+        parts.append(f'<p class="soft">{escaped(added["summary"])}; fixed in: {escaped(added["frame"])}</p>')
+        rows = []
+        for name, size in added["parameters"].items():
+            known = size["low"] is not None
+            interval = f"{number(size['low'])} to {number(size['high'])}" if known else "not determined by these runs"
+            rows.append([escaped(name), number(size["value"]), escaped(size["unit"]), interval])
+        parts.append(scrolled(["parameter", "size", "unit", "95 % interval"], rows, numbers=(1,)))
+        orders = ", ".join(brief(order) for order in added["orders"])
+        rms = number(added[f"heldout_rms_{data['suffix']}"])
+        shows = f"at orders {orders}" if orders else "at no order: it is constant, or grows along the run"
+        parts.append(f"<p>Shows {shows}. Held-out rms once added: {rms} {escaped(data['unit'])}.</p>")
+        if added["indistinguishable_from"]:
+            others = ", ".join(name_of(other) for other in added["indistinguishable_from"])
+            parts.append(f"<p><strong>These runs cannot tell it from:</strong> {others}.</p>")
+        parts += [f"<p><strong>Note:</strong> {escaped(note)}.</p>" for note in added["notes"]]
+    return "\n".join(parts)
+
+
+def _unexplained(data: Data) -> str:
+    lines = data["unexplained_orders"]
+    if not lines:
+        return ""
+    unit = data["unit"]
+    rows = [
+        [
+            number(line["order"]),
+            number(line[f"amplitude_{data['suffix']}"]),
+            f"{number(line['low'])} to {number(line['high'])}",
+            escaped("; ".join([*line["frames"], *line["beside"]])) or "none of this drive",
+            _folds(line["could_fold_from"]),
+        ]
+        for line in lines
+    ]
+    heads = ["order", f"amplitude, {unit}", "95 % interval", "fits", "could fold from"]
+    return (
+        "<h2>Lines that nothing in the catalogue explains</h2>\n"
+        + scrolled(heads, rows, numbers=(0, 1))
+        + "<p>To add the effect once it is known: one function and one catalogue entry, written out with a worked "
+        "example in <code>docs/adding-an-effect.md</code>; the fit, files and this report then take it up.</p>"
+        + _as_measured(lines[0]["as_effect"])
+    )
+
+
+def _as_measured(effect: Data | None) -> str:
+    if effect is None:
+        return ""
+    return (
+        f"<p>To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:</p>\n"
+        f"<pre>{chr(10).join(map(escaped, effect_toml(effect)))}</pre>"
+    )
+
+
+def effect_toml(effect: Mapping[str, Any]) -> list[str]:
+    """Lines of a model file that declare an effect.
+
+    Parameters
+    ----------
+    effect : mapping
+        Key, indices and parameters by name, sizes with their unit.
+
+    Returns
+    -------
+    list of str
+    """
+    return ["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())]
+
+
+def _folds(found: Sequence[Data] | None) -> str:
+    if found is None:
+        return "not known: the sampling is not kept"
+    named = [f"{number(fold['order'])}: {escaped('; '.join(fold['frames']))}" for fold in found]
+    return "<br>".join(named) or "no known order"
+
+
+def _next(data: Data) -> str:
+    if not data["next_measurements"]:
+        return ""
+    items = []
+    for item in data["next_measurements"]:
+        separates = ", ".join(name_of(cause) for cause in item["separates"])
+        ending = (
+            f'<br><span class="soft">separates {name_of(item["about"])} from {separates}</span>' if separates else ""
+        )
+        why = f": {escaped(item['why'])}" if item["why"] else ""
+        items.append(f"<li><strong>{escaped(item['what'])}</strong>{why}.{ending}</li>")
+    return "<h2>What to measure next</h2>\n<ol>" + "\n".join(items) + "</ol>"
+
+
+def _sizes(data: Data) -> str:
+    labels = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
+    if not data["added"]:
+        del labels["after"]  # it is the refitted model
+    rows = [
+        [escaped(label), *(number(_size(data, key, what)) for what in ("rms", "peak_to_peak", "heldout_rms"))]
+        for key, label in labels.items()
+    ]
+    rows.append(["noise between revolutions", number(data["noise_rms_" + data["suffix"]]), "", ""])
+    heads = [f"residual, {data['unit']}", "rms", "peak-to-peak", "held-out rms"]
+    return (
+        "<h2>Before and after</h2>\n"
+        + scrolled(heads, rows, numbers=(1, 2, 3))
+        + '<p class="soft">Measured less predicted, offset of each run removed. Held-out: of revolutions that the fit '
+        "did not see.</p>"
+    )
+
+
+def _figure(heading: str, pictures: Sequence[str], data: Data) -> str:
+    boxes = "\n".join(
+        f'<div class="{name}">{picture}</div>' for name, picture in zip(("wide", "narrow"), pictures, strict=True)
+    )
+    after = "with what was added, after" if data["added"] else "declared sizes refitted, nothing added"
+    swatches = (("measured", "measured"), ("before", "declared model, before"), ("after", after))
+    shown = [(name, label) for name, label in swatches if f'{name}"' in pictures[0]]
+    stem = "stem " if 'class="stem' in pictures[0] else ""
+    key = "".join(
+        f'<span><svg width="26" height="10" aria-hidden="true"><path class="{stem}{name}" d="M1 5H25"/></svg>'
+        f"{escaped(label)}</span>"
+        for name, label in shown
+    )
+    return f'<figure><h3>{escaped(heading)}</h3>\n<div class="key">{key}</div>\n{boxes}</figure>'
+
+
+def _orders(data: Data) -> str:
+    if not data["by_order"]:
+        return ""
+    suffix = data["suffix"]
+    runs = data["runs"] if len(data["runs"]) <= 4 else []
+    heads = ["order", "fits", "before", "after", *(f"{run['label']}, before → after" for run in runs)]
+    rows = [
+        [
+            number(row["order"]),
+            escaped("; ".join([*row["frames"], *row["beside"]])) or "no frame",
+            number(row[f"before_{suffix}"]),
+            number(row[f"after_{suffix}"]),
+            *(f"{number(r[f'before_{suffix}'])} → {number(r[f'after_{suffix}'])}" for r in row["runs"][: len(runs)]),
+        ]
+        for row in data["by_order"]
+    ]
+    return (
+        "<h3>By order</h3>\n"
+        + scrolled(heads, rows, numbers=(0, *range(2, 4 + len(runs))))
+        + f'<p class="soft">Amplitudes, {escaped(data["unit"])}, of the mean of revolutions that were each left out of '
+        "the fit; before and after are the root mean square over the runs. Several frames at one order: the order "
+        "alone does not decide.</p>"
+    )
+
+
+def _candidates(data: Data) -> str:
+    rounds = [(f"Round {at}, in which {name_of(added)} was added", added["candidates"])
+              for at, added in enumerate(data["added"], 1) if added["candidates"]]  # fmt: skip
+    rounds.append(("Last round, against what is left", data["candidates"]))
+    parts = [f"<h2>Candidates</h2>\n<p>Of {data['candidates_tried']} tried, ranked by what each takes off the weighted "
+             "sum of squares of revolutions left out (chi-square, linear influences).</p>"]  # fmt: skip
+    for heading, candidates in rounds:
+        if not candidates:
+            continue
+        rows = [
+            [
+                name_of(c),
+                number(c["heldout_gain"]),
+                number(c["standard_error"]),
+                number(c["behind_best"]),
+                number(c["behind_best_standard_error"]),
+            ]
+            for c in candidates[:10]
+        ]
+        heads = ["candidate", "held-out gain", "± (1 s.e.)", "behind the best", "± (1 s.e.)"]
+        parts.append(f"<h3>{heading}</h3>\n" + scrolled(heads, rows, numbers=(1, 2, 3, 4)))
+    return "\n".join(parts)
+
+
+def _declared(data: Data) -> str:
+    declared = data["declared"]
+    rows = []
+    for effect in declared["effects"]:
+        sigma = effect["uncertainty"]
+        for at, (name, size) in enumerate(effect["parameters"].items()):
+            spread = "exact" if sigma is None else f"± {number(sigma['value'])}"
+            rows.append(
+                [
+                    name_of(effect) if at == 0 else "",
+                    escaped(name),
+                    number(size["value"]),
+                    spread,
+                    number(size["refitted"]),
+                    escaped(size["unit"]),
+                ]
+            )
+    heads = ["effect", "parameter", "declared", "1 sigma", "refitted", "unit"]
+    body = scrolled(heads, rows, numbers=(2, 3, 4)) if rows else "<p>No effect was declared.</p>"
+    runs = [
+        [
+            escaped(run["name"]),
+            escaped(run["direction"]),
+            escaped(run["torque"] or "–"),
+            number(run["samples_per_turn"]),
+        ]
+        for run in data["runs"]
+    ]
+    return f"<h2>What was declared</h2>\n<p>{escaped(declared['mechanism'])}</p>\n{body}\n<h3>Runs</h3>\n" + scrolled(
+        ["run", "direction", "output torque", "samples an output turn"], runs, numbers=(3,)
+    )
+
+
+def _notes(data: Data) -> str:
+    if not data["notes"]:
+        return ""
+    return "<h2>Notes</h2>\n<ul>" + "\n".join(f"<li>{escaped(note)}</li>" for note in data["notes"]) + "</ul>"
+
+
+def _inputs(data: Data) -> str:
+    rows = [
+        [escaped(item["path"]), number(item["bytes"]), f'<code class="hash">{escaped(item["sha256"])}</code>']
+        for item in data["files"]
+    ]
+    files = scrolled(["file", "bytes", "sha256"], rows, numbers=(1,)) if rows else ""
+    return f"<h2>Inputs and version</h2>\n{files}\n<p>rverror {escaped(data['version'])}</p>"

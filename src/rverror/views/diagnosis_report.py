@@ -1,0 +1,536 @@
+"""A diagnosis for people and for programs: text, JSON and the pictures of its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.numbers import brief, rounded, way
+from rverror.base.text import describe, file_name, joined
+from rverror.base.units import ARCSEC
+from rverror.base.version import __version__
+from rverror.diagnosis.next_run import Bench, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.result import Addition, Candidate, Diagnosis, Line, Residual, Trace
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.geartrain.source import IndexValue
+from rverror.model import empirical
+from rverror.model.catalogue import CATALOGUE
+from rverror.model.effects import Effect
+from rverror.views import svg
+from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, turns_of
+from rverror.views.diagnosis_page import effect_toml, page
+from rverror.views.envelope import InputFile, enveloped
+
+_VERDICTS = {
+    "explained": "explained: what was added accounts for all that is significant",
+    "nothing_missing": "nothing missing: the declared model accounts for all that is significant",
+    "unexplained": "unexplained: significant lines remain that no candidate accounts for",
+}
+_WIDTHS = (960, 400)  # px, of pictures on a desktop and on a phone
+_ANGLES = (math.inf, 90.0)  # degrees of the waveforms on them: forty waves a turn fill a phone's width with ink
+_HIGHEST_SHOWN = 260.0
+_NAMED = (8, 5)  # lines named in a spectrum of each width
+_LISTED = 12  # unexplained lines in the text
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Unit in which the signal is shown, and the ending of its keys in JSON."""
+
+    unit: str
+    suffix: str
+    size: float
+
+    def __call__(self, value: float) -> float:
+        return value / self.size
+
+
+_SCALES = {"angle": _Scale("arcsec", "arcsec", ARCSEC), "torque": _Scale("N*m", "newton_metre", 1e3)}
+
+
+def _residual_json(residual: Residual, scale: _Scale) -> dict[str, float | None]:
+    return {
+        f"rms_{scale.suffix}": rounded(scale(residual.rms)),
+        f"peak_to_peak_{scale.suffix}": rounded(scale(residual.peak_to_peak)),
+        f"heldout_rms_{scale.suffix}": rounded(scale(residual.heldout_rms)),
+    }
+
+
+def _cause_json(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
+    return {"key": key, "indices": dict(indices)}
+
+
+def _addition_json(addition: Addition, scale: _Scale) -> dict[str, Any]:
+    parameters = {}
+    for estimate in addition.estimates:
+        parameters[estimate.name] = {
+            "value": rounded(units.to_display(estimate.value, estimate.dimension)),
+            "unit": units.DISPLAY_UNITS[estimate.dimension],
+            "low": rounded(units.to_display(estimate.low, estimate.dimension)),
+            "high": rounded(units.to_display(estimate.high, estimate.dimension)),
+        }
+    entry = CATALOGUE.get(addition.effect.key)
+    return {
+        **_cause_json(addition.effect.key, addition.effect.indices),
+        "parameters": parameters,
+        "indistinguishable_from": [_cause_json(key, indices) for key, indices in addition.indistinguishable],
+        "orders": [rounded(order) for order in addition.orders],
+        f"heldout_rms_{scale.suffix}": rounded(scale(addition.heldout_rms)),
+        "notes": list(addition.notes),
+        "summary": entry.summary if entry else "",
+        "frame": entry.frame if entry else "",
+        "candidates": _candidates_json(addition.candidates),
+    }
+
+
+def _candidates_json(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
+    """Candidates with the differences of their scores; standard errors where the score of each fold is known."""
+    rows = []
+    for candidate in candidates:
+        behind = candidates[0].heldout_gain - candidate.heldout_gain
+        own, leader = (_folds_of(c) for c in (candidate, candidates[0]))
+        paired = leader - own if own.size == leader.size else np.zeros(0)
+        rows.append(
+            {
+                **_cause_json(candidate.key, candidate.indices),
+                "heldout_gain": rounded(candidate.heldout_gain),
+                "standard_error": _standard_error(own),
+                "behind_best": rounded(behind if behind > 1e-9 * abs(candidates[0].heldout_gain) else 0.0),
+                "behind_best_standard_error": _standard_error(paired) if candidate is not candidates[0] else None,
+            }
+        )
+    return rows
+
+
+def _folds_of(candidate: Candidate) -> Any:
+    return np.asarray(candidate.fold_gains, dtype=np.float64)
+
+
+def _standard_error(parts: Any) -> float | None:
+    """Of a sum of as many scores as there are folds."""
+    if parts.size < 2:
+        return None
+    return rounded(float(np.sqrt(parts.size) * np.std(parts, ddof=1)), 3)
+
+
+def _label(trace: Trace, at: int) -> str:
+    return f"{at + 1} {way(trace.direction)}"
+
+
+def _bench(diagnosis: Diagnosis) -> Bench:
+    """What the runs of a diagnosis cover."""
+    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
+    longest = max(diagnosis.traces, key=turns_of, default=None)
+    part = longest.theta if longest is not None and turns_of(longest) < 1 else None
+    return Bench(
+        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
+        samples_per_turn=samples_per_turn(diagnosis),
+        torques=frozenset(torques),
+        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
+        shared_zero=any(
+            one.index == other.index not in ("", "unknown") and one.direction != other.direction
+            for one in diagnosis.traces
+            for other in diagnosis.traces
+        ),
+        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
+    )
+
+
+def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
+    """What to measure next, with the addition that each measurement is about."""
+    bench, unit = _bench(diagnosis), diagnosis.declared.mechanism
+    found: list[tuple[Addition | None, Measurement]] = []
+    for addition in diagnosis.added:
+        if all(key in CATALOGUE for key in (addition.effect.key, *(key for key, _ in addition.indistinguishable))):
+            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
+            found += [(addition, step) for step in steps]
+    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
+    reading = diagnosis.quantity == "angle"
+    return found + [(None, step) for step in steps if reading or step.name != "encoder"]
+
+
+def _next_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": step.name,
+            "what": step.what,
+            "why": step.why,
+            "about": _cause_json(addition.effect.key, addition.effect.indices) if addition else None,
+            "separates": [_cause_json(*cause) for cause in step.separates],
+        }
+        for addition, step in _next(diagnosis)
+    ]
+
+
+def _declared_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    declared = diagnosis.declared
+    unit = declared.mechanism
+    what = f"ratio {unit.ratio:.8g}"
+    if isinstance(unit, Reducer):
+        what += (
+            f", {unit.pins} pins, {unit.disc_lobes} lobes, {unit.discs} discs, {unit.cranks} cranks, "
+            f"sun {unit.sun_teeth}, planets {unit.planet_teeth} teeth"
+        )
+    else:
+        what += "".join(f", {name} {turns:g}" for name, turns in unit.shafts.items())
+    fitted = diagnosis.model.effects[: len(declared.effects)]
+    return {
+        "name": declared.name or declared.mechanism.name,
+        "mechanism": what,
+        "effects": [_effect_json(*pair) for pair in zip(declared.effects, fitted, strict=True)]
+        if len(fitted) == len(declared.effects)
+        else [_effect_json(effect, None) for effect in declared.effects],
+    }
+
+
+def _effect_json(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
+    parameters = CATALOGUE[effect.key].parameters
+
+    def size(value: float, dimension: str) -> float | None:
+        return rounded(units.to_display(value, dimension))
+
+    sigma = None
+    if effect.uncertainty:
+        dimension = parameters[0].dimension
+        sigma = {"value": size(effect.uncertainty, dimension), "unit": units.DISPLAY_UNITS[dimension]}
+    return {
+        **_cause_json(effect.key, effect.indices),
+        "parameters": {
+            parameter.name: {
+                "value": size(value, parameter.dimension),
+                "refitted": size(fitted.values[at], parameter.dimension) if fitted else None,
+                "unit": units.DISPLAY_UNITS[parameter.dimension],
+            }
+            for at, (parameter, value) in enumerate(zip(parameters, effect.values, strict=True))
+        },
+        "uncertainty": sigma,
+    }
+
+
+def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
+    """Diagnosis as plain data for `json.dump`; keys are only ever added.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    files : sequence of InputFile, optional
+        What it was made from: see `rverror.input_files`.
+
+    Returns
+    -------
+    dict
+        Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in
+        ``newton_metre`` instead of ``arcsec``.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
+    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
+    >>> diagnosis_json(found)["verdict"], diagnosis_json(found)["added"]
+    ('nothing_missing', [])
+    """
+    scale = _SCALES[diagnosis.quantity]
+    unit = diagnosis.declared.mechanism
+    sampling = samples_per_turn(diagnosis)
+    content = {
+        "verdict": diagnosis.verdict,
+        f"noise_rms_{scale.suffix}": rounded(scale(diagnosis.noise_rms)),
+        "before": _residual_json(diagnosis.before, scale),
+        "before_refitted": _residual_json(diagnosis.before_refitted, scale),
+        "after": _residual_json(diagnosis.after, scale),
+        "added": [_addition_json(addition, scale) for addition in diagnosis.added],
+        "unexplained_orders": [
+            {
+                "order": rounded(line.order),
+                f"amplitude_{scale.suffix}": rounded(scale(line.amplitude)),
+                "low": rounded(scale(line.low)),
+                "high": rounded(scale(line.high)),
+                "frames": list(line.frames),
+                "beside": [] if line.frames else list(beside(unit, line.order)),
+                "as_effect": _as_measured(line, unit),
+                "could_fold_from": None
+                if math.isinf(sampling)
+                else [
+                    {"order": rounded(fold.order), "frames": list(fold.frames)}
+                    for fold in folds(unit, line.order, sampling)
+                    if fold.frames
+                ],
+            }
+            for line in diagnosis.unexplained
+        ],
+        "by_order": [
+            {
+                "order": rounded(row.order),
+                "frames": list(row.frames),
+                "beside": list(row.beside),
+                f"before_{scale.suffix}": rounded(scale(row.before)),
+                f"after_{scale.suffix}": rounded(scale(row.after)),
+                "runs": [
+                    {
+                        f"before_{scale.suffix}": rounded(scale(before)),
+                        f"after_{scale.suffix}": rounded(scale(after)),
+                    }
+                    for before, after in row.runs
+                ],
+            }
+            for row in leading_orders(diagnosis)
+        ],
+        "candidates": _candidates_json(diagnosis.candidates),
+        "candidates_tried": diagnosis.tried,
+        "next_measurements": _next_json(diagnosis),
+        "declared": _declared_json(diagnosis),
+        "runs": [
+            {
+                "name": trace.name,
+                "label": _label(trace, at),
+                "direction": way(trace.direction),
+                "torque": None if (torque := trace.torque) is None else f"{units.to_display(torque, 'torque'):g} N*m",
+                "samples_per_turn": None if math.isinf(sampling) else rounded(trace.theta.size / turns_of(trace)),
+            }
+            for at, trace in enumerate(diagnosis.traces)
+        ],
+        "notes": list(diagnosis.notes),
+        "unit": scale.unit,
+        "suffix": scale.suffix,
+    }
+    return enveloped("Diagnosis", content, files, listed="files")
+
+
+def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
+    """Diagnosis as a text report.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    files : sequence of InputFile, optional
+        What it was made from: see `rverror.input_files`.
+
+    Returns
+    -------
+    str
+        Ends with a line end.  Characters that cannot be printed show as their escapes.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
+    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
+    >>> print(diagnosis_text(found).splitlines()[0])
+    Verdict: nothing missing: the declared model accounts for all that is significant
+    """
+    scale = _SCALES[diagnosis.quantity]
+    lines = [f"Verdict: {_VERDICTS[diagnosis.verdict]}", ""]
+    declared = diagnosis.declared
+    lines.append(f"Declared: {declared.name or declared.mechanism.name}, {len(declared.effects)} effects")
+    lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
+    lines += ["", f"{'residual, ' + scale.unit:<26}{'rms':>9}{'peak-to-peak':>15}{'held-out rms':>15}"]
+    for label, residual in (
+        ("before (as declared)", diagnosis.before),
+        ("before, sizes refitted", diagnosis.before_refitted),
+        ("after", diagnosis.after),
+    ):
+        rms, peak, heldout = (scale(x) for x in (residual.rms, residual.peak_to_peak, residual.heldout_rms))
+        lines.append(f"{label:<26}{rms:>9.3f}{peak:>15.2f}{heldout:>15.3f}")
+    lines.append(f"{'noise between revolutions':<26}{scale(diagnosis.noise_rms):>9.3f}")
+    for number, addition in enumerate(diagnosis.added, 1):
+        lines += ["", *_addition_lines(number, addition, scale)]
+    lines += _order_lines(diagnosis, scale)
+    if diagnosis.unexplained:
+        lines += ["", *_unexplained_lines(diagnosis, scale)]
+    lines += _candidate_lines(diagnosis)
+    lines += _next_lines(diagnosis)
+    if diagnosis.notes:
+        lines += ["", "Notes", *(f"  {note}" for note in diagnosis.notes)]
+    if files:
+        lines += ["", "Inputs (sha256)", *(f"  {item.sha256}  {item.path}" for item in files)]
+        lines.append(f"rverror {__version__}")
+    return joined(lines)
+
+
+def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]:
+    lines = [f"Added {number}: {describe(addition.effect.key, addition.effect.indices)}"]
+    for estimate in addition.estimates:
+        sizes = (estimate.value, estimate.low, estimate.high)
+        value, low, high = (units.to_display(size, estimate.dimension) for size in sizes)
+        interval = f"95 % [{low:.3f}, {high:.3f}]" if math.isfinite(low) else "not determined by these runs"
+        lines.append(f"  {estimate.name:<12}{value:>10.3f} {units.DISPLAY_UNITS[estimate.dimension]:<8}{interval}")
+    orders = ", ".join(f"{order:g}" for order in addition.orders)
+    shows = f"at orders {orders}" if orders else "at no order: constant, or growing along the run"
+    lines.append(f"  {shows}; held-out rms {scale(addition.heldout_rms):.3f} {scale.unit} once added")
+    if addition.indistinguishable:
+        names = ", ".join(describe(key, indices) for key, indices in addition.indistinguishable)
+        lines.append(f"  these runs cannot tell it from: {names}")
+    return lines + [f"  note: {note}" for note in addition.notes]
+
+
+def _order_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
+    rows = leading_orders(diagnosis, most=8)
+    if not rows:
+        return []
+    lines = ["", f"Leading orders of the residual of the mean turn, {scale.unit}: before, after, frames that they fit"]
+    for row in rows:
+        frames = "; ".join((*row.frames, *row.beside)) or "no frame of this drive"
+        lines.append(f"  {row.order:>8.6g}  {scale(row.before):>8.3f}  {scale(row.after):>8.3f}  {frames}")
+    return lines
+
+
+def _unexplained_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
+    sampling, unit = samples_per_turn(diagnosis), diagnosis.declared.mechanism
+    lines = ["Lines that remain (order per output turn, amplitude with 95 % interval, frames that it fits)"]
+    for line in diagnosis.unexplained[:_LISTED]:
+        size = f"{scale(line.amplitude):.3f} {scale.unit} [{scale(line.low):.3f}, {scale(line.high):.3f}]"
+        frames = "; ".join(line.frames or beside(unit, line.order)) or "no frame of this drive: not in the catalogue"
+        lines.append(f"  {line.order:>8.6g}  {size}  {frames}")
+        above = [f"{f.order:g} ({'; '.join(f.frames)})" for f in folds(unit, line.order, sampling) if f.frames]
+        if above:
+            lines.append(f"            could fold from {', '.join(above)}")
+    if len(diagnosis.unexplained) > _LISTED:
+        lines.append(f"  and {len(diagnosis.unexplained) - _LISTED} more")
+    return [
+        *lines,
+        "",
+        "The remaining lines fit no source of the catalogue.",
+        "An effect of your own is one function and one catalogue entry: see docs/adding-an-effect.md.",
+        *_described(_as_measured(diagnosis.unexplained[0], unit)),
+    ]
+
+
+def _described(effect: Mapping[str, Any] | None) -> list[str]:
+    if effect is None:
+        return []
+    lead = f"To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:"
+    return [lead, *(f"  {line}" for line in effect_toml(effect))]
+
+
+def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
+    """A line as an effect of the model file, where it is a whole order of a reducer."""
+    order, most = round(line.order), len(empirical.ORDER.indices[1].allowed(unit))
+    if isinstance(unit, Drive) or abs(line.order - order) > 1e-6 or order > most or not math.isfinite(line.cos):
+        return None
+    sizes = {name: f"{size / ARCSEC:.4g} arcsec" for name, size in (("cos", line.cos), ("sin", line.sin))}
+    return {"key": empirical.ORDER.key, "frame": "output", "harmonic": order, **sizes}
+
+
+def _candidate_lines(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.candidates:
+        return []
+    lines = ["", f"Best of {diagnosis.tried} candidates in the last round (held-out gain in chi-square, linear)"]
+    for candidate, row in zip(diagnosis.candidates[:5], _candidates_json(diagnosis.candidates), strict=False):
+        error = row["standard_error"]
+        spread = "" if error is None else f" +- {error:<8.3g}"
+        lines.append(f"  {candidate.heldout_gain:>10.1f}{spread}  {describe(candidate.key, candidate.indices)}")
+    return lines
+
+
+def _next_lines(diagnosis: Diagnosis) -> list[str]:
+    steps = _next(diagnosis)
+    if not steps:
+        return []
+    lines = ["", "What to measure next"]
+    for at, (addition, step) in enumerate(steps, 1):
+        lines.append(f"  {at}. {step.what}: {step.why}")
+        if addition and step.separates:
+            others = ", ".join(describe(key, indices) for key, indices in step.separates)
+            lines.append(f"     separates {describe(addition.effect.key, addition.effect.indices)} from {others}")
+    return lines
+
+
+def _summary(diagnosis: Diagnosis) -> str:
+    """The outcome in one or two sentences."""
+    scale = _SCALES[diagnosis.quantity]
+    before, after, noise = (
+        brief(float(f"{scale(value):.3g}"))
+        for value in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
+    )
+    fall = f"Held-out rms {before} before, {after} {scale.unit} after; the noise floor is {noise}."
+    names = ", ".join(describe(a.effect.key, a.effect.indices) for a in diagnosis.added)
+    twins = sum(len(a.indistinguishable) for a in diagnosis.added)
+    if names and twins:
+        names += f" (or one of {twins} other{'s' if twins > 1 else ''} that these runs cannot tell from it)"
+    orders = ", ".join(f"{line.order:g}" for line in diagnosis.unexplained[:6])
+    return {
+        "explained": f"What the model lacked: {names}. {fall}",
+        "nothing_missing": f"The declared model accounts for all that is significant. {fall}",
+        "unexplained": (f"Added: {names}. " if names else "")
+        + f"Significant lines remain that no candidate accounts for, at order {orders}. {fall}",
+    }[diagnosis.verdict]
+
+
+def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
+    """Diagnosis as one HTML page that needs nothing else: no script, no network, no library for its pictures.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    files : sequence of InputFile, optional
+        What it was made from: see `rverror.input_files`.
+
+    Returns
+    -------
+    str
+    """
+    data = diagnosis_json(diagnosis, files=files)
+    pictures = [
+        *(
+            (f"Run {_label(t, i)}: {file_name(t.name)}", _waveform_pictures(diagnosis, t))
+            for i, t in enumerate(diagnosis.traces)
+        ),
+        *(
+            (f"Residual spectrum, run {_label(t, i)}", _spectrum_pictures(diagnosis, t))
+            for i, t in enumerate(diagnosis.traces)
+        ),
+    ]
+    text = diagnosis_text(diagnosis, files=files)
+    return page(data, summary=_summary(diagnosis), figures=pictures, text=text)
+
+
+def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
+    scale = _SCALES[diagnosis.quantity]
+    signal = "transmission error" if diagnosis.quantity == "angle" else "torque"
+    measured, before, after = (scale_all / scale.size for scale_all in (trace.measured, trace.before, trace.after))
+    angle = np.degrees(trace.theta)
+    pictures = []
+    for width, reach in zip(_WIDTHS, _ANGLES, strict=True):
+        seen = angle <= angle[0] + reach
+        part = "" if seen.all() else f", the first {reach:g} degrees"
+        lines = [("measured", measured[seen]), ("before", before[seen]), ("after", after[seen])]
+        rest = [("before", (measured - before)[seen]), ("after", (measured - after)[seen])]
+        panels = [(f"{signal}, {scale.unit}{part}", lines), (f"residual, {scale.unit}{part}", rest)]
+        title = f"{signal} and residual of {file_name(trace.name)}, {way(trace.direction)}, over the output angle{part}"
+        pictures.append(svg.waveforms(panels, angle[seen], width=width, title=title))
+    return pictures
+
+
+def _spectrum_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
+    scale = _SCALES[diagnosis.quantity]
+    found = residual_spectrum(trace)
+    rows = leading_orders(diagnosis, most=max(_NAMED))
+    highest = max([_HIGHEST_SHOWN, *(1.1 * row.order for row in rows)])
+    seen = found.order <= highest
+    order, before, after = found.order[seen], found.before[seen] / scale.size, found.after[seen] / scale.size
+    peaks: list[svg.Peak] = []
+    for row in rows:
+        if any(abs(row.order - peak.order) < highest / 40 for peak in peaks):
+            continue  # the skirt of a larger line; the table has it
+        at = int(np.argmin(np.abs(order - row.order)))
+        name = _short(row.frames[0]) if row.frames else "no frame"
+        peaks.append(svg.Peak(float(row.order), float(max(before[at], after[at])), name))
+    title = f"order spectrum of the residual of {file_name(trace.name)}, {way(trace.direction)}, before and after"
+    return [
+        svg.spectrum(order, before, after, peaks[:most], width=width, title=title, unit=scale.unit)
+        for width, most in zip(_WIDTHS, _NAMED, strict=True)
+    ]
+
+
+def _short(frame: str) -> str:
+    return frame.replace("carrier, disc or crank", "carrier/disc/crank").replace(
+        "output side (encoder, coupling)", "output side"
+    )

@@ -1,0 +1,1 @@
+"""Plots, one call away: `drawing.draw` finds the one for what is shown."""

@@ -1,0 +1,146 @@
+"""Every plot one call away: `draw` finds the picture of a result; the plots themselves are in rooms of their own.
+
+Axes in, axes out.  matplotlib comes with the extra ``plot``.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from rverror.base.errors import InputError
+from rverror.base.text import did_you_mean
+from rverror.diagnosis.result import Diagnosis
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.compose import Influence
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+from rverror.statics.loaded_state import Equilibrium
+from rverror.statics.rigidity import TorsionCurve
+from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.sampling import VirtualUnits
+from rverror.views.plots.budgets import contributions, costs, distribution, envelope, front_of, widths
+from rverror.views.plots.diagnosed import (
+    candidates,
+    diagnosis_figure,
+    diagnosis_waveform,
+    order_spectrum,
+    residual,
+    runs,
+    waveform,
+)
+from rverror.views.plots.figure import new_figure, svg_element, to_bytes
+from rverror.views.plots.mechanism_view import mechanism
+from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
+from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
+from rverror.views.plots.torsion_curves import torsion
+from rverror.views.plots.waveforms import (
+    influence_waveform,
+    model_polar,
+    model_waveform,
+    run_polar,
+    run_waveform,
+    stacked,
+    state_polar,
+    state_waveform,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "PICTURES",
+    "diagnosis_figure",
+    "draw",
+    "model_waveform",
+    "new_figure",
+    "order_map",
+    "order_spectrum",
+    "svg_element",
+    "to_bytes",
+    "waveform",
+]
+
+#: Plots of each kind of result by name, the usual one first.
+PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
+    {
+        Model: {
+            "waveform": partial(model_waveform, most=6, waves=12),
+            "stacked": stacked,
+            "polar": model_polar,
+            "spectrum": model_spectrum,
+            "order_map": model_map,
+            "mechanism": mechanism,
+        },
+        Reducer: {"mechanism": mechanism},
+        Influence: {"waveform": influence_waveform},
+        Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
+        TorsionCurve: {"torsion": torsion},
+        Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},
+        Diagnosis: {
+            "waveform": diagnosis_waveform,
+            "spectrum": order_spectrum,
+            "residual": residual,
+            "runs": runs,
+            "candidates": candidates,
+            "order_map": diagnosis_map,
+        },
+        Budget: {"contributions": contributions, "envelope": envelope},
+        ErrorBudget: {"contributions": contributions, "distribution": distribution, "envelope": envelope},
+        VirtualUnits: {"distribution": distribution},
+        Allocation: {"widths": widths, "costs": costs, "front": front_of},
+    }
+)
+
+
+def draw(thing: Any, *, ax: Axes | None = None, kind: str | None = None, **options: Any) -> Axes:
+    """Draw a result.
+
+    Parameters
+    ----------
+    thing : Model or Run or Diagnosis or other result
+        One of the kinds of `PICTURES`; each of them has it as its method ``plot``.
+    ax : Axes, optional
+        Where to draw; a new figure where left out.
+    kind : str, optional
+        Which of its plots; the usual one where left out.
+    **options
+        What that plot takes.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no such plot or option, the axes are of the wrong sort, or matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect("crank.index", crank=0, angle="1 arcmin"),))
+    >>> draw(unit, kind="stacked").get_ylabel()
+    'transmission error, arcsec'
+    """
+    plots = next((PICTURES[one] for one in type(thing).__mro__ if one in PICTURES), None)
+    if plots is None:
+        known = ", ".join(one.__name__ for one in PICTURES)
+        raise InputError(f"a {type(thing).__name__} has no plot; these have: {known}")
+    chosen = next(iter(plots)) if kind is None else kind
+    name = type(thing).__name__
+    if chosen not in plots:
+        hint = did_you_mean(str(chosen), plots)
+        raise InputError(f"kind = {chosen!r}: a {name} is drawn as {', '.join(plots)};{hint or ' choose one of them'}")
+    taken = [option for option in list(inspect.signature(plots[chosen]).parameters)[1:] if option != "ax"]
+    for option in options:
+        if option not in taken:
+            hint = did_you_mean(option, taken)
+            listed = ", ".join(taken) or "no options"
+            raise InputError(f"option {option!r}: kind {chosen!r} of a {name} takes {listed};{hint or ' leave it out'}")
+    return plots[chosen](thing, ax=ax, **options)

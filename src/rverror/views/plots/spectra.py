@@ -1,0 +1,340 @@
+"""Order spectra of models, runs and loaded states, with named peaks and, where there is noise, its floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import way
+from rverror.diagnosis.result import Trace
+from rverror.geartrain.kinematics import true_period
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+from rverror.runs.spectrum import noise_spectrum, revolutions
+from rverror.statics.loaded_state import Equilibrium
+from rverror.views.by_order import residual_spectrum
+from rverror.views.plots.figure import (
+    BLACK,
+    BLUE,
+    ORANGE,
+    axes_for,
+    in_shown_unit,
+    legend_below,
+    plain,
+    shown_unit,
+    span_of,
+)
+from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
+from rverror.views.plots.waveforms import (
+    MOST_TURNS,
+    Signal,
+    parts_of,
+    run_name,
+    signals_of,
+    whole_turn,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_TURN = 2 * math.pi
+_LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
+_STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
+_SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
+_ROWS = ((BLUE, "solid", 1.6), (ORANGE, (0, (5.0, 2.0)), 0.8))
+_PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Amplitudes by order in core units, and the rms amplitude that noise alone leaves there, where it is known."""
+
+    order: Array
+    size: Array
+    floor: Array | None = None
+    floor_name: str = ""
+
+
+def lines_of(theta: Array, values: Array) -> Lines:
+    """Order spectrum of one row at even angles, of whole turns or of a part of one.
+
+    Parameters
+    ----------
+    theta, values : ndarray, shape (n,)
+        rad, and core units.
+
+    Returns
+    -------
+    Lines
+    """
+    nothing = np.zeros_like(values)
+    found = residual_spectrum(Trace("", 1.0, theta, values, nothing, nothing))
+    return Lines(found.order, found.before)
+
+
+def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
+    """Order spectrum of one direction of a run: of the mean of its periods, or of its travel where that is shorter.
+
+    Parameters
+    ----------
+    signal : Signal
+    mechanism : Reducer or Drive
+        For the period.
+
+    Returns
+    -------
+    Lines
+        With the floor where there are two periods or more.
+    """
+    try:
+        cut = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
+    except ValueError:  # fewer than two periods
+        return _lines_of_travel(signal)
+    found = lines_of(cut.theta, cut.values.mean(axis=0))
+    count, n = cut.values.shape
+    # a mean of so many periods has so much less variance, and a line two coefficients
+    floor = 2 * np.sqrt(noise_spectrum(cut.values) / (count * n))
+    return Lines(found.order, found.size, floor, f"noise of the mean of {count} periods, rms")
+
+
+def _lines_of_travel(signal: Signal) -> Lines:
+    """Order spectrum of as many whole turns as there are, or of a part of one; passes over one place are averaged."""
+    angle, values = signal.theta, signal.values
+    travel = float(np.ptp(angle))
+    made = np.delete(np.abs(np.diff(angle)), signal.breaks - 1)
+    passes = max(float(made.sum()) / travel, 1.0)
+    step = travel * passes / (angle.size - 1)
+    turns = math.floor((travel + 1.5 * step) / _TURN)
+    span = turns * _TURN if turns else travel + step
+    points = round(span / step)
+    cell = np.floor((angle - angle.min()) / span * points + 0.5).astype(np.intp)
+    inside = cell < points
+    count = np.bincount(cell[inside], minlength=points)
+    total = np.bincount(cell[inside], values[inside], points)
+    at = np.arange(points)
+    mean = np.interp(at, at[count > 0], total[count > 0] / count[count > 0])
+    return lines_of(angle.min() + span / points * at, mean)
+
+
+# --- plots ------------------------------------------------------------------------------------------------------------
+
+
+def model_spectrum(
+    model: Model,
+    *,
+    direction: float = 1.0,
+    torque: Any | None = None,
+    highest: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Order spectrum of a model's transmission error in closed form, with the effects that make its strongest lines.
+
+    Parameters
+    ----------
+    model : Model
+    direction : float
+        +1 forward, -1 reverse.
+    torque : optional
+        As in `transmission_error`.
+    highest : float, optional
+        Highest order to show; where left out, that of the last line of 3 % of the strongest.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        If an effect needs a torque or a time.
+
+    Notes
+    -----
+    An exact waveform has no noise, so there is no floor.  A drive that repeats after many turns is windowed.
+    """
+    turn, turns = whole_turn(model.mechanism), true_period(model.mechanism)
+    span = float(turns) if turns <= MOST_TURNS else MOST_TURNS - 0.5  # no whole number of turns: windowed
+    theta = _TURN * span * np.arange(round(turn.size * span)) / round(turn.size * span)
+    parts = parts_of(model, theta, direction=direction, torque=torque)
+    whole = lines_of(theta, parts.rows.sum(axis=0))
+    alone = [lines_of(theta, row).size for row in parts.rows]
+    keys = [effect.key for effect in model.effects]
+
+    def name(order: float) -> str:
+        at = int(np.argmin(np.abs(whole.order - order)))
+        by_size = sorted(range(len(keys)), key=lambda i: -alone[i][at])
+        others = sum(alone[i][at] > _PART * alone[by_size[0]][at] for i in by_size[1:])
+        return f"{order:g}\n{keys[by_size[0]]}" + (f" + {others}" if others else "")
+
+    return _draw([("total", whole)], name, title=plain(model.name or "order spectrum"), highest=highest, ax=ax)
+
+
+def run_spectrum(
+    run: Run,
+    *,
+    ratio: Reducer | Drive | Model | float | None = None,
+    highest: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Order spectrum of a run, of each direction that it holds, with the noise floor and the frames of its peaks.
+
+    Parameters
+    ----------
+    run : Run
+    ratio : Reducer, Drive, Model or float
+        Input turns per output turn; a bare number names no frames.
+    highest : float, optional
+        Highest order to show; where left out, that of the last line that stands out.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the ratio is missing or contradicts the run.
+    """
+    mechanism = mechanism_of(run, ratio)
+    signals = signals_of(run, ratio)
+    rows = []
+    for signal in signals:
+        found = run_lines(signal, mechanism)
+        size, floor = (in_shown_unit(values, signal.quantity) for values in (found.size, _known(found.floor)))
+        shown = Lines(found.order, size, None if found.floor is None else floor, found.floor_name)
+        rows.append((way(signal.direction), shown))
+    known = not isinstance(ratio, int | float)
+    return _draw(
+        rows,
+        _namer(mechanism if known else None, rows[0][1]),
+        title=f"order spectrum, {run_name(run)}",
+        unit=shown_unit(signals[0].quantity),
+        highest=highest,
+        ax=ax,
+    )
+
+
+def state_spectrum(
+    state: Equilibrium,
+    *,
+    mechanism: Mechanism | None = None,
+    highest: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Order spectrum of the transmission error of a loaded state at even angles.
+
+    Parameters
+    ----------
+    state : Equilibrium
+    mechanism : Reducer, optional
+        For the frames of the peaks.
+    highest : float, optional
+        As in `model_spectrum`.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If its angles are few or uneven, or do not grow.
+    """
+    angle = state.theta
+    steps = np.diff(angle)
+    if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
+        raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
+    found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
+    rows = [("loaded equilibrium", found)]
+    return _draw(rows, _namer(mechanism, found), title="loaded equilibrium", highest=highest, ax=ax)
+
+
+def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mechanism:
+    """What turns: the mechanism, or a drive of a bare ratio.
+
+    Raises
+    ------
+    InputError
+        If there is no ratio.
+    """
+    if ratio is None:
+        raise InputError(f"{run.path or 'run'}: orders are counted per output turn; give ratio=, the model or a number")
+    if isinstance(ratio, Model):
+        return ratio.mechanism
+    return ratio if isinstance(ratio, Reducer | Drive) else Drive(ratio=float(ratio))
+
+
+def _namer(mechanism: Mechanism | None, lines: Lines) -> Callable[[float], str]:
+    """Names of peaks: order and frame, or the order alone where the mechanism is not known."""
+    if mechanism is None:
+        return "{:.4g}".format
+    return partial(frame_name, mechanism, within=resolution(lines.order))
+
+
+def _known(floor: Array | None) -> Array:
+    return np.zeros(0) if floor is None else floor
+
+
+def _draw(
+    rows: Sequence[tuple[str, Lines]],
+    name: Callable[[float], str],
+    *,
+    title: str,
+    unit: str = "arcsec",
+    highest: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Stems of each row, floors as lines, the strongest peaks of the first row named."""
+    ax = axes_for(ax)
+    lines = rows[0][1]
+    top = span_of(max(float(found.size.max(initial=0.0)) for _, found in rows))
+    floors = [float(np.median(found.floor)) for _, found in rows if found.floor is not None]
+    bottom = max(min(floors) / 4, 1e-6 * top) if floors and min(floors) > 0 else _LEAST_SHARE * top
+    out = _threshold(lines, top)
+    last = highest or _last(rows, top)
+    # the second row is drawn thin and light over the first
+    for (label, found), (colour, dashes, width) in zip(rows, _ROWS, strict=False):
+        shown = (found.order <= last) & (found.size > bottom)
+        ax.vlines(found.order[shown], bottom, found.size[shown], color=colour, lw=width, label=label)
+        if found.floor is not None:
+            at = found.order <= last
+            ax.plot(
+                found.order[at], found.floor[at], color=BLACK, ls=dashes, lw=1.0, label=f"{label}: {found.floor_name}"
+            )
+    ax.set_xlim(0, last)
+    size = np.where(lines.order <= last, lines.size, 0.0)
+    chosen = strongest(size, floor=out, apart=LOBE if resolution(lines.order) else 1)
+    name_peaks(
+        ax, [float(lines.order[i]) for i in chosen], [float(size[i]) for i in chosen], name, bottom=bottom, top=top
+    )
+    ax.set(xlabel="order, per output turn", ylabel=f"amplitude, {unit}", title=title)
+    legend_below(ax)
+    return ax
+
+
+def _threshold(lines: Lines, top: float) -> Array:
+    """Amplitude above which a line is one."""
+    share = SIDELOBES if resolution(lines.order) else _LEAST_SHARE
+    least = np.full(lines.size.shape, share * top)
+    return least if lines.floor is None else np.maximum(least, _STANDS_OUT * lines.floor)
+
+
+def _last(rows: Sequence[tuple[str, Lines]], top: float) -> float:
+    """Order up to which there is something to see."""
+    orders = [8.0]
+    for _, found in rows:
+        out = found.size > np.maximum(_threshold(found, top), _SEEN * top)
+        orders += [1.06 * float(order) for order in found.order[out][-1:]]
+    ends = max(float(found.order[-1]) for _, found in rows)
+    return min(max(orders), ends)

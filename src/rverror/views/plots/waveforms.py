@@ -1,0 +1,489 @@
+"""Plots of the transmission error over the output angle: by source, stacked, polar; of models, runs and states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import way
+from rverror.base.text import describe, file_name
+from rverror.geartrain.kinematics import samples_needed, true_period
+from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import Influence, transmission_error_by_effect
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run, torque_column
+from rverror.statics.loaded_state import Equilibrium
+from rverror.views.plots.figure import (
+    BLACK,
+    BLUE,
+    GREY,
+    VERMILLION,
+    axes_for,
+    fill_style,
+    in_shown_unit,
+    legend_below,
+    legend_beside,
+    line_style,
+    plain,
+    shown_unit,
+    span_of,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Turns of a drive that repeats later than after one, up to which all of them are drawn.
+MOST_TURNS = 16
+_NAMED = 12  # effects for which a legend has room
+_FEWEST = 4096  # angles of a whole turn
+_HARMONICS = 4  # of a shaft that its sources know
+_TURN = 2 * np.pi
+_LABELS_AT = np.radians(22.5)  # of the circles
+_HATCH = (0.0, 0.0, 0.0, 0.5)
+_ANGLE = "output angle, deg"
+_ERROR = "transmission error, arcsec"
+
+
+def whole_turn(mechanism: Reducer | Drive) -> Array:
+    """Angles of one output turn that hold the mesh orders of a reducer and the shafts' harmonics of a drive, rad."""
+    if isinstance(mechanism, Reducer):
+        needed = samples_needed(mechanism)
+    else:
+        highest = _HARMONICS * max(abs(turns) for turns in (mechanism.ratio, *mechanism.shafts.values()))
+        needed = 2 ** math.ceil(math.log2(2 * highest + 1))
+    points = max(_FEWEST, needed)
+    return np.linspace(0, _TURN, points, endpoint=False)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Transmission error of a model by effect, arcsec: `theta` (n,) rad, `rows` (lines, n) and a name for each."""
+
+    theta: Array
+    rows: Array
+    names: tuple[str, ...]
+
+    def largest(self, most: int) -> Parts:
+        """The largest rows, the sum of the others as one more."""
+        if len(self.names) <= most:
+            return self
+        order = np.argsort(-np.abs(self.rows).max(axis=1), kind="stable")
+        kept, others = np.sort(order[:most]), order[most:]
+        rows = np.concatenate([self.rows[kept], self.rows[others].sum(axis=0, keepdims=True)])
+        rest = "the other one" if others.size == 1 else f"sum of the {others.size} others"
+        return Parts(self.theta, rows, (*(self.names[i] for i in kept), rest))
+
+
+def parts_of(model: Model, theta: Any | None, **motion: Any) -> Parts:
+    """Transmission error of a model by effect, in closed form, over a whole turn where no angles are given."""
+    angle = whole_turn(model.mechanism) if theta is None else units.to_core_array(theta, "angle")
+    rows = transmission_error_by_effect(model, angle, **motion)
+    names = tuple(plain(describe(effect.key, effect.indices)) for effect in model.effects)
+    return Parts(angle, in_shown_unit(rows, "angle"), names)
+
+
+# --- models -----------------------------------------------------------------------------------------------------------
+
+
+def model_waveform(
+    model: Model,
+    *,
+    theta: Any | None = None,
+    direction: float = 1.0,
+    time: Any | None = None,
+    torque: Any | None = None,
+    most: int | None = None,
+    waves: int | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Transmission error of a model over one turn by effect and in total, closed form.
+
+    Parameters
+    ----------
+    model : Model
+    theta : array_like or quantity, shape (n,), optional
+        Nominal output angle, rad; a whole turn where left out.
+    direction : float
+        +1 forward, -1 reverse.
+    time, torque : optional
+        As in `transmission_error`.
+    most : int, optional
+        Effects that get a line of their own, the largest; the sum of the others is one more.  All where left out.
+    waves : int, optional
+        Where no angles are given, only so many waves of the strongest order are drawn, a whole turn at the most.
+    ax : Axes, optional
+        Where to draw; a new figure where left out.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        If an effect needs a time or a torque that is not given.
+    """
+    ax = axes_for(ax)
+    parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
+    if theta is None and waves is not None:
+        parts = _first_waves(parts, waves)
+    shown = parts if most is None else parts.largest(most)
+    angle = np.degrees(shown.theta)
+    named = np.argsort(-np.abs(shown.rows).max(axis=1), kind="stable")[:_NAMED].tolist()
+    for i, (name, row) in enumerate(zip(shown.names, shown.rows, strict=True)):
+        if i in named:
+            ax.plot(angle, row, lw=0.9, label=name, **line_style(sorted(named).index(i)))
+        else:
+            ax.plot(angle, row, lw=0.4, color=GREY)
+    ax.plot(angle, parts.rows.sum(axis=0), color=BLACK, lw=1.3, label="total")
+    more = len(shown.names) - len(named)
+    _finish(ax, model)
+    legend_beside(ax, title=f"the largest, {more} more unnamed" if more else None)
+    return ax
+
+
+def stacked(
+    model: Model,
+    *,
+    theta: Any | None = None,
+    direction: float = 1.0,
+    time: Any | None = None,
+    torque: Any | None = None,
+    most: int = 5,
+    waves: int = 6,
+    ax: Axes | None = None,
+) -> Axes:
+    """Transmission error of a model by effect, each on top of those before it; the last edge is the total.
+
+    An effect that is negative at an angle takes its height off there.
+
+    Parameters
+    ----------
+    model : Model
+    theta : array_like or quantity, shape (n,), optional
+        Nominal output angle, rad; a few waves of the strongest order where left out.
+    direction : float
+        +1 forward, -1 reverse.
+    time, torque : optional
+        As in `transmission_error`.
+    most : int
+        Effects that get an area of their own, the largest; the sum of the others is one more.
+    waves : int
+        Where no angles are given, so many waves of the strongest order are drawn, a whole turn at the most.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        If an effect needs a time or a torque that is not given.
+    """
+    ax = axes_for(ax, height=3.8)
+    parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
+    if theta is None:
+        parts = _first_waves(parts, waves)
+    shown = parts.largest(most)
+    angle = np.degrees(shown.theta)
+    edges = np.concatenate([np.zeros((1, angle.size)), np.cumsum(shown.rows, axis=0)])
+    for i, name in enumerate(shown.names):
+        area = ax.fill_between(angle, edges[i], edges[i + 1], lw=0.0, edgecolor=_HATCH, label=name, **fill_style(i))
+        area.set_alpha(0.55)
+        ax.plot(angle, edges[i + 1], color=BLACK, lw=0.5)
+    ax.axhline(0, color=BLACK, lw=0.5)
+    ax.plot(angle, edges[-1], color=BLACK, lw=1.6, label="total")
+    _finish(ax, model)
+    legend_beside(ax)
+    return ax
+
+
+def _first_waves(parts: Parts, waves: int) -> Parts:
+    """As much of a turn as holds a few waves of the strongest order."""
+    total = parts.rows.sum(axis=0)
+    lines = np.abs(np.fft.rfft(total))[1:]
+    if not parts.names or lines.max() <= 1e-9 * total.size * (np.abs(total).max() or 1.0):
+        return parts
+    order = 1 + int(np.argmax(lines))
+    kept = min(-(-waves * total.size // order) + 1, total.size)
+    return Parts(parts.theta[:kept], parts.rows[:, :kept], parts.names)
+
+
+def model_polar(
+    model: Model,
+    *,
+    theta: Any | None = None,
+    direction: float = 1.0,
+    time: Any | None = None,
+    torque: Any | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Total transmission error of a model about a base circle, over the output angle.
+
+    Parameters
+    ----------
+    model : Model
+    theta, direction, time, torque : optional
+        As in `model_waveform`; a drive that repeats after some turns is drawn over all of them.
+    ax : PolarAxes, optional
+
+    Returns
+    -------
+    PolarAxes
+
+    Raises
+    ------
+    InputError
+        If `ax` is not polar.
+    ValueError
+        If an effect needs a time or a torque that is not given.
+    """
+    turns = true_period(model.mechanism)
+    if theta is None and 1 < turns <= MOST_TURNS:
+        theta = np.concatenate([whole_turn(model.mechanism) + _TURN * turn for turn in range(turns)])
+    parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
+    return _polar([("total", parts.theta, parts.rows.sum(axis=0))], title=_title(model), ax=ax)
+
+
+def _title(model: Model) -> str:
+    return plain(model.name or "transmission error")
+
+
+def _finish(ax: Axes, model: Model) -> None:
+    ax.set(xlabel=_ANGLE, ylabel=_ERROR, title=_title(model))
+    ax.margins(x=0)
+
+
+# --- runs -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Signal of a run in one direction: `theta` rad, `values` in core units of `quantity`, and where passes begin."""
+
+    theta: Array
+    values: Array
+    direction: float
+    quantity: str
+    breaks: npt.NDArray[np.intp]
+
+
+def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[Signal]:
+    """What a run holds, one part for each direction: transmission error, or torque where it is a torque record.
+
+    Raises
+    ------
+    InputError
+        If the ratio is needed and missing, or contradicts the run.
+    """
+    if ratio is None and run.input_angle is not None:
+        raise InputError(
+            f"{run.path or 'run'}: it holds input angles, and a run file no ratio; give ratio=, the model or the input "
+            "turns per output turn"
+        )
+    used = 1.0 if ratio is None else ratio
+    theta = run.nominal_angle(used)
+    torque = torque_column(run.extra)
+    if torque is not None and (run.output_angle is None or run.input_angle is None) and run.te_column is None:
+        factor = units.unit_factor(torque[torque.index("[") + 1 : torque.rindex("]")], "torque")
+        values, quantity = run.extra[torque] * factor, "torque"
+    else:
+        values, quantity = run.error(used), "angle"
+    ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
+    parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
+    return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
+
+
+def _broken(x: Array, y: Array, breaks: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+    """A line with gaps where a pass ended and another began."""
+    return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
+
+
+def signal_label(quantity: str) -> str:
+    """Name and unit of what a run or a diagnosis draws."""
+    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
+
+
+def run_name(run: Run) -> str:
+    """Short name of a run for titles."""
+    return plain(file_name(run.path) or "run")
+
+
+def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
+    """Transmission error of a run, or its torque, over the nominal output angle, its offset left in.
+
+    Parameters
+    ----------
+    run : Run
+    ratio : Reducer, Drive, Model or float, optional
+        Input turns per output turn; needed where the run holds input angles.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the ratio is missing or contradicts the run.
+    """
+    signals = signals_of(run, ratio)
+    ax = axes_for(ax)
+    for number, (colour, dashes) in enumerate(((BLUE, "solid"), (VERMILLION, (0, (5, 2))))[: len(signals)]):
+        part = signals[number]
+        angle, values = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
+        ax.plot(angle, values, color=colour, ls=dashes, lw=0.9, label=way(part.direction))
+    ax.set(xlabel=_ANGLE, ylabel=signal_label(signals[0].quantity), title=run_name(run))
+    ax.margins(x=0)
+    ax.ticklabel_format(axis="y", style="plain", useOffset=False)
+    legend_below(ax)
+    return ax
+
+
+def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
+    """Transmission error of a run, or its torque, about a base circle; revolutions lie over one another.
+
+    Parameters
+    ----------
+    run : Run
+    ratio : Reducer, Drive, Model or float, optional
+        As in `run_waveform`.
+    ax : PolarAxes, optional
+
+    Returns
+    -------
+    PolarAxes
+
+    Raises
+    ------
+    InputError
+        If `ax` is not polar, or the ratio is missing or contradicts the run.
+    """
+    signals = signals_of(run, ratio)
+    lines = [(way(s.direction), *_broken(s.theta, in_shown_unit(s.values, s.quantity), s.breaks)) for s in signals]
+    return _polar(lines, title=run_name(run), quantity=signals[0].quantity, ax=ax)
+
+
+# --- loaded states ----------------------------------------------------------------------------------------------------
+
+
+def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
+    """Transmission error of a loaded state.
+
+    Parameters
+    ----------
+    state : Equilibrium
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+    """
+    values = in_shown_unit(state.transmission_error, "angle")
+    ax = axes_for(ax)
+    ax.plot(np.degrees(state.theta), values, color=BLUE, lw=1.0, label="loaded equilibrium")
+    ax.set(xlabel=_ANGLE, ylabel=_ERROR, title="loaded equilibrium")
+    ax.margins(x=0)
+    return ax
+
+
+def state_polar(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
+    """Transmission error of a loaded state about a base circle.
+
+    Parameters
+    ----------
+    state : Equilibrium
+    ax : PolarAxes, optional
+
+    Returns
+    -------
+    PolarAxes
+
+    Raises
+    ------
+    InputError
+        If `ax` is not polar.
+    """
+    values = in_shown_unit(state.transmission_error, "angle")
+    return _polar([("loaded equilibrium", state.theta, values)], title="loaded equilibrium", ax=ax)
+
+
+# --- influences -------------------------------------------------------------------------------------------------------
+
+
+def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
+    """Influence of each parameter of a source on the output.
+
+    Parameters
+    ----------
+    found : Influence
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+    """
+    dimension = source(found.key).parameters[0].dimension
+    scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
+    ax = axes_for(ax)
+    for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
+        ax.plot(np.degrees(found.theta), scale * row, lw=1.1, label=label, **line_style(number))
+    ax.set(xlabel=_ANGLE, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=plain(found.key))
+    ax.margins(x=0)
+    legend_below(ax, columns=4)
+    return ax
+
+
+# --- about a base circle ----------------------------------------------------------------------------------------------
+
+
+def _polar(
+    lines: Sequence[tuple[str, Array, Array]], *, title: str, quantity: str = "angle", ax: Axes | None = None
+) -> Axes:
+    """Lines (name, rad, shown unit) about a circle that stands for their common mean."""
+    ax = axes_for(ax, projection="polar", width=6.0, height=6.0)
+    unit = shown_unit(quantity)
+    mean = float(np.nanmean(np.concatenate([values for _, _, values in lines])))
+    reach = span_of(max(float(np.nanmax(np.abs(values - mean))) for _, _, values in lines))
+    step = _round_step(reach)
+    for number, (name, theta, values) in enumerate(lines):
+        ax.plot(theta, values - mean, lw=0.9, label=name, **line_style(number))
+    circle = np.linspace(0, _TURN, 361)
+    ax.plot(
+        circle,
+        np.zeros_like(circle),
+        color=BLACK,
+        lw=1.0,
+        ls=(0, (6, 3)),
+        label=f"base circle: mean, {mean:.4g} {unit}",
+    )
+    outer = step * np.ceil(reach / step - 1e-9)
+    ax.set_rlim(-outer, outer)  # type: ignore[attr-defined]
+    ax.set_rorigin(-4 * outer)  # type: ignore[attr-defined]
+    circles = step * np.arange(-round(outer / step), round(outer / step) + 1)
+    ax.set_rticks(circles, [])  # type: ignore[attr-defined]
+    for place, word in ((-outer, f"{-outer:g}"), (0.0, "0"), (outer, f"+{outer:g} {unit}")):
+        box = {"fc": "white", "ec": "none", "pad": 0.8}
+        ax.text(_LABELS_AT, place, word, ha="center", va="center", fontsize="x-small", bbox=box)
+    ax.set_title(title)
+    ax.set_xlabel(f"{_ANGLE}; {step:g} {unit} from circle to circle")
+    ax.set_ylabel(f"outwards: {signal_label(quantity).partition(',')[0]} above its mean, {unit}", labelpad=30)
+    ax.legend(loc="center", frameon=False, fontsize="x-small", handlelength=3)
+    return ax
+
+
+def _round_step(reach: float) -> float:
+    """Largest of 1, 2 or 5 times a power of ten that a value holds."""
+    power = 10.0 ** np.floor(np.log10(reach) + 1e-12)
+    return float(next(f * power for f in (5, 2, 1) if f * power <= reach * (1 + 1e-9)))

@@ -1,0 +1,168 @@
+"""Any result as text, as plain data for JSON, as a page: one function each, one entry a kind that has its own.
+
+What has no entry is told by its sheet or its table, so a new kind of result is told as soon as it has these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import singledispatch
+from typing import Any
+
+from rverror.base.errors import InputError
+from rverror.diagnosis.result import Diagnosis
+from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.control_variate import ContactCorrection
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
+from rverror.views.contact_report import contact_json, contact_text
+from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
+from rverror.views.envelope import InputFile, enveloped
+from rverror.views.html import document, escaped_lines
+from rverror.views.notebook import page
+from rverror.views.sheets import as_text, has_sheet, sheet
+from rverror.views.tables import described
+
+
+@singledispatch
+def to_text(result: Any, /, **options: Any) -> str:
+    """Result as text.
+
+    Parameters
+    ----------
+    result
+        A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
+        TorsionCurve, Influence, Model, Effect, Reducer, Drive, Run, Stack or Tolerance; a list or tuple of Effect,
+        Tolerance or FrontPoint.
+    **options
+        A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
+        a Comparison how many orders are told, `most`.
+
+    Returns
+    -------
+    str
+        Angles in arcsec.  Ends with a line end; characters that cannot be printed show as their escapes.
+
+    Raises
+    ------
+    InputError
+        If there is no text of such a result, or it takes no such option.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> print(to_text(rverror.effect("crank.index", crank=0, angle="1 arcmin")))
+    Effect: crank.index (crank 0)
+    <BLANKLINE>
+    parameter  size  1 sigma  unit
+    angle        60  exact    arcsec
+    <BLANKLINE>
+    """
+    if not has_sheet(result):
+        known = {kind.__name__ for of in (to_text, sheet) for kind in of.registry} - {"object"}
+        raise InputError(f"a {type(result).__name__} has no text; these have: {', '.join(sorted(known))}")
+    _check_no(options, result)
+    return as_text(sheet(result))
+
+
+@singledispatch
+def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> dict[str, Any]:
+    """Result as plain data for `json.dump`; keys are only ever added.
+
+    Parameters
+    ----------
+    result
+        Whatever `to_text` or `to_pandas` takes.
+    files : sequence of InputFile, optional
+        What it was made from: see `input_files`.
+    **options
+        As for `to_text` or, of what is told by its table, for `to_xarray`.
+
+    Returns
+    -------
+    dict
+        Sizes in arcsec and um, numbers that are not determined None.  ``result`` is the name of its class, ``version``
+        that of rverror.  Keys of a torque ripple end in ``newton_metre`` instead of ``arcsec``.  What is told by its
+        table has its ``variables``, each with its dimensions, unit and values.
+
+    Raises
+    ------
+    InputError
+        If no table is made of such a result.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> told = to_json(rverror.effect("crank.index", crank=0, angle="1 arcmin"))
+    >>> told["result"], told["variables"]["value"]["values"], told["variables"]["value"]["units"]
+    ('Effect', [60.0], ['arcsec'])
+    """
+    table = described(result, **options)
+    variables = {
+        name: {
+            "dimensions": list(variable.dims),
+            "units": variable.units_shown(),
+            "values": _plain(variable.shown(display=True).tolist()),
+        }
+        for name, variable in table.variables.items()
+    }
+    return enveloped(table.kind, {**_plain(dict(table.about)), "variables": variables}, files)
+
+
+def _plain(value: Any) -> Any:
+    """Value of which JSON holds every part; what is not determined is None."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@singledispatch
+def to_html(result: Any, /, **options: Any) -> str:
+    """Result as one HTML page that needs nothing else: no script, no network, no library for its pictures.
+
+    Parameters
+    ----------
+    result
+        Whatever `to_text` takes.
+    **options
+        A Diagnosis takes its `files`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If there is no page of such a result, or it takes no such option.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> to_html(rverror.reducer("RV-40E")).startswith("<!doctype html>")
+    True
+    """
+    _check_no(options, result)
+    body = page(result) if has_sheet(result) else f"<pre>{escaped_lines(to_text(result))}</pre>"
+    return document(f"rverror: {type(result).__name__}", body)
+
+
+def _check_no(options: Mapping[str, Any], result: Any) -> None:
+    for name in options:
+        raise InputError(f"{type(result).__name__}: no option {name!r}; it takes none")
+
+
+for _kind, _text, _json in (
+    (Diagnosis, diagnosis_text, diagnosis_json),
+    (Budget, budget_text, budget_json),
+    (ErrorBudget, budget_text, budget_json),
+    (ContactCorrection, contact_text, contact_json),
+    (Allocation, allocation_text, allocation_json),
+):
+    to_text.register(_kind, _text)
+    to_json.register(_kind, _json)
+to_html.register(Diagnosis, diagnosis_html)

@@ -1,0 +1,249 @@
+"""Pictures of a diagnosis as SVG text without any library: colours come from the page's style, so both themes fit.
+
+Classes that the page gives a colour: ``measured``, ``before``, ``after``, ``grid``, ``axis``; text is ``tick``,
+``label`` or ``name``.  Every picture is drawn for one width, so letters keep their size on a desktop and on a phone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.views.html import escaped
+
+_LETTER = 6.4  # px, mean width of a letter of 12 px
+_LEFT, _RIGHT = 52, 16
+
+Place = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A named line of a spectrum."""
+
+    order: float
+    size: float
+    name: str
+
+
+def ticks(low: float, high: float, most: int) -> list[float]:
+    """Round numbers between two bounds, `most` or fewer.
+
+    Examples
+    --------
+    >>> ticks(0, 360, 5)
+    [0.0, 100.0, 200.0, 300.0]
+    >>> ticks(0, 0, 5)
+    [0.0]
+    """
+    if not high > low:
+        return [float(low)]
+    rough = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(f * power for f in (1, 2, 5, 10) if f * power * (1 + 1e-9) >= rough)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [float(f"{k * step:.12g}") for k in range(first, last + 1)]
+
+
+def thinned(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
+    """Lowest and highest point of each of so many columns: what a line of many points looks like.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    columns : int
+
+    Returns
+    -------
+    x, y : ndarray
+        At most two points a column, in order.
+    """
+    if x.size <= 2 * columns:
+        return x, y
+    parts = np.array_split(np.arange(x.size), columns)
+    kept = np.unique([p[i] for p in parts for i in (int(np.argmin(y[p])), int(np.argmax(y[p])))])
+    return x[kept], y[kept]
+
+
+def waveforms(
+    panels: Sequence[tuple[str, Sequence[tuple[str, Array]]]],
+    angle: Array,
+    *,
+    width: int,
+    title: str,
+    panel_height: int = 150,
+) -> str:
+    """Waveforms over the output angle, panels one above the other.
+
+    Parameters
+    ----------
+    panels : sequence of (str, sequence of (str, ndarray))
+        Label of the ordinate, and the class and values of each line, the lowest first.
+    angle : ndarray, shape (n,)
+        Degrees.
+    width : int
+        Of the picture, px.
+    title : str
+        For those who cannot see it.
+    panel_height : int
+
+    Returns
+    -------
+    str
+        An ``svg`` element.
+    """
+    top, gap, bottom = 20, 30, 36
+    height = top + len(panels) * panel_height + (len(panels) - 1) * gap + bottom
+    inner = width - _LEFT - _RIGHT
+    low, high = float(angle.min()), float(angle.max())
+    across = _linear(low, high, _LEFT, _LEFT + inner)
+    parts = []
+    for number, (label, lines) in enumerate(panels):
+        start = top + number * (panel_height + gap)
+        reach = max([float(np.abs(values).max(initial=0.0)) for _, values in lines] + [1e-9]) * 1.05
+        up = _linear(-reach, reach, start + panel_height, start)
+        parts.append(f'<text class="label" x="{_LEFT}" y="{start - 7}">{escaped(label)}</text>')
+        for value in ticks(-reach, reach, 5):
+            parts.append(_horizontal(up(value), width, f"{value:g}"))
+        for name, values in lines:
+            x, y = thinned(angle, values, inner)
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(x), up(y), strict=True))
+            parts.append(f'<polyline class="{escaped(name)}" points="{points}"/>')
+    base = height - bottom
+    for value in _angle_ticks(low, high, inner):
+        parts.append(_below(across(value), base, f"{value:g}"))
+    parts.append(_caption(width, height, "output angle, deg"))
+    return _picture(width, height, title, parts)
+
+
+def spectrum(
+    order: Array,
+    before: Array,
+    after: Array,
+    peaks: Sequence[Peak],
+    *,
+    width: int,
+    title: str,
+    unit: str,
+    height: int = 300,
+) -> str:
+    """Order spectrum of a residual before and after, strong lines named.
+
+    Parameters
+    ----------
+    order, before, after : ndarray, shape (m,)
+        Orders per output turn and amplitudes.
+    peaks : sequence of Peak
+        Lines to name, the most important first; a name that has no room is left out.
+    width : int
+        px.
+    title : str
+    unit : str
+        Of the amplitudes.
+    height : int
+        px.
+
+    Returns
+    -------
+    str
+        An ``svg`` element.
+    """
+    inner = width - _LEFT - _RIGHT
+    highest = float(order[-1]) if order.size else 1.0
+    across = _linear(0.0, highest, _LEFT, _LEFT + inner)
+    placed = _places(peaks, across, width)
+    rows = 1 + max((row for _, row, _ in placed), default=-1)
+    top, bottom = 24 + 30 * rows, 36
+    base = height - bottom
+    floor = max(float(np.median(after)) if after.size else 0.0, 1e-6 * max(float(before.max(initial=0)), 1e-9))
+    ceiling = max(float(before.max(initial=0.0)), float(after.max(initial=0.0)), 10 * floor) * 1.2
+    decades = math.log10(ceiling / floor)
+
+    def up(value: float) -> float:
+        return base - (base - top) * math.log10(max(value, floor) / floor) / decades
+
+    parts = [f'<text class="label" x="{_LEFT}" y="13">amplitude, {escaped(unit)}</text>']
+    for power in range(math.ceil(math.log10(floor)), math.floor(math.log10(ceiling)) + 1):
+        parts.append(_horizontal(up(10.0**power), width, f"{10.0**power:g}"))
+    for name, sizes in (("before", before), ("after", after)):
+        stems = "".join(
+            f"M{across(o):.1f} {base:.1f}V{up(s):.1f}" for o, s in zip(order, sizes, strict=True) if s > floor
+        )
+        parts.append(f'<path class="stem {name}" d="{stems}"/>' if stems else "")
+    for peak, row, middle in placed:
+        y = 38 + 30 * row
+        x = across(peak.order)
+        parts.append(f'<path class="lead" d="M{middle:.1f} {y + 3}L{x:.1f} {max(up(peak.size) - 3, y + 4):.1f}"/>')
+        for line, text in enumerate((f"{peak.order:g}", peak.name)):
+            strong = "name strong" if line == 0 else "name"
+            parts.append(
+                f'<text class="{strong}" text-anchor="middle" x="{middle:.1f}" y="{y - 13 + 13 * line}">'
+                f"{escaped(text)}</text>"
+            )
+    parts.append(f'<path class="axis" d="M{_LEFT} {base}H{width - _RIGHT}"/>')
+    for value in ticks(0, highest, max(3, inner // 90)):
+        parts.append(_below(across(value), base, f"{value:g}"))
+    parts.append(_caption(width, height, "order, per output turn"))
+    return _picture(width, height, title, parts)
+
+
+def _linear(low: float, high: float, start: float, end: float) -> Place:
+    """Place between `start` and `end` of a value between two bounds."""
+    return lambda value: start + (end - start) * (value - low) / ((high - low) or 1.0)
+
+
+def _places(peaks: Sequence[Peak], across: Place, width: int) -> list[tuple[Peak, int, float]]:
+    """Row and middle of each name that finds room in three rows, without overlap."""
+    taken: list[list[tuple[float, float]]] = [[], [], []]
+    placed = []
+    for peak in peaks:
+        half = max(len(f"{peak.order:g}"), len(peak.name)) * _LETTER / 2 + 5
+        if 2 * half > width - _LEFT - _RIGHT:
+            continue
+        middle = min(max(across(peak.order), _LEFT + half), width - _RIGHT - half)
+        for row, spans in enumerate(taken):
+            if all(middle + half < low or middle - half > high for low, high in spans):
+                spans.append((middle - half, middle + half))
+                placed.append((peak, row, middle))
+                break
+    return placed
+
+
+def _angle_ticks(low: float, high: float, inner: int) -> list[float]:
+    """Multiples of 15, 30, 45 or 90 degrees up to about a turn, else round numbers."""
+    for step in (15, 30, 45, 90):
+        if 2 * step <= high - low < 420 and (high - low) / step <= max(3, inner / 80):
+            first, last = math.ceil(low / step - 0.02), math.floor(high / step + 0.02)
+            return [float(step * k) for k in range(first, last + 1)]
+    return ticks(low, high, max(3, inner // 90))
+
+
+def _horizontal(y: float, width: int, text: str) -> str:
+    return (
+        f'<path class="grid" d="M{_LEFT} {y:.1f}H{width - _RIGHT}"/>'
+        f'<text class="tick" text-anchor="end" x="{_LEFT - 6}" y="{y + 4:.1f}">{text}</text>'
+    )
+
+
+def _below(x: float, base: float, text: str) -> str:
+    return (
+        f'<path class="axis" d="M{x:.1f} {base:.1f}v4"/>'
+        f'<text class="tick" text-anchor="middle" x="{x:.1f}" y="{base + 16:.1f}">{text}</text>'
+    )
+
+
+def _caption(width: int, height: int, text: str) -> str:
+    middle = (_LEFT + width - _RIGHT) / 2
+    return f'<text class="label" text-anchor="middle" x="{middle:.0f}" y="{height - 5}">{escaped(text)}</text>'
+
+
+def _picture(width: int, height: int, title: str, parts: Sequence[str]) -> str:
+    return (
+        f'<svg role="img" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'aria-label="{escaped(title)}">' + "\n".join(part for part in parts if part) + "</svg>"
+    )

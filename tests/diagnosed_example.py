@@ -1,0 +1,72 @@
+"""The diagnosis of the shipped example as the command gives it, run once for all test files that look at it.
+
+The truth is the virtual bench's own: it added an encoder eccentricity to a unit that declares none, and noise.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+import rverror
+from rverror import Diagnosis, diagnose
+from rverror.app import command_line as cli
+
+DEMO = Path(rverror.__file__).parent / "data" / "demo"
+
+
+COS, SIN = 4.1, -2.7  # arcsec, undeclared
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one `rverror diagnose` of the shipped example gave."""
+
+    folder: Path
+    code: int
+    out: str
+    err: str
+    diagnosis: Diagnosis
+
+    def json(self) -> dict[str, Any]:
+        return strict_json((self.folder / "found.json").read_text(encoding="utf-8"))
+
+
+@functools.cache
+def outcome(folder: Path) -> Outcome:
+    """Run it, once in a session for all test files: it takes some ten seconds."""
+    folder.mkdir()
+    for name in ("model.toml", "forward.csv", "reverse.csv"):
+        (folder / name).write_bytes((DEMO / name).read_bytes())
+    found: list[Diagnosis] = []
+
+    def keep(*args: Any, **keywords: Any) -> Diagnosis:
+        found.append(diagnose(*args, **keywords))
+        return found[0]
+
+    named = {"--json": "found.json", "--save": "new.toml", "--report": "page.html", "--plot": "picture.png"}
+    arguments = ["diagnose", *(str(folder / name) for name in ("model.toml", "forward.csv", "reverse.csv"))]
+    for option, name in named.items():
+        arguments += [option, str(folder / name)]
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(cli, "diagnose", keep)
+        code = cli.main(arguments)
+    return Outcome(folder, code, out.getvalue(), err.getvalue(), found[0])
+
+
+def strict_json(text: str) -> dict[str, Any]:
+    """JSON as every program reads it: NaN and Infinity are Python's own."""
+
+    def refuse(word: str) -> NoReturn:
+        raise AssertionError(f"{word} is no JSON")
+
+    loaded: dict[str, Any] = json.loads(text, parse_constant=refuse)
+    return loaded

@@ -1,0 +1,272 @@
+"""The closed loop on the virtual test-bench units: their truth was made by an equilibrium that is not rverror's."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from recordings import bench
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.loop import Diagnosis
+from rverror.diagnosis.reducer_search import _Fold
+from rverror.views.report import to_text
+
+
+@pytest.fixture(scope="module")
+def diagnosed() -> Any:
+    """Diagnose each unit at most once."""
+    done: dict[int, Diagnosis] = {}
+
+    def unit(number: int) -> Diagnosis:
+        folder = bench(f"train-{number}")
+        if number not in done:
+            model = rverror.load_model(folder / "model.toml")
+            runs = [rverror.load_run(folder / f"{name}.csv", model) for name in ("forward", "reverse")]
+            done[number] = rverror.diagnose(model, runs)
+        return done[number]
+
+    return unit
+
+
+def truth(number: int) -> dict[str, Any]:
+    text = bench(f"train-{number}", "truth.json").read_text(encoding="utf-8")
+    return dict(json.loads(text))
+
+
+@pytest.mark.parametrize("number", range(1, 7))
+def test_noise_is_that_of_the_bench(diagnosed: Any, number: int) -> None:
+    found = diagnosed(number)
+    assert found.noise_rms / ARCSEC == pytest.approx(truth(number)["noise_rms_arcsec"], rel=0.05)
+    assert found.before.heldout_rms >= found.before_refitted.heldout_rms >= 0.99 * found.after.heldout_rms
+
+
+def test_encoder_eccentricity_is_found_with_its_size(diagnosed: Any) -> None:
+    found = diagnosed(1)
+    assert found.verdict == "explained"
+    assert [a.effect.key for a in found.added] == ["sensor.encoder_eccentricity"]
+    size = math.hypot(4.1, -2.7) * ARCSEC
+    cos, sin = found.added[0].estimates
+    assert math.hypot(cos.value, sin.value) == pytest.approx(size, rel=0.02)
+    assert math.hypot(cos.value - 4.1 * ARCSEC, sin.value + 2.7 * ARCSEC) < 0.02 * size
+    assert cos.low < 4.1 * ARCSEC < cos.high
+    assert sin.low < -2.7 * ARCSEC < sin.high
+    assert found.before.heldout_rms / ARCSEC == pytest.approx(3.8, abs=0.1)
+    assert found.after.heldout_rms / ARCSEC < 0.6
+    assert found.added[0].orders == (1.0,)
+
+
+@pytest.mark.parametrize("number", [2, 3, 5])
+def test_a_part_error_is_named(diagnosed: Any, number: int) -> None:
+    """Contacts open here."""
+    found = diagnosed(number)
+    declared = truth(number)["undeclared"][0]
+    indices = {k: v for k, v in declared.items() if isinstance(v, int)}
+    sets = [[(a.effect.key, dict(a.effect.indices)), *a.indistinguishable] for a in found.added]
+    assert all((declared["key"], indices) in names for names in sets)
+    assert len(sets) == 1
+    assert found.verdict == "explained"
+    assert found.after.heldout_rms < 1.15 * truth(number)["noise_rms_arcsec"] * ARCSEC
+    for estimate in found.added[0].estimates:
+        size = float(declared[estimate.name].split()[0]) * 1e-3
+        assert estimate.low < size < estimate.high
+
+
+def test_nothing_missing_is_a_result(diagnosed: Any) -> None:
+    found = diagnosed(4)
+    assert found.verdict == "nothing_missing"
+    assert found.added == ()
+    assert found.unexplained == ()
+    assert found.after == found.before_refitted
+
+
+def test_order_outside_the_catalogue_stays_unexplained(diagnosed: Any) -> None:
+    found = diagnosed(6)
+    assert found.verdict == "unexplained"
+    assert found.added == ()
+    line = found.unexplained[0]
+    assert line.order == 36
+    assert line.frames == ()
+    assert line.low < math.hypot(1.9, 1.1) * ARCSEC < line.high
+    assert line.cos / ARCSEC == pytest.approx(1.9, abs=0.05)
+    assert line.sin / ARCSEC == pytest.approx(1.1, abs=0.05)
+
+
+def test_the_unexplained_order_is_printed_as_an_effect_that_takes_it_off(diagnosed: Any, tmp_path: Path) -> None:
+    found = diagnosed(6)
+    text = to_text(found).splitlines()
+    first = text.index("  [[effect]]")
+    model = (bench("train-6") / "model.toml").read_text(encoding="utf-8")
+    file = tmp_path / "with.toml"
+    file.write_text(model + "\n" + "\n".join(text[first : first + 6]) + "\n", encoding="utf-8")
+    theta = np.linspace(0, 6, 50)
+    more = rverror.transmission_error(rverror.load_model(file), theta)
+    less = rverror.transmission_error(rverror.load_model(bench("train-6") / "model.toml"), theta)
+    wave = (1.9 * np.cos(36 * theta) + 1.1 * np.sin(36 * theta)) * ARCSEC
+    np.testing.assert_allclose(more - less, wave, rtol=0, atol=0.1 * ARCSEC)
+
+
+def test_the_wave_of_a_line_counts_from_the_zero_of_the_bench() -> None:
+    """Runs that start anywhere: cosine and sine are those of the output angle."""
+    unit = rverror.reducer("RV-40E")
+    theta = 0.7 + 2 * np.pi * np.arange(3 * 512) / 512
+    noise = 0.2 * np.random.default_rng(4).standard_normal(theta.size)
+    error = (3 * np.cos(36 * theta) - 2 * np.sin(36 * theta) + noise) * ARCSEC
+    run = rverror.run_from_arrays(input_angle=unit.ratio * theta, output_angle=theta + error, direction="forward")
+    line = rverror.diagnose(rverror.Model(unit), [run]).unexplained[0]
+    assert line.order == 36
+    assert (line.cos / ARCSEC, line.sin / ARCSEC) == pytest.approx((3, -2), abs=0.1)
+
+
+# --- small drives: the loop's rules without the cost of a gear train --------------------------------------------------
+
+
+def drive() -> rverror.Model:
+    return rverror.Model(rverror.Drive(ratio=20.0, shafts={"motor": 20.0, "idler": 7.0}))
+
+
+def run_of(te: Any, *, turns: int = 4, points: int = 512, noise: float = 1.0, seed: int = 0) -> rverror.Run:
+    """Run of a drive: `te(theta)` in arcsec plus white noise."""
+    theta = 2 * np.pi * np.arange(turns * points) / points
+    error = te(theta) + noise * np.random.default_rng(seed).normal(size=theta.size)
+    return rverror.run_from_arrays(input_angle=20 * theta, te=error * ARCSEC, direction="forward")
+
+
+def test_two_missing_effects_of_different_frames_are_both_found() -> None:
+    run = run_of(lambda t: 8 * np.cos(7 * t) - 6 * np.sin(t))
+    found = rverror.diagnose(drive(), [run])
+    assert found.verdict == "explained"
+    assert [(a.effect.key, dict(a.effect.indices)) for a in found.added] == [
+        ("shaft.eccentricity", {"shaft": "idler", "harmonic": 1}),
+        ("sensor.encoder_eccentricity", {}),
+    ]
+    assert found.added[0].estimates[0].value == pytest.approx(8 * ARCSEC, abs=0.15 * ARCSEC)
+    assert found.added[1].estimates[1].value == pytest.approx(-6 * ARCSEC, abs=0.15 * ARCSEC)
+    assert found.added[0].heldout_rms > found.added[1].heldout_rms
+    assert found.before.heldout_rms / ARCSEC == pytest.approx(math.sqrt(8**2 / 2 + 6**2 / 2 + 1), rel=0.03)
+
+
+def test_orders_above_those_of_the_first_quick_fit_are_found() -> None:
+    """Candidates are first fitted on 512 angles a turn, which would fold order 300 onto 212."""
+    model = rverror.Model(rverror.Drive(ratio=300.0))
+    theta = 2 * np.pi * np.arange(3 * 2048) / 2048
+    noise = np.random.default_rng(0).normal(size=theta.size)
+    te = (3 * np.cos(300 * theta) + noise) * ARCSEC
+    run = rverror.run_from_arrays(input_angle=300 * theta, te=te, direction="forward")
+    found = rverror.diagnose(model, [run])
+    assert found.verdict == "explained"
+    assert [(a.effect.key, dict(a.effect.indices)) for a in found.added] == [("sensor.input_coupling", {"harmonic": 1})]
+    # the coupling's size is an angle of the input shaft, a ratio larger
+    assert found.added[0].estimates[0].value == pytest.approx(300 * 3 * ARCSEC, rel=0.05)
+
+
+def test_white_noise_alone_seldom_gets_an_effect() -> None:
+    """A false-alarm chance of 0.1 % for candidates and for lines: more than one in forty has a chance of 1e-3."""
+    wrong = sum(
+        rverror.diagnose(drive(), [run_of(np.zeros_like, seed=s)]).verdict != "nothing_missing" for s in range(40)
+    )
+    assert wrong <= 1
+
+
+def test_coloured_noise_is_not_taken_for_an_effect() -> None:
+    """Autocorrelated noise is strong at the low orders where candidates live."""
+    from scipy.signal import lfilter
+
+    wrong = 0
+    for seed in range(20):
+        colour = lfilter([1.0], [1.0, -0.97], np.random.default_rng(seed).normal(size=6 * 512))
+        run = run_of(lambda t, c=colour: c, turns=6, noise=0.1, seed=seed)
+        wrong += rverror.diagnose(drive(), [run]).verdict != "nothing_missing"
+    assert wrong <= 1
+
+
+def test_intervals_cover_the_truth() -> None:
+    inside = []
+    for seed in range(40):
+        found = rverror.diagnose(drive(), [run_of(lambda t: 2 * np.cos(7 * t) - np.sin(7 * t), seed=seed)])
+        cos, sin = found.added[0].estimates
+        inside += [cos.low < 2 * ARCSEC < cos.high, sin.low < -ARCSEC < sin.high]
+    # 95 % of 80: fewer than 68 or all 80 inside have a chance of 1e-3 and 2e-2
+    assert 68 <= sum(inside) <= 80
+
+
+def test_offset_of_a_run_is_no_error() -> None:
+    found = rverror.diagnose(drive(), [run_of(lambda t: 500 + 0 * t)])
+    assert found.verdict == "nothing_missing"
+    assert found.before.rms / ARCSEC == pytest.approx(1, rel=0.05)
+
+
+def test_declared_effect_is_refitted_within_its_uncertainty_and_not_blamed() -> None:
+    declared = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="8 arcsec", uncertainty="1 arcsec")
+    model = drive().with_effects(declared)
+    found = rverror.diagnose(model, [run_of(lambda t: 8.8 * np.cos(7 * t))])
+    assert found.verdict == "nothing_missing"
+    assert found.model.effects[0].values[0] == pytest.approx(8.8 * ARCSEC, abs=0.15 * ARCSEC)
+    assert found.before.rms > found.before_refitted.rms
+    exact = replace(declared, uncertainty=None)
+    held = rverror.diagnose(drive().with_effects(exact), [run_of(lambda t: 8.8 * np.cos(7 * t))])
+    assert held.model.effects[0].values[0] == declared.values[0]
+
+
+def test_a_declared_size_that_is_far_off_is_said_to_be_missing() -> None:
+    """A refit could take it up, at eight times the stated uncertainty: that is no uncertainty any more."""
+    declared = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="8 arcsec", uncertainty="0.5 arcsec")
+    found = rverror.diagnose(drive().with_effects(declared), [run_of(lambda t: 12 * np.cos(7 * t))])
+    assert found.verdict == "explained"
+    assert [a.effect.key for a in found.added] == ["shaft.eccentricity"]
+    assert found.added[0].effect.indices == {"shaft": "idler", "harmonic": 1}
+    assert found.added[0].estimates[0].value == pytest.approx(4 * ARCSEC, abs=1.2 * ARCSEC)
+
+
+def test_held_out_residual_keeps_declared_sizes_near_what_was_declared() -> None:
+    """Declared 0, true 20, and a prior as strong as the data: each fold must stop where precisions say."""
+    sigma, noise, turns, points = 0.04, 1.0, 4, 512
+    declared = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos=0, uncertainty=sigma * ARCSEC)
+    found = rverror.diagnose(drive().with_effects(declared), [run_of(lambda t: 20 * np.cos(7 * t))])
+    data, prior = (turns - 1) * points / 2 / noise**2, sigma**-2
+    left = 20 * prior / (data + prior)
+    expected = math.sqrt(noise**2 + left**2 / 2)
+    assert found.before_refitted.heldout_rms / ARCSEC == pytest.approx(expected, rel=0.05)
+    assert 5 < expected < 9
+
+
+def test_score_counts_left_out_data_and_what_declared_sizes_moved_from_where_they_were_declared() -> None:
+    """Against the sums written out, for a current size (where the columns were taken) that is not the declared one."""
+    rng = np.random.default_rng(3)
+    columns, seen, left_out = rng.normal(size=(50, 3)), rng.normal(size=50), rng.normal(size=50)
+    known, sigma, current, declared = np.array([True, False]), 0.2, 1.5, 1.1
+    change, weight = np.array([declared - current]), np.array([sigma**-2])
+    gram, moment = columns.T @ columns, columns.T @ seen
+    gram[0, 0] += sigma**-2
+    moment[0] += change[0] / sigma**2
+    fold = _Fold(gram, moment, columns.T @ columns, columns.T @ left_out, known, change, weight)
+    for at in (np.array([0, 1]), np.array([0, 1, 2])):
+        step = np.linalg.solve(gram[np.ix_(at, at)], moment[at])
+        data = ((left_out - columns[:, at] @ step) ** 2).sum() - (left_out**2).sum()
+        assert fold.score(at) == pytest.approx(data + ((current + step[0] - declared) / sigma) ** 2, rel=1e-9)
+
+
+def test_refusals_name_the_run_and_the_remedy() -> None:
+    """A drive takes short runs and runs both ways, whose effects are all linear; a reducer's does not."""
+    unit = rverror.Model(rverror.reducer("RV-40E"))
+    with pytest.raises(rverror.InputError, match="no run given"):
+        rverror.diagnose(drive(), [])
+    theta = 2 * np.pi * np.arange(512) / 512
+    short = rverror.run_from_arrays(input_angle=121 * theta, te=np.zeros(512), direction="forward")
+    with pytest.raises(rverror.InputError, match=r"run 1: the run covers 0\.998 output turns.*measure at least 2"):
+        rverror.diagnose(unit, [short])
+    there = np.linspace(0, 100, 900)
+    both = rverror.run_from_arrays(input_angle=121 * np.r_[there, there[::-1]], te=np.zeros(1800), direction="mixed")
+    with pytest.raises(rverror.InputError, match="run 1: the run turns both ways"):
+        rverror.diagnose(unit, [both])
+
+
+def test_growing_errors_that_are_declared_are_taken_off() -> None:
+    slope = rverror.effect("sensor.ratio_error", slope="30 arcsec/turn")
+    found = rverror.diagnose(drive().with_effects(slope), [run_of(lambda t: 30 * t / (2 * np.pi))])
+    assert found.verdict == "nothing_missing"
+    assert found.before.heldout_rms / ARCSEC == pytest.approx(1, rel=0.05)

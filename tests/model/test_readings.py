@@ -1,0 +1,138 @@
+"""What the gears do and what the bench reads: each public function of a model puts the gear train at its marks.
+
+A model whose marks are ahead by an angle does at theta what the same model on its marks does at theta plus that angle;
+what only misreads the output neither turns with the marks nor moves the output.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from rverror.geartrain.contacts import pose
+from rverror.model.readings import added, beyond, felt, misread, stand, unread
+
+ARCSEC = np.pi / 648000
+N = 64
+STEPS = 7  # of 2 pi / N: the marks are ahead by whole steps, so that whole turns are rows rolled on
+AHEAD = 2 * np.pi * STEPS / N
+THETA = 2 * np.pi * np.arange(N) / N
+
+PARTS = (
+    rverror.effect("cycloid.pin_position", pin=11, radial="-20 um", tangential="30 um", uncertainty="1 um"),
+    rverror.effect("crank.eccentricity", crank=0, disc=1, radial="8 um", uncertainty="1 um"),
+    rverror.effect("coupling.bearing_clearance", clearance="3 um"),
+)
+READ = rverror.effect("sensor.encoder_eccentricity", cos="9 arcsec")
+MARKS = rverror.effect("sensor.index_offset", offset=AHEAD)
+UNIT = rverror.reducer("RV-40E")
+ON_MARKS = rverror.Model(UNIT, PARTS)
+AHEAD_OF_ZERO = rverror.Model(UNIT, (*PARTS, MARKS))
+
+
+def waveform(function: Callable[..., Any], **options: Any) -> Callable[[rverror.Model], np.ndarray]:
+    """What a function of a model and angles gives, samples last."""
+    return lambda model: np.asarray(function(model, THETA, **options))
+
+
+def of_runs(runs: tuple[rverror.Run, ...]) -> np.ndarray:
+    return np.stack([run.error(UNIT)[:: int(run.direction[0])] for run in runs])
+
+
+def rolled_stack(model: rverror.Model) -> np.ndarray:
+    made = rverror.stack(model, [rverror.tolerance("cycloid.disc_bore_position", "5 um")], THETA)
+    return np.concatenate([made.nominal[None], made.influence])
+
+
+#: How each public function that takes a model is asked for rows of samples over one turn.
+ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
+    "transmission_error": waveform(rverror.transmission_error, torque=20e3),
+    "transmission_error_by_effect": lambda model: rverror.transmission_error_by_effect(model, THETA)[: len(PARTS)],
+    "equilibrium": lambda model: rverror.equilibrium(model, THETA, torque=20e3).transmission_error,
+    "linearise": lambda model: rverror.linearise(model, THETA, torque=20e3).forces["pin"].sum(axis=0).reshape(-1, N),
+    "lost_motion": waveform(rverror.lost_motion),
+    "backlash": waveform(rverror.backlash),
+    "torsion_curve": lambda model: rverror.torsion_curve(model, THETA, torques=[-20e3, 20e3]).angle,
+    "torsional_stiffness": waveform(rverror.torsional_stiffness),
+    "simulate": lambda model: of_runs((rverror.simulate(model, points=N, method="equilibrium", torque=20e3),)),
+    "simulate_runs": lambda model: of_runs(rverror.simulate_runs(model, points=N)),
+    "stack": rolled_stack,
+}
+#: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
+OTHERS = {
+    "diagnose": "test_unknown_index: marks off are found again",
+    "contact_correction": "units with contacts that open: below",
+    "error_budget": "of a stack, which is above, and of units with contacts that open: below",
+}
+
+
+def test_every_public_function_that_takes_a_model_is_here() -> None:
+    takes = set()
+    for name in rverror.__all__:
+        thing = getattr(rverror, name)
+        if inspect.isfunction(thing) and next(iter(inspect.signature(thing).parameters), "") == "model":
+            takes.add(name)
+    assert takes == set(ROWS) | set(OTHERS)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_gear_train_stands_at_its_marks(name: str) -> None:
+    shifted, plain = ROWS[name](AHEAD_OF_ZERO), ROWS[name](ON_MARKS)
+    assert np.ptp(plain, axis=-1).max() > 1e-3 * np.abs(plain).max()  # or no turn of it would show
+    np.testing.assert_allclose(shifted, np.roll(plain, -STEPS, axis=-1), rtol=1e-6, atol=1e-9 * np.abs(plain).max())
+
+
+@pytest.mark.parametrize("name", ["lost_motion", "backlash", "torsion_curve", "torsional_stiffness"])
+def test_misreading_is_no_turn_of_the_output(name: str) -> None:
+    read = AHEAD_OF_ZERO.with_effects(READ)
+    np.testing.assert_array_equal(ROWS[name](read), ROWS[name](AHEAD_OF_ZERO))
+
+
+def test_compliance_beyond_the_contacts_is_a_turn_of_the_output() -> None:
+    """A compliance c adds 2 T c to the turn between a torque of either sense."""
+    soft = AHEAD_OF_ZERO.with_effects(rverror.effect("load.torsion", compliance=1e-9))
+    torque = 0.03 * 412e3
+    more = rverror.lost_motion(soft, THETA) - rverror.lost_motion(AHEAD_OF_ZERO, THETA)
+    np.testing.assert_allclose(more, 2 * torque * 1e-9, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["transmission_error", "equilibrium", "simulate", "stack"])
+def test_the_measuring_chain_keeps_to_the_zero_of_the_bench(name: str) -> None:
+    more = ROWS[name](AHEAD_OF_ZERO.with_effects(READ)) - ROWS[name](AHEAD_OF_ZERO)
+    np.testing.assert_allclose(np.atleast_2d(more)[0], 9 * ARCSEC * np.cos(THETA), atol=1e-12)
+
+
+def test_sampled_units_with_open_contacts_stand_at_their_marks() -> None:
+    """Over whole turns the sizes of a turned waveform are those of the waveform."""
+    width = [rverror.tolerance("cycloid.disc_bore_position", "5 um")]
+    few = {"count": 64, "index_count": 64, "contact_count": 16}
+    theta = 2 * np.pi * np.arange(16 * N) / (16 * N)  # of which the marks are a whole number of steps ahead too
+    found = [
+        rverror.error_budget(model, width, theta=theta, torque=20e3, **few).contact
+        for model in (ON_MARKS, AHEAD_OF_ZERO)
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    np.testing.assert_allclose(found[1].rms.dear, found[0].rms.dear, rtol=1e-6)
+    np.testing.assert_allclose(found[1].rms.cheap, found[0].rms.cheap, rtol=1e-6)
+
+
+def test_an_effect_is_either_felt_or_beyond_or_on_the_marks() -> None:
+    effects = (*PARTS, MARKS, READ, rverror.effect("load.torsion", compliance=1e-9))
+    model = rverror.Model(UNIT, effects)
+    assert felt(effects) == PARTS
+    assert beyond(effects) == (READ, effects[-1])
+    assert misread(model) == (READ,)
+    assert unread(model).effects == (*PARTS, MARKS, effects[-1])
+    read = pose(UNIT, THETA, direction=1, torque=20e3)
+    where = stand(model, read)
+    assert where.read is read
+    np.testing.assert_allclose(where.gears.theta, THETA + AHEAD)
+    assert where.of("cycloid.pin_position") is where.gears
+    assert where.of("sensor.encoder_eccentricity") is read
+    np.testing.assert_allclose(added(effects, read), 9 * ARCSEC * np.cos(THETA) - 20e3 * 1e-9, rtol=1e-12)

@@ -1,0 +1,69 @@
+"""The front door: what `import rverror` gives, when it loads it, and that users need nothing else."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rverror
+
+ROOT = Path(__file__).parents[2]
+#: Names that were given before the package had rooms: scripts rely on them.
+LONG_GIVEN = """
+    CATALOGUE Allocation Budget Diagnosis Drive Effect Equilibrium ErrorBudget InputError Linearisation Model
+    Reducer Run Stack Stiffness Tolerance TorsionCurve VirtualUnits __version__ allocate allocation_json
+    allocation_text append_effects backlash budget budget_json budget_text cost_front diagnose diagnose_folder
+    effect equilibrium error_budget influence linearise load_model load_run load_tolerances lost_motion reducer
+    run_from_arrays save_model save_widths simulate simulate_runs stack to_json to_pandas to_text to_xarray
+    tolerance torsion_curve torsional_stiffness transmission_error transmission_error_by_effect virtual_units
+    write_run
+"""
+SHOWN = sorted((ROOT / "examples").rglob("*.py"))
+
+
+def run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_names_that_were_given_once_are_given_still() -> None:
+    assert set(LONG_GIVEN.split()) <= set(rverror.__all__)
+
+
+def test_names_are_listed_and_others_are_refused() -> None:
+    assert dir(rverror) == sorted(rverror.__all__)
+    assert all(hasattr(rverror, name) for name in rverror.__all__)
+    with pytest.raises(AttributeError, match="module 'rverror' has no attribute 'diagnoze'"):
+        rverror.diagnoze  # noqa: B018
+
+
+def test_what_is_slow_or_rare_is_loaded_when_it_is_asked_for() -> None:
+    late = ("matplotlib", "pandas", "xarray", "pint", "rverror.app", "rverror.reference", "rverror.views.plots")
+    assert run(f"import rverror, sys; print([name for name in {late} if name in sys.modules])") == "[]"
+    assert run("import rverror; print(rverror.compare.__module__)") == "rverror.reference.comparison"
+
+
+def test_results_of_the_lowest_rooms_can_be_shown() -> None:
+    """Base knows no views: the door, which every import passes, tells it of them."""
+    code = "from rverror.geartrain.mechanism import reducer; print(reducer('RV-40E')._repr_html_()[:26])"
+    assert run(code) == '<div class="rverror-page">'
+
+
+def imported(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(re.sub(r"^%.*", "", path.read_text(encoding="utf-8"), flags=re.M))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
+
+
+@pytest.mark.parametrize("path", SHOWN, ids=lambda path: path.name)
+def test_examples_need_the_door_alone(path: Path) -> None:
+    assert {name for name in imported(path) if name.partition(".")[0] == "rverror"} <= {"rverror"}

@@ -1,0 +1,281 @@
+"""Every row of the ledger against hand formulas with the printed numbers, and the page against its generator."""
+
+import math
+
+import ledger
+import numpy as np
+import pytest
+
+from pages import DOCS
+from rverror.geartrain.cycloid import loaded_share, normal_gap, pin_contacts, pin_positions
+from rverror.geartrain.mechanism import reducer
+
+ARCSEC = math.pi / 648000
+E = 0.005
+TAN20, COS20 = math.tan(math.radians(20)), math.cos(math.radians(20))
+ROWS = {row.key: row for row in ledger.table()}
+
+
+def figures(row, part):
+    return [figure.value for figure in getattr(ROWS[row], part)]
+
+
+def test_every_source_and_every_statement_of_the_design_has_a_row():
+    assert len(ROWS) == len(ledger.table())
+    assert {row.source for row in ROWS.values()} == {"000", "001", "002", "003", "004"}
+    for row in ROWS.values():
+        assert row.key.startswith(row.source)
+        assert row.verdict
+        assert row.formula
+        assert row.computed or row.corrected
+
+
+def test_delta_41_is_constant_unless_fixed_in_the_housing():
+    peak_to_peak, constant, in_housing = figures("000 delta_41", "computed")
+    assert peak_to_peak == pytest.approx(0, abs=1e-9)
+    assert constant == pytest.approx(E / 27 / ARCSEC, rel=1e-12)
+    assert constant == pytest.approx(38.197, abs=1e-3)
+    assert in_housing == pytest.approx(2 * E / 27 / ARCSEC, rel=1e-6)
+    assert in_housing == pytest.approx(76.4, abs=0.05)
+    one, every, ripple = figures("000 delta_41", "corrected")
+    assert every == pytest.approx(-38.197, abs=1e-3)
+    assert one == pytest.approx(every / 2)
+    assert ripple == pytest.approx(0, abs=1e-9)
+
+
+def test_delta_31_is_a_radial_error_at_the_longest_arm():
+    radial, normal = figures("000 delta_31", "computed")
+    K = 1.25 * 40 / 64
+    assert radial == pytest.approx(E * math.sqrt(1 - K * K) / (1.25 * 40) / ARCSEC)
+    assert radial == pytest.approx(12.88, abs=0.005)
+    assert normal == pytest.approx(E / (1.25 * 39) / ARCSEC)
+    assert normal == pytest.approx(21.2, abs=0.05)
+    lead, ripple, first = figures("000 delta_31", "corrected")
+    assert first == pytest.approx(9.90, rel=1e-3)
+    assert ripple < 0.01 * lead
+    # mean of sum(l) / sum(l^2) over the loaded half, by quadrature over the angle from pin to eccentric direction
+    phi = (np.arange(4000) + 0.5) / 4000 * math.pi
+    arm = 1.25 * 39 * np.sin(phi) / np.sqrt(1 + K * K - 2 * K * np.cos(phi))
+    assert lead == pytest.approx(117 / 121 * E * arm.sum() / (arm**2).sum() / ARCSEC, rel=2e-3)
+
+
+def test_delta_21_is_zero_or_constant():
+    radial_pp, radial, tangential_pp, tangential = figures("000 delta_21", "computed")
+    assert [radial_pp, radial, tangential_pp] == pytest.approx([0, 0, 0], abs=1e-9)
+    assert tangential == pytest.approx(E / 1.25 / 41 / ARCSEC)
+    assert 20 < tangential < 21
+    every, amplitude = figures("000 delta_21", "corrected")
+    assert every == pytest.approx(-3 / 121 * E / 1.25 / ARCSEC, rel=1e-9)
+    assert every == pytest.approx(-20.456, abs=1e-3)
+    assert 2 * amplitude == pytest.approx(18.467, rel=1e-3)
+
+
+def test_delta_11_is_the_swing_between_two_signs():
+    swing, turning = figures("000 delta_11", "computed")
+    assert swing == pytest.approx(2 * E * TAN20 / (20.25 * 41) / ARCSEC)
+    assert swing == pytest.approx(0.904, abs=5e-4)
+    assert turning == pytest.approx(2 * E / (20.25 * COS20 * 41) / ARCSEC, rel=1e-3)
+    one, every = figures("000 delta_11", "corrected")
+    assert every == pytest.approx(-3 / 121 * E * TAN20 / 20.25 / ARCSEC)
+    assert one == pytest.approx(every / 2)
+
+
+def test_feedback_takes_away_and_has_no_last_step():
+    low, high = figures("000 feedback", "computed")
+    assert low == pytest.approx(30.5 * (4 / 3) / 41)
+    assert high == pytest.approx((30.5 + 12.8 + 8.2 + 0.9) * (4 / 3) / 41)
+    assert 0.95 < low < high < 2
+    gain, factor, change = figures("000 feedback", "corrected")
+    steps = np.cumsum(gain ** np.arange(20))
+    assert steps[-1] == pytest.approx(factor, rel=1e-12)
+    assert factor == pytest.approx(117 / 121, rel=1e-12)
+    assert change == pytest.approx(-4 / 121 * (12.8 + 8.2 + 0.9))
+
+
+def test_printed_ratios_contradict_each_other():
+    printed, computed = figures("000 ratios", "printed"), figures("000 ratios", "computed")
+    assert computed == [4, 1, 4]
+    assert printed == [4, 41, 164]
+    assert figures("000 ratios", "corrected") == [121, -39, -40]
+
+
+def test_spectral_peak_lies_at_the_pins():
+    order, from_period, least, most = figures("000 spectral peak", "computed")
+    assert order == pytest.approx(38.9, abs=0.05)
+    assert from_period == pytest.approx(38.9, abs=0.05)
+    housing, disc = figures("000 spectral peak", "corrected")
+    assert least < housing < most < disc
+
+
+def test_degrees_of_freedom():
+    carrier, discs, cranks, sun = 3, 2 * 3, 3 * 3, 2
+    assert figures("001 degrees of freedom", "computed") == [carrier + discs + cranks + sun]
+    assert figures("001 degrees of freedom", "printed") == [20]
+    assert figures("001 degrees of freedom", "corrected") == [17]
+
+
+def test_opposed_pitch_errors_add_and_equal_ones_cancel():
+    one, in_phase, opposed = figures("001 phase of the discs", "corrected")
+    assert one == pytest.approx(6.725, rel=1e-3)
+    assert in_phase == pytest.approx(0, abs=1e-9)
+    assert opposed == pytest.approx(2 * one)
+
+
+def test_initial_gap_at_the_first_contact_and_at_a_quarter_turn():
+    K = 0.78125
+    root = math.sqrt(1 - K * K)
+    contact, quarter, printed_K = figures("002 initial gap", "computed")
+    assert contact == pytest.approx(-5 * (1 - K * root) / (1 - K * K))
+    assert quarter == pytest.approx(-5 * (1 - K) / (1 + K * K))
+    assert printed_K > 1
+    contact, quarter, right_K = figures("002 initial gap", "corrected")
+    assert contact == pytest.approx(0, abs=1e-12)
+    assert quarter == pytest.approx(5 * (1 - 1 / math.sqrt(1 + K * K)))
+    assert right_K == K
+
+
+def ground_profile(unit, roll, *, pin_circle_radius, pin_radius):
+    """Disc profile as the envelope of the pin, normal by differences: needs neither pitch point nor arms."""
+
+    def centre(angle):
+        on_disc = angle / unit.disc_lobes  # pin on the disc; the eccentric direction leads it by the roll angle
+        curve = pin_circle_radius * np.exp(1j * on_disc) - unit.eccentricity * np.exp(1j * (on_disc + angle))
+        return curve
+
+    tangent = centre(roll + 1e-5) - centre(roll - 1e-5)
+    inward = 1j * tangent / abs(tangent)
+    return centre(roll) + pin_radius * inward, inward
+
+
+@pytest.mark.parametrize("preset", ["RV-40E", "RV-003"])
+def test_normal_gap_is_what_a_smaller_grinding_circle_takes_off(preset):
+    """The shift's gap against the difference of two profiles, each ground on its own pin circle."""
+    unit = reducer(preset)
+    roll = np.linspace(0.05, 2 * np.pi, 200)
+    nominal = {"pin_circle_radius": unit.pin_circle_radius, "pin_radius": unit.pin_radius}
+    base, inward = ground_profile(unit, roll, **nominal)
+    step = 1e-5
+    for change, modification in (
+        ({"pin_circle_radius": unit.pin_circle_radius - step}, {"equidistant": 0, "shift": 1}),
+        ({"pin_radius": unit.pin_radius + step}, {"equidistant": 1, "shift": 0}),
+    ):
+        other, _ = ground_profile(unit, roll, **(nominal | change))
+        taken_off = ((other - base) / step * inward.conjugate()).real
+        np.testing.assert_allclose(taken_off, normal_gap(unit, roll, **modification), atol=2e-5)
+
+
+@pytest.mark.parametrize("preset", ["RV-40E", "RV-003"])
+def test_loaded_displacement_is_the_share_of_the_longest_arm(preset):
+    unit = reducer(preset)
+    eccentric = np.linspace(0, 2 * np.pi, 97)
+    arm = pin_contacts(unit, eccentric=eccentric[None], disc_angle=eccentric).arm[0]
+    phi = eccentric - pin_positions(unit)[:, None]
+    share = loaded_share(unit, phi)
+    np.testing.assert_allclose(share, arm / (unit.eccentricity * unit.disc_lobes), atol=1e-12)
+    assert np.abs(share).max() <= 1 + 1e-12
+
+
+def test_printed_displacement_exceeds_the_largest():
+    K = 0.78125
+    assert figures("002 loaded displacement", "computed") == pytest.approx([1 / math.sqrt(1 - K * K)])
+    share, difference = figures("002 loaded displacement", "corrected")
+    assert share == pytest.approx(1, abs=1e-12)
+    assert difference < 1e-12
+
+
+def test_spline_slope():
+    said, of_table = figures("003 spline clearance", "printed")
+    assert said == 500
+    assert of_table == pytest.approx(686, abs=0.5)
+    expected = 1 / 7 / 40.4 / ARCSEC
+    assert expected == pytest.approx(729, abs=0.5)
+    assert figures("003 spline clearance", "computed") == pytest.approx([expected])
+    assert figures("003 spline clearance", "corrected") == pytest.approx([expected])
+    assert abs(of_table / expected - 1) < 0.06
+
+
+def test_wear_slopes():
+    expected = 1 / 12 / 101 / ARCSEC
+    assert expected == pytest.approx(170, abs=0.5)
+    for row in ("003 sun wear", "003 planet wear"):
+        assert figures(row, "computed") == pytest.approx([expected])
+        assert figures(row, "corrected") == pytest.approx([expected])
+    (sun,), (planet,) = figures("003 sun wear", "printed"), figures("003 planet wear", "printed")
+    assert sun == pytest.approx(157, abs=0.5)
+    assert abs(sun / expected - 1) < 0.08
+    assert planet / expected > 1.7
+
+
+def test_mean_ratio_is_a_misprint():
+    error, speed, ratio = figures("003 mean ratio", "computed")
+    assert error == pytest.approx(100 * (1 - 100.593 / 101))
+    assert error == pytest.approx(0.40, abs=0.005)
+    assert speed == pytest.approx(1800 / 100.593)
+    assert round(speed, 2) != 17.81
+    assert ratio == pytest.approx(101.07, abs=0.005)
+
+
+def test_printed_pin_formula_is_fifty_times_too_large():
+    printed, one_contact, factor = figures("004 pin position", "computed")
+    assert printed == pytest.approx(39 * E / 64 / ARCSEC)
+    assert printed == pytest.approx(628, abs=0.6)
+    assert one_contact == pytest.approx(12.88, abs=0.005)
+    assert 45 < factor < 55
+    one_pin, ring = figures("004 pin position", "corrected")
+    assert one_pin < 1
+    # all pins away from the centre: mean of sum(l n.r) / sum(l^2) over the loaded half, by quadrature
+    K = 0.78125
+    phi = (np.arange(4000) + 0.5) / 4000 * math.pi
+    root = np.sqrt(1 + K * K - 2 * K * np.cos(phi))
+    arm, outward = 48.75 * np.sin(phi) / root, -(1 - K * np.cos(phi)) / root
+    assert ring == pytest.approx(117 / 121 * E * (arm * outward).sum() / (arm**2).sum() / ARCSEC, rel=5e-3)
+
+
+def test_sun_eccentricity_does_not_reach_the_output():
+    assert figures("004 sun eccentricity", "computed") == pytest.approx([40 / 9 * 0.010 / 6.75 / ARCSEC])
+    assert figures("004 sun eccentricity", "corrected") == pytest.approx([0], abs=1e-9)
+
+
+def test_maximum_is_peak_to_peak():
+    peak_to_peak, largest, difference = figures("004 maximum", "computed")
+    assert peak_to_peak == pytest.approx(figures("004 maximum", "printed")[0])
+    assert largest == pytest.approx(0.0093 * 60)
+    assert difference == pytest.approx(1.092 - 56.33 / 60)
+    assert round(difference, 2) != 0.13
+
+
+def test_sampling_folds_the_meshes():
+    assert figures("004 sampling", "computed") == [80, 440]
+    n = np.arange(1000)
+    for order, folded in ((1080, 80), (1560, 440)):
+        np.testing.assert_allclose(
+            np.cos(2 * np.pi * order * n / 1000), np.cos(2 * np.pi * folded * n / 1000), atol=1e-9
+        )
+    assert figures("004 sampling", "corrected") == [4096]
+
+
+def test_ratio_of_004():
+    printed_formula, from_speeds = figures("004 ratio", "computed")
+    assert printed_formula == pytest.approx((1 + 40 / 9) * 40)
+    assert from_speeds == 121
+    assert figures("004 ratio", "corrected") == [121]
+
+
+def test_page_is_the_output_of_the_generator():
+    page = (DOCS / "ledger.md").read_text(encoding="utf-8")
+    assert page == ledger.markdown(), "docs/ledger.md is out of date: python docs/_ext/ledger.py > docs/ledger.md"
+
+
+def test_tables_of_the_page_have_the_same_columns_in_every_line():
+    columns = None
+    for line in ledger.markdown().splitlines():
+        if not line.startswith("|"):
+            columns = None
+            continue
+        columns = columns or line.count(" | ")
+        assert line.count(" | ") == columns, line
+
+
+def test_figure_reads_rounding_as_zero():
+    assert str(ledger.Figure("x", -1e-15)) == "x 0 arcsec"
+    assert str(ledger.Figure("", 0.904246, "arcsec")) == "0.9042 arcsec"

@@ -1,0 +1,127 @@
+"""Wheel and sdist: what they hold, and that the wheel works in an environment without any of the extras."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import rverror
+from pages import ROOT
+
+#: Packages that only extras bring: importing one of them is refused in the smoke test.
+EXTRAS = (
+    "matplotlib",
+    "pandas",
+    "xarray",
+    "h5py",
+    "nptdms",
+    "dask",
+    "sphinx",
+    "numpydoc",
+    "jupytext",
+    "cvxpy",
+    "pytest",
+)
+SMOKE = f"""
+import importlib.abc, sys
+
+class Refuse(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {EXTRAS!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Refuse())
+import numpy as np
+import rverror
+from importlib.resources import files
+from rverror.app.command_line import main
+
+assert sys.argv[1] in rverror.__file__, rverror.__file__
+theta = np.linspace(0, 2 * np.pi, 512)
+unit = rverror.reducer("RV-40E")
+assert rverror.influence(unit, theta, "crank.eccentricity", crank=0, disc=1).matrix.shape == (2, 512)
+one = rverror.Model(unit, (rverror.effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),))
+assert 18.4 < np.ptp(np.degrees(rverror.transmission_error(one, theta))) * 3600 < 18.6
+demo = files("rverror") / "data" / "demo"
+model = rverror.load_model(demo / "model.toml")
+found = rverror.diagnose(model, [rverror.load_run(demo / name) for name in ("forward.csv", "reverse.csv")])
+assert found.added[0].effect.key == "sensor.encoder_eccentricity"
+assert "explained" in found._repr_html_()
+for call, extra in ((found.plot, "plot"), (lambda: rverror.to_pandas(found), "tables")):
+    try:
+        call()
+    except rverror.InputError as error:
+        assert f"rverror[{{extra}}]" in str(error)
+    else:
+        raise AssertionError(extra)
+assert main(["sources"]) == 0
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Wheel and sdist, built from the checkout without a network."""
+    pytest.importorskip("build")
+    pytest.importorskip("hatchling")
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--sdist", "--outdir", str(out), str(ROOT)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return {path.suffix: path for path in out.iterdir()}
+
+
+def test_the_wheel_holds_the_package_and_nothing_else(built: dict[str, Path]) -> None:
+    with zipfile.ZipFile(built[".whl"]) as wheel:
+        names = wheel.namelist()
+        metadata = next(name for name in names if name.endswith("METADATA"))
+        words = wheel.read(metadata).decode()
+    package = Path(rverror.__file__).parent
+    modules = {path.relative_to(package.parent).as_posix() for path in package.rglob("*.py")}
+    assert {name for name in names if name.endswith(".py")} == modules
+    assert len(modules) > 100
+    assert "rverror/py.typed" in names
+    assert sum(name.startswith("rverror/data/demo/") for name in names) >= 3
+    assert any(name.endswith("LICENSE") for name in names)
+    assert {name.partition("/")[0].partition("-")[0] for name in names} == {"rverror"}
+    needed = {
+        line.partition(":")[2].split(">")[0].strip()
+        for line in words.splitlines()
+        if line.startswith("Requires-Dist") and "extra" not in line
+    }
+    assert needed == {"numpy", "scipy", "pint"}
+    assert f"Version: {rverror.__version__}" in words
+
+
+def test_the_sdist_holds_what_its_tests_need(built: dict[str, Path]) -> None:
+    with tarfile.open(built[".gz"]) as sdist:
+        names = {name.partition("/")[2] for name in sdist.getnames()}
+    for needed in (
+        "pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "run.py", ".ci/run",
+        "tests/modules.py", "tests/project/test_packaging.py",
+        "docs/conf.py", "docs/index.md",
+        "docs/_ext/ledger.py", "docs/_ext/published.py", "docs/_ext/catalogue_tables.py", "docs/rooms.svg",
+        "examples/rv40e.toml", "examples/notebooks/closed_loop.py",
+        "benchmarks/blind_trial.py", "src/rverror/__init__.py",
+    ):  # fmt: skip
+        assert needed in names, needed
+    assert not [name for name in names if name.startswith((".venv", "build/", "docs/notebooks/"))]
+
+
+def test_the_wheel_works_without_the_extras(built: dict[str, Path], tmp_path: Path) -> None:
+    with zipfile.ZipFile(built[".whl"]) as wheel:
+        wheel.extractall(tmp_path / "installed")
+    code = f"import sys; sys.path.insert(0, {str(tmp_path / 'installed')!r})\n" + SMOKE
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "crank.eccentricity" in done.stdout

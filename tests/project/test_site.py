@@ -1,0 +1,224 @@
+"""The site builds without a warning, whole and offline: pages are reachable, sources pictured, names found."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import rverror
+from modules import IMPORTABLE, TREES
+from pages import ROOT
+from rverror.model.catalogue import CATALOGUE
+
+for needed in ("sphinx", "furo", "numpydoc", "myst_nb", "jupytext", "matplotlib"):
+    pytest.importorskip(needed)
+
+DOCS = ROOT / "docs"
+NOTEBOOKS = sorted(path.stem for path in (ROOT / "examples" / "notebooks").glob("*.py"))
+#: Attributes that fetch when a page is opened, by tag; a link is followed by hand.
+FETCHES = {
+    "script": ("src",),
+    "link": ("href",),
+    "img": ("src", "srcset"),
+    "iframe": ("src",),
+    "source": ("src", "srcset"),
+    "object": ("data",),
+    "use": ("href", "xlink:href"),
+    "image": ("href", "xlink:href"),
+}
+
+
+class Page(HTMLParser):
+    """What a page of the site has: anchors, links, what it fetches, pictures and their words."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.path = path
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.fetched: list[str] = []
+        self.unnamed: list[str] = []
+        self.pictures: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        if "id" in given:
+            self.ids.add(given["id"])
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        self.fetched += [given[name] for name in FETCHES.get(tag, ()) if name in given]
+        named = given.get("alt") or given.get("aria-label")
+        if tag == "img" or given.get("role") == "img":
+            (self.pictures if named else self.unnamed).append(named or str(given))
+
+
+def local(page: Page, link: str) -> tuple[Path, str] | None:
+    """File and anchor that a link of the site leads to; None where it leads out of it."""
+    parts = urlsplit(link)
+    if parts.scheme or parts.netloc:
+        return None
+    target = (page.path.parent / unquote(parts.path)).resolve() if parts.path else page.path.resolve()
+    return target, unquote(parts.fragment)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built once as anyone builds it, but no notebook is run: test_notebooks.py does that."""
+    out = tmp_path_factory.mktemp("site")
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-j",
+        "1",
+        "-b",
+        "html",
+        "-d",
+        str(out / "doctrees"),
+    ]
+    command += ["-D", "nb_execution_mode=off"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [*command, str(DOCS), str(out / "html")],
+        env=environment,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert "warning:" not in done.stdout.lower(), done.stdout[-2000:]
+    return out / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(built: Path) -> dict[str, Page]:
+    return {path.relative_to(built).as_posix(): Page(path) for path in sorted(built.rglob("*.html"))}
+
+
+def test_every_page_became_one_of_the_site(pages: dict[str, Page]) -> None:
+    for path in DOCS.rglob("*.md"):
+        if "_" not in {part[0] for part in path.relative_to(DOCS).parts}:
+            assert path.relative_to(DOCS).with_suffix(".html").as_posix() in pages
+    for name in NOTEBOOKS:
+        assert f"notebooks/{name}.html" in pages
+
+
+def test_every_page_is_reached_from_the_first(built: Path, pages: dict[str, Page]) -> None:
+    reached, waiting = {"index.html"}, ["index.html"]
+    while waiting:
+        page = pages[waiting.pop()]
+        for link in page.links:
+            target = local(page, link)
+            name = target[0].relative_to(built.resolve()).as_posix() if target else ""
+            if name in pages and name not in reached:
+                reached.add(name)
+                waiting.append(name)
+    assert set(pages) - reached <= {"search.html", "genindex.html", "py-modindex.html"}
+
+
+def test_links_lead_to_files_and_anchors(pages: dict[str, Page]) -> None:
+    known = {page.path.resolve(): page for page in pages.values()}
+    for name, page in pages.items():
+        for link in page.links:
+            target = local(page, link)
+            if target is None or link == "#":
+                continue
+            path, anchor = target
+            assert path.exists(), f"{name}: {link}"
+            if anchor and path in known:
+                assert anchor in known[path].ids, f"{name}: {link}"
+
+
+def test_nothing_is_fetched_from_elsewhere(built: Path, pages: dict[str, Page]) -> None:
+    for name, page in pages.items():
+        for address in page.fetched:
+            if not address.startswith(("#", "data:")):
+                target = local(page, address)
+                assert target is not None, f"{name} fetches {address}"
+                assert target[0].exists(), f"{name} lacks {address}"
+    for sheet in built.rglob("*.css"):
+        text = sheet.read_text(encoding="utf-8")
+        assert not re.search(r"""(?:url\(|@import)\s*["']?(?:https?:)?//""", text), sheet.name
+
+
+def test_pictures_have_words(pages: dict[str, Page]) -> None:
+    for name, page in pages.items():
+        # a notebook's figures come from its cells, whose text says what they show
+        assert not page.unnamed or name.startswith("notebooks/"), f"{name}: {page.unnamed[:3]}"
+
+
+def test_every_source_is_pictured(pages: dict[str, Page]) -> None:
+    page = pages["catalogue.html"]
+    text = page.path.read_text(encoding="utf-8")
+    for key in CATALOGUE:
+        assert key.replace(".", "-").replace("_", "-") in page.ids
+        told = [words for words in page.pictures if re.search(rf"\b{re.escape(key)}\b", words)]
+        assert [words.split()[0] for words in told] in (["Where", "Influence"], ["Where"]), key
+        if len(told) == 1:
+            after = text.partition(f"Where {key}")[2].partition("<section")[0]
+            assert "Nothing of it reaches the output" in after, key
+
+
+def test_every_public_name_is_listed_and_described(pages: dict[str, Page]) -> None:
+    index = pages["api/index.html"]
+    described = {name: page for page in pages.values() for name in page.ids if re.match(r"(module-)?rverror\.", name)}
+    for name in rverror.__all__:
+        if name.startswith("__"):
+            continue
+        thing = getattr(rverror, name)
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            full = f"{thing.__module__}.{name}"
+        elif inspect.ismodule(thing):
+            full = f"module-{thing.__name__}"
+        else:  # a constant, described where it is defined
+            (full,) = [entry for entry in described if entry.endswith(f".{name}")]
+        assert full in described, full
+        assert any(link.endswith(f"#{full}") for link in index.links), full
+        assert f">rverror.{name}<" in index.path.read_text(encoding="utf-8")
+
+
+def public(module: str) -> Iterator[str]:
+    """Public functions and classes that the text of a module defines."""
+    for node in TREES[module].body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield f"{module}.{node.name}"
+
+
+def test_every_module_is_described_once(pages: dict[str, Page]) -> None:
+    for module in IMPORTABLE:
+        if module == "rverror":  # its names are on the first page of the reference
+            continue
+        places = [name for name, page in pages.items() if f"module-{module}" in page.ids]
+        assert len(places) == 1, module
+        for name in public(module):
+            assert name in pages[places[0]].ids, name
+
+
+def test_formulas_are_written_for_browsers(pages: dict[str, Page]) -> None:
+    text = pages["theory/principle.html"].path.read_text(encoding="utf-8")
+    assert text.count("<math") > 20
+    for name, page in pages.items():
+        words = re.sub(r"<(pre|code|script).*?</\1>", "", page.path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        assert not re.search(r"\\(?:frac|sum|lambda|theta|Theta|cdot|delta)\b", words), name
+    # TeX takes one digit for each half of a fraction
+    assert re.search(r"<mfrac[^>]*>\s*<mn>1</mn>\s*<mn>2</mn>", pages["theory/involute.html"].path.read_text("utf-8"))
+
+
+def test_notebooks_show_their_cells(pages: dict[str, Page]) -> None:
+    for name in NOTEBOOKS:
+        text = pages[f"notebooks/{name}.html"].path.read_text(encoding="utf-8")
+        assert text.count("cell_input") >= 4, name

@@ -1,0 +1,92 @@
+"""Numbers as instruments print them: what is read, and what leaves the decimal sign open."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rverror.runs.bench.numerals import THOUSANDS, Numerals, Undecided, found_decimal
+
+
+def printed(value: float, digits: int, decimal: str, thousands: str) -> str:
+    """As a spreadsheet prints it; Python's own grouping is the second derivation."""
+    return f"{value:,.{digits}f}".replace(",", "\0").replace(".", decimal).replace("\0", thousands)
+
+
+@given(
+    value=st.floats(-1e9, 1e9),
+    digits=st.integers(0, 9),
+    decimal=st.sampled_from(".,"),
+    thousands=st.sampled_from(["", *THOUSANDS]),
+)
+def test_printed_numbers_read_back(value: float, digits: int, decimal: str, thousands: str) -> None:
+    if thousands == decimal:
+        return
+    read = Numerals(decimal, thousands).parse(f" {printed(value, digits, decimal, thousands)} ")
+    assert read == float(f"{value:.{digits}f}")
+
+
+@pytest.mark.parametrize(
+    ("numerals", "cell", "value"),
+    [
+        (Numerals(), "1e-3", 1e-3),
+        (Numerals(","), "-1,5E+02", -150.0),
+        (Numerals(), "nan", math.nan),
+        (Numerals(), "", None),
+        (Numerals(), "1,5", None),
+        (Numerals(","), "1.5", None),
+        (Numerals(), "1_000", None),
+        (Numerals(), "12:30", None),
+        (Numerals(",", "."), "1.23", None),  # no group of three
+        (Numerals(",", "."), "1234.567", None),
+        (Numerals(",", "."), ".567", None),
+        (Numerals(",", "."), "1.234.567,5", 1234567.5),
+        (Numerals(".", "'"), "1'234.5", 1234.5),
+        (Numerals(".", " "), "1 2345", None),
+    ],
+)
+def test_cells(numerals: Numerals, cell: str, value: float | None) -> None:
+    read = numerals.parse(cell)
+    assert read == value if value is None or not math.isnan(value) else math.isnan(read)  # type: ignore[arg-type]
+
+
+@given(
+    values=st.lists(st.floats(-999, 999), min_size=1, max_size=30), digits=st.integers(1, 8), sign=st.sampled_from(".,")
+)
+def test_the_sign_is_found_where_the_digits_tell(values: list[float], digits: int, sign: str) -> None:
+    """Three digits behind the sign after a leading 1 to 9 tell nothing, everything else does."""
+    cells = [printed(value, digits, sign, "") for value in values]
+    telling = digits != 3 or any(cell.lstrip("-").startswith("0") for cell in cells)
+    found = found_decimal(["words, and. more", "°", *cells])
+    if telling:
+        assert found == sign
+    else:
+        assert isinstance(found, Undecided)
+        assert found.cell == cells[0]
+        assert found.place == 2
+        assert found.why == f"may be {cells[0].replace(sign, '.')} or {cells[0].replace(sign, '')}"
+
+
+@pytest.mark.parametrize(
+    ("cells", "why"),
+    [
+        (["1.234,5"], "holds a point and a comma"),
+        (["1.234.567"], "holds '.' more than once"),
+        (["1,5", "2.5"], "holds '.', cells before it ','"),
+        (["1.234", "1,5"], "holds ',', cells before it '.'"),
+    ],
+)
+def test_what_contradicts_itself(cells: list[str], why: str) -> None:
+    found = found_decimal(cells)
+    assert isinstance(found, Undecided)
+    assert found.why == why
+    assert found.cell == cells[-1]
+
+
+def test_between_commas_a_point_is_a_decimal_sign() -> None:
+    assert found_decimal(["1.234"], point_is_decimal=True) == "."
+    assert isinstance(found_decimal(["1,234"], point_is_decimal=True), Undecided)  # as in quotes
+    assert found_decimal(["12", "word"]) == ""

@@ -1,0 +1,310 @@
+"""Predictions under the conditions of a run: one repeat against the whole turn, sensors, and derivatives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rverror
+from rverror.geartrain.kinematics import Conditions
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, effect
+from rverror.statics.loaded_state import equilibrium
+from rverror.statics.prediction import Predictor, predict, uses_equilibrium
+
+ARCSEC = math.pi / 180 / 3600
+
+CARRIER_SIDE = (
+    effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="5 um", sin="-2 um"),
+    effect("cycloid.disc_profile", disc=1, harmonic=2, cos="3 um"),
+    effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
+    effect("cycloid.disc_bore_position", disc=1, crank=1, tangential="4 um"),
+    effect("coupling.carrier_bore_position", crank=1, radial="5 um", tangential="-3 um"),
+    effect("involute.planet_eccentricity", crank=1, x="8 um"),
+    effect("involute.tooth_thinning", member="sun", thinning="6 um"),
+)
+READINGS = (
+    effect("sensor.encoder_eccentricity", cos="9 arcsec", sin="-4 arcsec"),
+    effect("sensor.input_coupling", harmonic=2, cos="300 arcsec"),
+)
+PINS = (
+    effect("cycloid.pin_position", pin=5, radial="-5 um"),
+    effect("cycloid.pin_circle", harmonic=2, radial_cos="5 um"),
+)
+
+
+def spread(values: np.ndarray) -> float:
+    return float(np.std(values))
+
+
+def turn(points: int, *, start: float = 0.3) -> np.ndarray:
+    return start + 2 * np.pi * np.arange(points) / points
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("torque", [20e3, 412e3])
+@pytest.mark.parametrize("name", ["RV-40E", "RV-003"])
+def test_one_repeat_stands_for_the_turn(name: str, torque: float, direction: float) -> None:
+    """Against the equilibrium at every angle, on angles that no multiple of the repeat meets."""
+    model = rverror.Model(rverror.reducer(name), CARRIER_SIDE)
+    theta = turn(1999)
+    conditions = Conditions(theta, direction, torque)
+    assert all(source(e.key).repeats_with_crank(model.mechanism, e.indices) for e in model.effects)
+    found = predict(model, conditions)
+    some = slice(None, None, 13)
+    whole = equilibrium(model, theta[some], torque=torque, direction=direction).transmission_error
+    assert np.ptp(whole) > 5 * ARCSEC
+    assert spread(found.transmission_error[some] - whole) < 0.03 * ARCSEC
+
+
+def test_one_repeat_carries_the_influences_too() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE)
+    theta = turn(4096)
+    found = predict(model, Conditions(theta, 1.0, 412e3)).matrix
+    some = slice(7, None, 41)
+    motion, forces = Predictor(model.mechanism, Conditions(theta[some], 1.0, 412e3)).contact_state(model)
+    whole = rverror.model.compose.effect_matrix(motion, forces, model.effects)
+    assert found.shape == (sum(len(e.values) for e in CARRIER_SIDE), theta.size)
+    scale = np.sqrt((whole**2).mean(axis=1))
+    known = scale > 1e-2 * scale.max()
+    wrong = np.sqrt(((found[:, some] - whole) ** 2).mean(axis=1))
+    # influences jump where a pin takes up load: a jump of one of 17 pins, between 128 angles
+    assert (wrong[known] < 0.05 * scale[known]).all()
+
+
+@pytest.mark.parametrize("clearance", [0.0, 5e-3])
+def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
+    """What each source of the gear train closes, against its error vector and the forces of `linearise`."""
+    unit, theta = rverror.reducer("RV-003"), turn(23)
+    effects = [*CARRIER_SIDE, *PINS]
+    if clearance:
+        effects.append(effect("crank.bearing_clearance", clearance=clearance))
+    for key, entry in rverror.CATALOGUE.items():
+        if not entry.at_output and entry.applies_to(unit):
+            indices = list(entry.candidates(unit))[-1]
+            effects.append(Effect(key, indices, tuple(0.02 * p.plausible for p in entry.parameters)))
+    model = rverror.Model(unit, tuple(effects))
+    found = predict(model, Conditions(theta, -1.0, 412e3)).matrix
+    state = rverror.linearise(model, theta, torque=412e3, direction=-1.0)
+    expected = rverror.model.compose.effect_matrix(state.motion, state.forces, model.effects)
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found / scale.max(), expected / scale.max(), rtol=0, atol=1e-8)
+    assert (np.abs(found - expected) <= 1e-6 * scale + 1e-9 * scale.max()).all()
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_train_stands_turned_after_each_repeat(direction: float) -> None:
+    """Starts at every angle from one repeat, against the poses of the equilibrium there."""
+    model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(1999)
+    predictor = Predictor(model.mechanism, Conditions(theta, direction, 20e3, folds=True))
+    near = predictor.predict(model)
+    assert near.repeats
+    starts = predictor._starts(near)
+    some = slice(3, None, 31)
+    state = equilibrium(model, theta[some], torque=20e3, direction=direction)
+    parts = [state.pose["carrier"][None], state.pose["disc"], state.pose["crank"]]
+    whole = np.concatenate([*(part.reshape(-1, len(theta[some])) for part in parts), state.pose["sun"]])
+    error = np.abs(starts[some] - whole.T).max(axis=0)
+    moves = np.ptp(whole, axis=1)
+    assert (error < 0.02 * moves.max() * np.where(np.arange(error.size) % 3 == 2, 1e-1, 1.0)).all()
+
+
+def test_from_such_starts_a_new_pin_is_solved_as_from_nothing() -> None:
+    model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(300)
+    predictor = Predictor(model.mechanism, Conditions(theta, 1.0, 20e3))
+    near, more = predictor.predict(model), rverror.Model(model.mechanism, CARRIER_SIDE + PINS)
+    cold, warm = predictor.predict(more), predictor.predict(more, near)
+    np.testing.assert_allclose(warm.transmission_error, cold.transmission_error, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(warm.matrix, cold.matrix, rtol=0, atol=1e-9 * np.abs(cold.matrix).max())
+
+
+def test_a_prediction_of_the_same_model_is_the_answer_under_the_same_conditions_only() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE[:1])
+    predictor = Predictor(model.mechanism, Conditions(turn(256), 1.0, 20e3))
+    near = predictor.predict(model)
+    assert predictor.predict(model, near) is near
+    changed = rverror.Model(model.mechanism, CARRIER_SIDE[2:3])
+    assert spread(predictor.predict(changed, near).transmission_error - near.transmission_error) > ARCSEC
+    other = Predictor(model.mechanism, Conditions(turn(256), -1.0, 20e3))
+    assert spread(other.predict(model, near).transmission_error - near.transmission_error) > ARCSEC
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_pins_are_solved_at_every_angle(direction: float) -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + PINS)
+    theta = turn(97)
+    found = predict(model, Conditions(theta, direction, 20e3))
+    whole = equilibrium(model, theta, torque=20e3, direction=direction).transmission_error
+    np.testing.assert_allclose(found.transmission_error, whole, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("torque", [20e3, 412e3])
+@pytest.mark.parametrize("points", [512, 4096])
+def test_falling_angles_are_growing_ones_read_backwards(points: int, torque: float) -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE)
+    theta = turn(points, start=0.0)
+    growing = predict(model, Conditions(theta, -1.0, torque)).transmission_error
+    falling = predict(model, Conditions(theta[0] + 2 * np.pi - theta, -1.0, torque)).transmission_error
+    back = np.concatenate([falling[:1], falling[:0:-1]])
+    np.testing.assert_allclose(back, growing, rtol=0, atol=1e-6 * ARCSEC)
+
+
+@pytest.mark.parametrize("planet_teeth", [27, 24])
+def test_what_repeats_with_the_crank_is_what_the_equilibrium_repeats(planet_teeth: int) -> None:
+    """Beside an error of a disc; a wrong answer would fold order 39 onto 40."""
+    unit = rverror.reducer("RV-40E", planet_teeth=planet_teeth)
+    theta, again = np.array([0.3, 1.1, 2.0]), 2 * np.pi / 40
+    for key, entry in rverror.CATALOGUE.items():
+        if key.startswith(("shaft", "sensor", "empirical")):
+            continue
+        for indices in (*list(entry.candidates(unit))[:2], *list(entry.candidates(unit))[-1:]):
+            sizes = {p.name: 0.2 * p.plausible for p in entry.parameters}
+            model = rverror.Model(unit, (CARRIER_SIDE[0], rverror.effect(key, **indices, **sizes)))
+            first, second = (
+                equilibrium(model, angles, torque=20e3, direction=1).transmission_error
+                for angles in (theta, theta + again)
+            )
+            same = np.abs(first - second).max() < 1e-5 * ARCSEC
+            assert source(key).repeats_with_crank(unit, indices) == same, (key, indices)
+
+
+@pytest.mark.parametrize("points", [61, 256, 1000])
+def test_coarse_angles_hold_no_folded_mesh_orders(points: int) -> None:
+    """Few angles a turn give the lower orders alone: as a filtered fine prediction, not a sampled one.
+
+    One repeat is solved at 128 angles or more; what the kinks of opening pins fold is below a third of the
+    0.03 arcsec that a prediction may be wrong by.
+    """
+    model = rverror.Model(rverror.reducer("RV-40E"), (CARRIER_SIDE[0],))
+    stride = 32
+    theta = turn(points * stride, start=0.0)
+    fine = predict(model, Conditions(theta, 1.0, 20e3)).transmission_error
+    coarse = predict(model, Conditions(theta[::stride], 1.0, 20e3)).transmission_error
+    lines = np.fft.rfft(fine) / stride
+    lines[math.ceil(points / 2) :] = 0
+    np.testing.assert_allclose(coarse, np.fft.irfft(lines[: points // 2 + 1], points), rtol=0, atol=1e-2 * ARCSEC)
+
+
+@given(
+    order=st.permutations(range(len(CARRIER_SIDE) + len(READINGS) + len(PINS))),
+    pins=st.booleans(),
+    torque=st.sampled_from([None, 20e3, 412e3]),
+)
+def test_rows_stay_in_the_order_of_the_model(order: list[int], pins: bool, torque: float | None) -> None:
+    effects = CARRIER_SIDE + READINGS + PINS
+    count = len(effects) if pins else len(effects) - len(PINS)
+    shuffled = tuple(effects[i] for i in order if i < count)
+    unit = rverror.reducer("RV-40E")
+    conditions = Conditions(turn(31), 1.0, torque)
+    plain = predict(rverror.Model(unit, effects[:count]), conditions)
+    mixed = predict(rverror.Model(unit, shuffled), conditions)
+    np.testing.assert_allclose(mixed.transmission_error, plain.transmission_error, rtol=0, atol=1e-6 * ARCSEC)
+    rows, at = {}, 0
+    for e in effects[:count]:
+        rows[id(e)] = plain.matrix[at : at + len(e.values)]
+        at += len(e.values)
+    expected = np.concatenate([rows[id(e)] for e in shuffled])
+    np.testing.assert_allclose(mixed.matrix, expected, rtol=0, atol=1e-9 * abs(expected).max())
+
+
+@pytest.mark.parametrize("torque", [None, 20e3])
+@pytest.mark.parametrize("gears", [(), CARRIER_SIDE, PINS], ids=["none", "carrier side", "pins"])
+def test_readings_are_added_exactly(gears: tuple[Effect, ...], torque: float | None) -> None:
+    unit = rverror.reducer("RV-40E")
+    theta = turn(101)
+    time = np.linspace(0, 50, theta.size)
+    extra = (
+        *READINGS,
+        effect("sensor.ratio_error", slope=1e-5),
+        effect("sensor.drift", total="12 arcsec"),
+        effect("sensor.time_offset", offset="4 ms"),
+    )
+    conditions = Conditions(theta, 1.0, torque, time)
+    without = predict(rverror.Model(unit, gears), conditions)
+    found = predict(rverror.Model(unit, gears + extra), conditions)
+    speed = (theta[-1] - theta[0]) / 50
+    written_out = (
+        (9 * np.cos(theta) - 4 * np.sin(theta) + 300 / unit.ratio * np.cos(2 * unit.ratio * theta)) * ARCSEC
+        + 1e-5 * theta
+        + 12 * ARCSEC * np.linspace(0, 1, theta.size)
+        + 4e-3 * speed
+    )
+    np.testing.assert_allclose(found.transmission_error - without.transmission_error, written_out, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.matrix[len(without.matrix)], np.cos(theta), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("gears", [CARRIER_SIDE, PINS], ids=["by repeat", "at every angle"])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_torsion_holds_the_output_back_against_its_motion(gears: tuple[Effect, ...], direction: float) -> None:
+    unit = rverror.reducer("RV-40E")
+    conditions = Conditions(turn(101), direction, 20e3)
+    without = predict(rverror.Model(unit, gears), conditions)
+    found = predict(rverror.Model(unit, (effect("load.torsion", compliance="3 arcsec/(N*m)"), *gears)), conditions)
+    wound = found.transmission_error - without.transmission_error
+    np.testing.assert_allclose(wound, -direction * 60 * ARCSEC, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.matrix[1:], without.matrix, rtol=0, atol=1e-15)
+
+
+def test_without_torque_the_closed_form_predicts() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + READINGS + PINS)
+    theta = turn(64)
+    for direction in (1.0, -1.0):
+        conditions = Conditions(theta, direction)
+        assert not uses_equilibrium(model, conditions)
+        found = predict(model, conditions).transmission_error
+        np.testing.assert_array_equal(found, rverror.transmission_error(model, theta, direction=direction))
+
+
+def test_a_drive_is_never_solved() -> None:
+    drive = rverror.Drive(ratio=14.0, shafts={"motor": 14.0, "wheel": 3.5})
+    model = rverror.Model(drive, (effect("shaft.eccentricity", shaft="wheel", harmonic=2, cos="5 arcsec"),))
+    theta = turn(50)
+    found = predict(model, Conditions(theta, 1.0, torque=20e3))
+    np.testing.assert_allclose(found.transmission_error, 5 * ARCSEC * np.cos(7 * theta), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.matrix, [np.cos(7 * theta), np.sin(7 * theta)], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("torque", [None, 20e3])
+def test_a_model_without_effects(torque: float | None) -> None:
+    found = predict(rverror.Model(rverror.reducer("RV-40E")), Conditions(turn(40), 1.0, torque))
+    assert found.matrix.shape == (0, 40)
+    assert spread(found.transmission_error) < 0.01 * ARCSEC
+
+
+@pytest.mark.parametrize("pins", [(), PINS], ids=["by repeat", "at every angle"])
+@pytest.mark.parametrize("torque", [None, 0.412], ids=["closed form", "equilibrium"])
+def test_matrix_is_the_derivative(torque: float | None, pins: tuple[Effect, ...]) -> None:
+    """A millionth of all sizes and of the load: contacts carry as at full size, but nothing is of second order."""
+    small = tuple(replace(e, values=tuple(v * 1e-6 for v in e.values)) for e in CARRIER_SIDE + pins + READINGS)
+    model = rverror.Model(rverror.reducer("RV-40E", gear_backlash=2e-8), small)
+    conditions = Conditions(turn(40), 1.0, torque)
+    found = predict(model, conditions)
+    values = [v for e in model.effects for v in e.values]
+    step = 1e-13
+    for at, row in enumerate(found.matrix):
+        sides = []
+        for sign in (1, -1):
+            moved, shifted = iter([v + sign * step * (i == at) for i, v in enumerate(values)]), []
+            for e in model.effects:
+                shifted.append(replace(e, values=tuple(next(moved) for _ in e.values)))
+            sides.append(predict(replace(model, effects=tuple(shifted)), conditions).transmission_error)
+        slope = (sides[0] - sides[1]) / (2 * step)
+        scale = max(abs(row).max(), 1e-5)
+        np.testing.assert_allclose(slope, row, rtol=0, atol=1e-3 * scale, err_msg=f"parameter {at}")
+
+
+def test_folded_orders_are_predicted_but_no_size_is_drawn_from_them() -> None:
+    """At 512 samples a turn of the mesh's 1560 waves fold: the error at instants has them, the rows do not."""
+    model = rverror.Model(rverror.reducer("RV-40E"), (effect("crank.bearing_clearance", clearance="16 um"),))
+    theta = turn(512, start=0.0)
+    plain, folded = (predict(model, Conditions(theta, 1.0, 20e3, folds=folds)) for folds in (False, True))
+    np.testing.assert_allclose(folded.matrix, plain.matrix, rtol=0, atol=1e-12 * abs(plain.matrix).max())
+    some = slice(3, None, 31)
+    exact = rverror.equilibrium(model, theta[some], torque=20e3, direction=1).transmission_error
+    missed, hit = (spread(found.transmission_error[some] - exact) for found in (plain, folded))
+    assert hit < 0.2 * missed

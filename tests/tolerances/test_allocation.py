@@ -1,0 +1,689 @@
+"""Least cost: against closed forms, a convex solver, enumeration, and simulations of its own."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rverror
+from rverror.base.errors import InputError
+from rverror.base.units import ARCSEC
+from rverror.tolerances.allocation import Allocation, allocate, cost_front, terms
+from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
+from rverror.tolerances.limited_error import Quantile, WorstPeakToPeak
+from rverror.tolerances.market import Found, market_of
+from rverror.tolerances.sampling import virtual_units
+from rverror.tolerances.stacking import Block, Stack, stack, tolerance
+
+ANGLES = 48
+QUICK = {"sample": 4096, "verify": 8192}
+CONVEX = ("worst", "rms")
+
+
+def laid_out(waves, blocks, *, width=None, nominal=None):
+    """Stack of blocks that follow one another; `waves` has a row for each component."""
+    entry = np.repeat(np.arange(len(blocks)), [b.instances * b.terms for b in blocks])
+    width = np.ones(len(blocks)) if width is None else width
+    nominal = np.zeros(waves.shape[1]) if nominal is None else nominal
+    return Stack(nominal, waves, (), entry, width, tuple(f"t{e}" for e in range(len(blocks))), tuple(blocks))
+
+
+def random_stack(seed, *, entries=(2, 7), nominal=0.0):
+    """Numbers and vectors, alone, in threes, moving as one and turned at random; widths over two decades."""
+    rng = np.random.default_rng(seed)
+    theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    blocks, waves, variate, component = [], [], 0, 0
+    for _ in range(rng.integers(*entries)):
+        law = (Uniform(), Normal(), Rayleigh(), Circle(), TruncatedNormal())[rng.integers(5)]
+        terms_ = 2 if law.vector else int(rng.integers(1, 3))
+        tied, turned = float(rng.choice([0.0, 0.0, 1.0])), terms_ == 2 and bool(rng.random() < 0.4)
+        block = Block(variate, component, int(rng.integers(1, 4)), terms_, law, tied, turned)
+        blocks.append(block)
+        variate, component = block.variates.stop, block.components.stop
+        size = 1e-4 * 10 ** rng.uniform(-0.5, 0.5)
+        for _ in range(block.instances * terms_):
+            orders, phases = rng.integers(1, 9, (3, 1)), rng.uniform(0, 7, (3, 1))
+            waves.append(size * (rng.normal(size=3) @ np.cos(orders * theta + phases)))
+    width = 10 ** rng.uniform(-1, 1, len(blocks))
+    return laid_out(np.array(waves), blocks, width=width, nominal=nominal * 1e-4 * np.sin(3 * theta))
+
+
+def random_curves(seed, given):
+    rng = np.random.default_rng((seed, 1))
+    kinds = (Reciprocal, ReciprocalSquare)
+    return [kinds[rng.integers(2)](price=rng.uniform(1, 20), at=float(w), base=rng.uniform(0, 3)) for w in given.width]
+
+
+def random_tables(seed, given, *, share=1.0):
+    """Tables, or for the rest of the share smooth costs."""
+    rng = np.random.default_rng((seed, 2))
+    costs = []
+    for width, curve in zip(given.width, random_curves(seed, given), strict=True):
+        count = int(rng.integers(2, 5))
+        widths = np.sort(width * 10 ** rng.uniform(-0.8, 0.8, count))
+        prices = np.sort(rng.uniform(1, 20, count))[::-1]
+        table = Grades(tuple(widths), tuple(prices), tuple(f"IT{g}" for g in range(count)))
+        costs.append(table if rng.random() < share else curve)
+    return costs
+
+
+def pairs_of_angles(given):
+    """What a unit of each width adds to the worst p-p of two angles, a row for each pair; and the nominal part."""
+    n = given.nominal.size
+    rows = np.zeros((n, n, len(given.labels)))
+    for group in given.worst_groups:
+        wave = given.influence[group.components].sum(axis=0)
+        rows[:, :, given.entry[group.components[0, 0]]] += group.radius * np.hypot.reduce(
+            wave[:, :, None] - wave[:, None, :]
+        )
+    return rows.reshape(n * n, -1), (given.nominal[:, None] - given.nominal).ravel()
+
+
+def limited(given, widths, kind):
+    """The worst p-p over all pairs, or the rms: the definitions."""
+    if kind == "rms":
+        waves = given.scaled(widths) - given.scaled(widths).mean(axis=1, keepdims=True)
+        variance = np.einsum("an,ab,bn->n", waves, given.covariance, waves)
+        return math.sqrt(np.var(given.nominal) + variance.mean())
+    rows, offsets = pairs_of_angles(given)
+    return float((rows @ widths + offsets).max())
+
+
+def total(costs, widths):
+    return sum(cost.cost(width) for cost, width in zip(costs, widths, strict=True))
+
+
+def quantile_of(given, widths, level=0.99, seed=91, count=2**15):
+    """By plain simulation, with draws of its own."""
+    draws = given.standard(np.random.default_rng(seed).random((count, given.dimensions)))
+    return float(np.quantile(np.ptp(draws @ given.scaled(widths) + given.nominal, axis=1), level))
+
+
+def widest(given, costs):
+    return np.array(
+        [c.widths[-1] if isinstance(c, Grades) else 10 * w for c, w in zip(costs, given.width, strict=True)]
+    )
+
+
+def finest(given, costs):
+    return np.array([c.widths[0] if isinstance(c, Grades) else w / 10 for c, w in zip(costs, given.width, strict=True)])
+
+
+def a_limit(given, costs, kind, place):
+    """Limit at a place between what the finest and the widest widths make, 0 to 1."""
+    measure = quantile_of if kind == "yield" else limited
+    extra = () if kind == "yield" else (kind,)
+    low, high = (measure(given, widths, *extra) for widths in (finest(given, costs), widest(given, costs)))
+    return low * (high / low) ** place
+
+
+# --- closed forms ------------------------------------------------------------------------------------------------
+
+
+def opposed(*sizes):
+    """Numbers that push two angles apart: the worst p-p is the sum of 2 size width."""
+    return laid_out(
+        np.array([[size, -size] for size in sizes]), [Block(e, e, 1, 1, Uniform()) for e in range(len(sizes))]
+    )
+
+
+@given(p=st.floats(0.1, 10), q=st.floats(0.1, 10), a=st.floats(0.3, 3), b=st.floats(0.3, 3), limit=st.floats(0.5, 20))
+@settings(max_examples=20)
+def test_two_sources_of_reciprocal_cost_in_closed_form(p, q, a, b, limit):
+    """Lagrange: widths as sqrt(price / effect), cost (sqrt(2 a p) + sqrt(2 b q))^2 / limit."""
+    costs = [Reciprocal(p, 1.0), Reciprocal(q, 1.0, base=2.0)]
+    bounds = [(1e-4, 1e4)] * 2
+    found = allocate(opposed(a, b), costs, limit=limit, kind="worst", bounds=bounds, verify=1000)
+    root = math.sqrt(2 * a * p) + math.sqrt(2 * b * q)
+    assert found.cost == pytest.approx(2.0 + root**2 / limit, rel=1e-6)
+    assert found.widths[0] == pytest.approx(limit * math.sqrt(p / (2 * a)) / root, rel=1e-6)
+    assert found.widths[1] == pytest.approx(limit * math.sqrt(q / (2 * b)) / root, rel=1e-6)
+    assert found.shadow_price == pytest.approx(root**2 / limit**2 * ARCSEC, rel=1e-6)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_mean_square_in_closed_form(power):
+    """Lagrange: power p / T**(power + 1) = lambda S T, the mean square of +-size with width T being size^2 T^2 / 3."""
+    sizes, prices, limit = np.array([1.0, 0.4, 2.5]), np.array([3.0, 8.0, 1.0]), 0.7
+    costs = [(Reciprocal, ReciprocalSquare)[power - 1](float(p), 1.0) for p in prices]
+    found = allocate(opposed(*sizes), costs, limit=limit, kind="rms", bounds=[(1e-4, 1e4)] * 3, verify=1000)
+    widths = (prices / sizes**2) ** (1 / (power + 2))
+    widths *= limit / math.sqrt((sizes**2 * widths**2).sum() / 3)
+    assert found.widths == pytest.approx(widths, rel=1e-6)
+    assert found.shadow_price == pytest.approx(power * total(costs, widths) / limit * ARCSEC, rel=1e-6)
+
+
+SIZES = np.array([0.3, 0.8, 1.7, 2.6])
+PRICES = np.array([9.0, 2.0, 14.0, 5.0])
+
+
+def one_order():
+    theta = 2 * np.pi * np.arange(720) / 720
+    waves = np.concatenate([size * np.array([np.cos(theta), np.sin(theta)]) for size in SIZES])
+    return laid_out(waves, [Block(2 * e, 2 * e, 1, 2, Rayleigh()) for e in range(SIZES.size)])
+
+
+def rayleigh_quantile(widths, level):
+    """Of the p-p, twice the amplitude: amplitudes of Rayleigh vectors add in squares."""
+    sigma = SIZES * np.asarray(widths) / math.sqrt(-2 * math.log(0.0027))
+    return 2 * math.sqrt(-2 * math.log(1 - level) * (sigma**2).sum())
+
+
+@pytest.mark.parametrize("level", [0.9, 0.99])
+def test_yield_of_one_order_in_closed_form(level):
+    """Widths as (price / size^2)^(1/3); the price of a sample is below 0.2 %, that of the interval is its width."""
+    limit = 3.0
+    costs = [Reciprocal(float(p), 1.0) for p in PRICES]
+    found = allocate(one_order(), costs, limit=limit, level=level, sample=8192, verify=2**15)
+    true = rayleigh_quantile(found.widths, level)
+    assert limit * 0.96 < true <= limit
+    assert found.verified.low <= true <= found.verified.high == found.value <= limit
+    best = (PRICES / SIZES**2) ** (1 / 3)
+    best *= true / rayleigh_quantile(best, level)  # with the same true quantile
+    assert total(costs, best) <= found.cost <= total(costs, best) * 1.002
+    # all costs go as one over the limit: a price in closed form
+    assert found.shadow_price == pytest.approx(found.cost / limit * ARCSEC, rel=2e-3)
+
+
+# --- what is limited ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_worst_case_is_that_of_all_corners(seed):
+    rng = np.random.default_rng(seed)
+    waves, nominal = rng.normal(size=(7, 12)), rng.normal(size=12) * (seed % 2)
+    given = laid_out(waves, [Block(0, 0, 3, 1, Uniform()), Block(3, 3, 2, 2, Normal())], nominal=nominal)
+    widths = np.array([0.7, 1.6])
+    corners = np.array(list(itertools.product([-1.0, 1.0], repeat=7)))
+    largest = np.ptp(nominal + corners @ given.scaled(widths), axis=1).max()
+    value, (own, offset) = WorstPeakToPeak(given).measure(widths)
+    assert value == pytest.approx(largest, rel=1e-12)
+    assert own @ widths + offset == pytest.approx(largest, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_worst_case_is_the_definition(seed):
+    given = random_stack(seed, nominal=seed % 2)
+    assert WorstPeakToPeak(given).measure(given.width)[0] == pytest.approx(
+        limited(given, given.width, "worst"), rel=1e-12
+    )
+
+
+# --- a convex solver ---------------------------------------------------------------------------------------------
+
+
+def by_cvxpy(given, costs, limit, kind, held=None):
+    """Least cost by interior points, every pair of angles a row of its own; `held` widths stay."""
+    cp = pytest.importorskip("cvxpy")
+    scale = given.width if held is None else np.where(np.isnan(held), given.width, held)
+    free = np.ones(scale.size, dtype=bool) if held is None else np.isnan(held)
+    share = cp.Variable(scale.size, pos=True)  # of the widths as given
+    constraints = [share[e] == 1 for e in np.flatnonzero(~free)]
+    constraints += [bound for e in np.flatnonzero(free) for bound in (share[e] >= 0.1, share[e] <= 10)]
+    if kind == "worst":
+        rows, offsets = pairs_of_angles(given)
+        constraints.append((rows * scale / limit) @ share + offsets / limit <= 1)
+    else:
+        without = laid_out(given.influence, given.blocks, width=given.width)
+        own = [limited(without, np.where(np.arange(scale.size) == e, scale, 0.0), "rms") for e in range(scale.size)]
+        both = cp.hstack([cp.multiply(np.array(own) / limit, share), np.std(given.nominal) / limit])
+        constraints.append(cp.norm(both) <= 1)
+    spent = []
+    for e in np.flatnonzero(free):
+        power = 1 if isinstance(costs[e], Reciprocal) else 2
+        spent.append((costs[e].cost(scale[e]) - costs[e].base) * cp.power(share[e], -power) + costs[e].base)
+    problem = cp.Problem(cp.Minimize(sum(spent)), constraints)
+    problem.solve(solver="CLARABEL")
+    fixed = sum(cost.cost(w) for cost, w, f in zip(costs, scale, free, strict=True) if not f)
+    return math.inf if problem.status not in ("optimal", "optimal_inaccurate") else problem.value + fixed
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("seed", range(10))
+def test_smooth_costs_against_a_convex_solver(seed, kind):
+    given = random_stack(seed, nominal=seed % 2)
+    costs = random_curves(seed, given)
+    limit = a_limit(given, costs, kind, 0.1 + 0.08 * seed)
+    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    assert found.cost == pytest.approx(by_cvxpy(given, costs, limit, kind), rel=1e-6)
+    assert limited(given, np.array(found.widths), kind) <= limit * (1 + 1e-12)
+    assert found.value <= limit
+    assert 0 <= found.gap < 1e-7
+    assert found.cost == pytest.approx(total(costs, found.widths))
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("seed", range(5))
+def test_smooth_costs_beside_grades_against_all_grades_by_a_convex_solver(seed, kind):
+    given = random_stack(seed + 50, entries=(3, 5), nominal=seed % 2)
+    costs = random_tables(seed + 50, given, share=0.5)
+    costs[0], costs[1] = random_curves(seed, given)[0], random_tables(seed, given)[1]
+    limit = a_limit(given, costs, kind, 0.2 + 0.1 * seed)
+    tables = [e for e, cost in enumerate(costs) if isinstance(cost, Grades)]
+    best = math.inf
+    for widths in itertools.product(*(costs[e].widths for e in tables)):
+        held = np.full(len(costs), np.nan)
+        held[tables] = widths
+        best = min(best, by_cvxpy(given, costs, limit, kind, held))
+    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    assert found.cost == pytest.approx(best, rel=1e-6)
+    assert found.gap < 1e-6
+    assert limited(given, np.array(found.widths), kind) <= limit * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_yield_against_a_convex_solver_for_the_units_at_the_limit(seed):
+    """With the units around the quantile held, of a sample of this test's own, the limit is one row, solved by cvxpy.
+
+    The optimum is where this linear problem has it too: its cost is that of the widths found.
+    """
+    cp = pytest.importorskip("cvxpy")
+    given = random_stack(seed + 20, entries=(2, 6), nominal=seed % 2)
+    costs = random_curves(seed + 20, given)
+    limit = a_limit(given, costs, "yield", 0.3 + 0.04 * seed)
+    found = allocate(given, costs, limit=limit, verify=4096)
+    widths = np.array(found.widths)
+    draws = given.standard(np.random.default_rng(7).random((120_000, given.dimensions)))
+    made = draws @ given.scaled(widths) + given.nominal
+    high, low = made.argmax(axis=1), made.argmin(axis=1)
+    order = np.argsort(np.ptp(made, axis=1))[-1800:-800]  # around P99
+    between = draws[order] * (given.influence[:, high[order]] - given.influence[:, low[order]]).T
+    row = np.array([between[:, given.entry == e].sum(axis=1).mean() for e in range(widths.size)])
+    share = cp.Variable(widths.size, pos=True)
+    spent = []
+    for e, cost in enumerate(costs):
+        power = 1 if isinstance(cost, Reciprocal) else 2
+        spent.append((cost.cost(widths[e]) - cost.base) * cp.power(share[e], -power))
+    low_, high_ = given.width / 10 / widths, given.width * 10 / widths
+    scale = row @ widths
+    within = [(row * widths / scale) @ share <= 1, share >= low_, share <= high_]
+    problem = cp.Problem(cp.Minimize(sum(spent)), within)
+    problem.solve(solver="CLARABEL")
+    base = sum(cost.base for cost in costs)
+    assert found.cost == pytest.approx(problem.value + base, rel=1e-3)
+
+
+# --- enumeration -------------------------------------------------------------------------------------------------
+
+
+def all_grades(costs):
+    for chosen in itertools.product(*(range(len(cost.widths)) for cost in costs)):
+        widths = np.array([cost.widths[g] for cost, g in zip(costs, chosen, strict=True)])
+        yield sum(cost.prices[g] for cost, g in zip(costs, chosen, strict=True)), widths
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("seed", range(6))
+def test_grades_against_all_combinations(seed, kind):
+    given = random_stack(seed + 70, entries=(2, 5), nominal=seed % 2)
+    costs = random_tables(seed + 70, given)
+    tried = [(cost, limited(given, widths, kind)) for cost, widths in all_grades(costs)]
+    limit = np.quantile([value for _, value in tried], 0.1 + 0.08 * seed) * 1.0001
+    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    assert found.cost == pytest.approx(min(cost for cost, value in tried if value <= limit), rel=1e-12)
+    assert found.gap < 1e-9
+    assert limited(given, np.array(found.widths), kind) <= limit
+    for e, cost in enumerate(costs):
+        assert found.grades[e] == cost.names[cost.widths.index(found.widths[e])]
+    assert found.shadow_price is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_grades_at_a_yield_against_all_combinations(seed):
+    """The least cost whose quantile, of units drawn by this test, is within the limit, where none is near to it."""
+    given = random_stack(seed + 90, entries=(2, 5), nominal=seed % 2)
+    costs = random_tables(seed + 90, given)
+    tried = sorted((quantile_of(given, widths, count=2**14), cost) for cost, widths in all_grades(costs))
+    values = np.array([value for value, _ in tried])
+    gaps = values[1:] / values[:-1]
+    place = int(gaps[len(gaps) // 5 :].argmax()) + len(gaps) // 5
+    limit = values[place] * gaps[place] ** 0.6
+    assert gaps[place] > 1.05
+    found = allocate(given, costs, limit=limit, **QUICK)
+    assert found.cost == pytest.approx(min(cost for value, cost in tried if value <= limit), rel=1e-12)
+    assert found.verified.high <= limit
+    assert "all that cost less were tried" in found.proof
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_trying_all_that_cost_less_finds_the_least_from_the_dearest(seed):
+    given = random_stack(seed + 90, entries=(3, 5), nominal=seed % 2)
+    costs = random_tables(seed + 90, given)
+    market = market_of(given.labels, given.width, costs, None, None)
+    sample, plain = (Quantile(given, level=0.99, sample=2048, seed=seed) for _ in range(2))
+    values = [(cost, plain.measure(widths)[0]) for cost, widths in all_grades(costs)]
+    limit = np.quantile([value for _, value in values], 0.3) * 1.0001
+    sample.measure(market.low)
+    dearest = Found(market.low, (0,) * len(costs))
+    found = sample.refined(market, limit, dearest)
+    assert market.total(found.widths) == pytest.approx(min(cost for cost, value in values if value <= limit), rel=1e-12)
+
+
+def test_many_grades_at_a_yield_are_not_called_proven():
+    waves = np.outer(np.linspace(0.5, 2.0, 10), [1.0, -1.0])
+    given = laid_out(waves, [Block(e, e, 1, 1, Normal()) for e in range(10)])
+    table = Grades((0.4, 0.63, 1.0, 1.6), (8.0, 4.0, 2.0, 1.0), ("IT4", "IT5", "IT6", "IT7"))  # 4^10 combinations
+    found = allocate(given, [table] * 10, limit=4.0, **QUICK)
+    assert found.verified.high <= 4.0
+    assert "not proven" in found.proof
+    assert found.gap is None
+    # normal sum: P99 in closed form; no single grade can be had wider or swapped against a costlier one
+    size = 2 * np.linspace(0.5, 2.0, 10) / 3 * 2.5758
+
+    def made(widths):
+        return math.sqrt((size**2 * widths**2).sum())
+
+    widths = np.array(found.widths)
+    assert made(widths) <= 4.0
+    for e in range(10):
+        wider = [w for w in table.widths if w > widths[e]]
+        if wider:
+            assert made(np.where(np.arange(10) == e, wider[0], widths)) > 4.0 * 0.97
+
+
+# --- never above the limit ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_never_above_the_limit(seed, share):
+    given = random_stack(seed + 120, entries=(3, 5), nominal=seed % 2)
+    costs = random_tables(seed + 120, given, share=share)
+    limit = a_limit(given, costs, "yield", 0.3 + 0.1 * seed)
+    found = allocate(given, costs, limit=limit, seed=seed, **QUICK)
+    assert found.value == found.verified.high <= limit
+    again = virtual_units(
+        laid_out(given.influence, given.blocks, width=np.array(found.widths), nominal=given.nominal),
+        found.verified.units,
+        seed=found.verified.seed,
+        draws="random",
+    )
+    assert again.quantile(0.99).high == found.verified.high  # what is stated can be drawn again
+    assert quantile_of(given, np.array(found.widths)) <= limit
+    if share == 0.0 and any(w < 9.9 * g for w, g in zip(found.widths, given.width, strict=True)):
+        assert found.value > 0.999 * limit  # nothing is given away either
+
+
+# --- prices ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("seed", [0, 1, 2, 5])
+def test_prices_are_differences_of_the_least_cost(seed, kind):
+    given = random_stack(seed + 150, entries=(3, 6), nominal=seed % 2)
+    costs = random_curves(seed + 150, given)
+    bounds = [(0.2 * w, 0.8 * w) if e == 0 else (0.8 * w, 5 * w) for e, w in enumerate(given.width)]
+    limit = limited(given, np.array([low for low, _ in bounds]), kind) * 1.2
+
+    def least(limit, bounds):
+        return allocate(given, costs, limit=limit, kind=kind, bounds=bounds, verify=1000).cost
+
+    found = allocate(given, costs, limit=limit, kind=kind, bounds=bounds, verify=1000)
+    h = 1e-5
+    price = (least(limit * (1 - h), bounds) - least(limit * (1 + h), bounds)) / (2 * h * limit)
+    assert found.shadow_price == pytest.approx(price * ARCSEC, rel=1e-4)
+    for e, width in enumerate(found.widths):
+        side = next((k for k in (0, 1) if math.isclose(width, bounds[e][k], rel_tol=1e-9)), None)
+        if side is None:
+            assert found.bound_prices[e] == 0.0
+            continue
+        pushed = [list(bound) for bound in bounds]
+        pushed[e][side] *= 1 + (h if side else -h)
+        saved = (found.cost - least(limit, pushed)) / (h * bounds[e][side])
+        assert found.bound_prices[e] == pytest.approx(saved, rel=1e-3, abs=1e-6 * found.cost / width)
+    assert any(price > 0 for price in found.bound_prices)
+
+
+@pytest.mark.parametrize("nominal", [0.0, 1.0])
+def test_shadow_price_of_a_yield_is_a_difference(nominal):
+    given = random_stack(3, entries=(4, 5), nominal=nominal)
+    costs = random_curves(3, given)
+    limit = a_limit(given, costs, "yield", 0.5)
+    below, here, above = (
+        point.allocation for point in cost_front(given, costs, [0.96 * limit, limit, 1.04 * limit], **QUICK)
+    )
+    assert here.shadow_price == pytest.approx((below.cost - above.cost) / (0.08 * limit) * ARCSEC, rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["worst", "rms", "yield"])
+def test_rates_are_differences_at_the_widths_as_given(kind):
+    given = random_stack(8, entries=(4, 5))
+    costs = random_curves(8, given)
+    found = allocate(given, costs, limit=a_limit(given, costs, kind, 0.5), kind=kind, sample=2**15, verify=1000)
+    assert [rate.label for rate in found.rates] == list(given.labels)
+    draws = given.standard(np.random.default_rng(5).random((2**15, given.dimensions)))
+
+    def made(widths):
+        """For a yield the mean of the units between P98 and P99.6: smoother than one of them."""
+        if kind != "yield":
+            return limited(given, widths, kind)
+        return np.sort(np.ptp(draws @ given.scaled(widths) + given.nominal, axis=1))[-655:-131].mean()
+
+    h, within = (1e-2, 0.04) if kind == "yield" else (1e-6, 1e-6)
+    found_changes, changes = [], []
+    for e, rate in enumerate(found.rates):
+        up, down = (np.where(np.arange(given.width.size) == e, 1 + s * h, 1.0) * given.width for s in (1, -1))
+        saved = costs[e].cost(down[e]) - costs[e].cost(up[e])
+        assert rate.relax == rate.tighten
+        found_changes.append(saved / rate.relax * ARCSEC)
+        changes.append(made(up) - made(down))
+    assert found_changes == pytest.approx(changes, abs=within * sum(changes))
+    assert [r.tighten for r in found.tighten_first] == sorted(r.tighten for r in found.rates)
+    assert [r.relax for r in found.relax_first] == sorted((r.relax for r in found.rates), reverse=True)
+
+
+def test_rates_of_grades_are_steps_to_the_neighbours():
+    given = opposed(1.0, 1.0, 1.0)  # each width counts twice
+    table = Grades((0.5, 1.0, 3.0), (9.0, 5.0, 1.0), ("fine", "middle", "wide"))
+    ends = Grades((1.0, 2.0), (4.0, 1.0), ("a", "b"))
+    finer = Grades((2.0, 4.0), (4.0, 1.0), ("a", "b"))
+    found = allocate(given, [table, ends, finer], limit=20.0, kind="worst", verify=1000)
+    middle, finest, unknown = found.rates
+    assert (middle.tighten, middle.relax) == pytest.approx((4.0 / 1.0 * ARCSEC, 4.0 / 4.0 * ARCSEC))
+    assert finest.tighten is None
+    assert finest.relax == pytest.approx(3.0 / 2.0 * ARCSEC)
+    assert (unknown.tighten, unknown.relax) == (None, None)
+    assert math.isnan(found.costs_before[2])
+    assert math.isnan(found.cost_before)
+    assert found.costs_before[:2] == (5.0, 4.0)
+
+
+def test_what_does_not_count_is_relaxed_to_its_bound():
+    """An offset moves no p-p; the finest of its grades is never bought either."""
+    waves = np.array([[1.0, -1.0], [3.0, 3.0]])
+    given = laid_out(waves, [Block(e, e, 1, 1, Uniform()) for e in range(2)])
+    for kind in ("worst", "rms", "yield"):
+        found = allocate(given, [Reciprocal(1.0, 1.0)] * 2, limit=1.0, kind=kind, **QUICK)
+        assert found.widths[1] == 10.0
+        assert (found.rates[1].relax, found.rates[1].tighten) == (math.inf, None)
+        assert found.relax_first[0].label == "t1"
+        table = Grades((0.5, 2.0), (9.0, 1.0), ("fine", "wide"))
+        found = allocate(given, [Reciprocal(1.0, 1.0), table], limit=1.0, kind=kind, **QUICK)
+        assert found.grades == (None, "wide")
+
+
+# --- properties --------------------------------------------------------------------------------------------------
+
+SOME = {"seed": st.integers(0, 10_000), "kind": st.sampled_from(CONVEX), "share": st.sampled_from([0.0, 0.5, 1.0])}
+
+
+def case(seed, share):
+    given = random_stack(seed, entries=(2, 5), nominal=seed % 2)
+    return given, random_tables(seed, given, share=share)
+
+
+@given(**SOME, place=st.floats(0.05, 0.9), looser=st.floats(1.0, 3.0))
+@settings(max_examples=15, deadline=None)
+def test_a_looser_limit_never_costs_more(seed, kind, share, place, looser):
+    unit, costs = case(seed, share)
+    limit = a_limit(unit, costs, kind, place)
+    tight, loose = (allocate(unit, costs, limit=limit * f, kind=kind, verify=1000) for f in (1.0, looser))
+    assert loose.cost <= tight.cost * (1 + 1e-7)
+
+
+@given(**SOME, place=st.floats(0.05, 0.9), factor=st.floats(1e-3, 1e3))
+@settings(max_examples=15, deadline=None)
+def test_prices_scale_the_cost(seed, kind, share, place, factor):
+    unit, costs = case(seed, share)
+    dearer = [
+        Grades(c.widths, tuple(factor * p for p in c.prices), c.names)
+        if isinstance(c, Grades)
+        else type(c)(c.price * factor, c.at, c.base * factor)
+        for c in costs
+    ]
+    limit = a_limit(unit, costs, kind, place)
+    one, other = (allocate(unit, c, limit=limit, kind=kind, verify=1000) for c in (costs, dearer))
+    assert other.cost == pytest.approx(factor * one.cost, rel=1e-6)
+
+
+@given(**SOME, place=st.floats(0.3, 0.9), which=st.integers(0, 1))
+@settings(max_examples=15, deadline=None)
+def test_fixed_entries_stay_and_freedom_saves(seed, kind, share, place, which):
+    unit, costs = case(seed, share)
+    costs = [Reciprocal(1.0, 1.0) if e == which else c for e, c in enumerate(costs)]
+    fixed = [e == which for e in range(len(costs))]
+    held = finest(unit, costs), widest(unit, costs)
+    for row in held:
+        row[which] = unit.width[which]
+    low, high = (limited(unit, row, kind) for row in held)
+    limit = low * (high / low) ** place
+    kept = allocate(unit, costs, limit=limit, kind=kind, fixed=fixed, verify=1000)
+    assert kept.widths[which] == unit.width[which]
+    assert kept.fixed == tuple(fixed)
+    assert (kept.rates[which].relax, kept.rates[which].tighten) == (None, None)
+    free = allocate(unit, costs, limit=limit, kind=kind, verify=1000)
+    assert free.cost <= kept.cost * (1 + 1e-7)
+
+
+@pytest.mark.parametrize("kind", ["worst", "rms", "yield"])
+def test_a_limit_beyond_all_bounds_buys_the_widest(kind):
+    given, costs = case(5, 0.5)
+    found = allocate(given, costs, limit=1e3, kind=kind, **QUICK)
+    assert found.widths == pytest.approx(widest(given, costs))
+    assert not found.shadow_price
+
+
+def test_seeds_fix_everything():
+    given = random_stack(2)
+    costs = random_curves(2, given)
+    limit = a_limit(given, costs, "yield", 0.5)
+    one, same, other = (allocate(given, costs, limit=limit, seed=seed, **QUICK) for seed in (4, 4, 5))
+    assert one == same
+    assert one.widths != other.widths
+    assert one.cost == pytest.approx(other.cost, rel=0.05)
+
+
+# --- the front ---------------------------------------------------------------------------------------------------
+
+
+def test_front_of_costs():
+    given = random_stack(6, entries=(3, 4))
+    costs = random_curves(6, given)
+    least = limited(given, finest(given, costs), "worst")
+    front = cost_front(given, costs, [0.9 * least, 2 * least, 4 * least], kind="worst", verify=1000)
+    assert [point.allocation is None for point in front] == [True, False, False]
+    assert "raise the limit" in front[0].reason
+    assert front[1].reason == ""
+    assert front[1].allocation.cost > front[2].allocation.cost
+    alone = allocate(given, costs, limit=2 * least, kind="worst", verify=1000)
+    assert front[1].allocation.cost == pytest.approx(alone.cost, rel=1e-9)
+
+
+# --- a reducer ---------------------------------------------------------------------------------------------------
+
+
+def test_tolerances_of_a_reducer():
+    """A strong source is tightened, one that leaves no wave is relaxed, fixed ones stay."""
+    tolerances = [
+        tolerance("crank.eccentricity", "5 um", cost=Reciprocal(20.0, 0.005), bounds=("1 um", "20 um")),
+        tolerance("cycloid.disc_bore_position", "5 um", cost=Grades((0.002, 0.005), (40.0, 20.0), ("IT3", "IT5"))),
+        tolerance("coupling.carrier_bore_position", "5 um", cost=ReciprocalSquare(10.0, 0.005)),
+        tolerance("involute.planet_eccentricity", "8 um", fixed=True),
+    ]
+    unit = rverror.Model(rverror.reducer("RV-40E"))
+    laid = stack(unit, tolerances, theta=2 * np.pi * np.arange(480) / 480)
+    settings_ = terms(tolerances)
+    assert settings_["bounds"] == [(0.001, 0.02), (0.002, 0.005), (0.0005, 0.05), (0.0008, 0.08)]
+    found = allocate(laid, **settings_, limit="20 arcsec", **QUICK)
+    assert isinstance(found, Allocation)
+    assert found.limit == pytest.approx(20 * ARCSEC)
+    assert found.value <= found.limit
+    assert found.widths[0] < 0.005
+    assert found.grades[1] in ("IT3", "IT5")
+    assert found.widths[2] == 0.05
+    assert found.widths[3] == 0.008
+    assert found.cost == pytest.approx(sum(found.costs))
+
+
+# --- what is refused ---------------------------------------------------------------------------------------------
+
+CURVE = Reciprocal(1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("settings_", "says"),
+    [
+        ({"limit": 0.0}, "limit = 0.0: must be above 0"),
+        ({"limit": "60 um"}, "limit: "),
+        ({"kind": "best"}, "kind = 'best': must be one of 'worst', 'yield', 'rms'"),
+        ({"level": 1.0}, "level = 1: must lie between 0 and 1"),
+        ({"confidence": 0.0}, "confidence = 0: must lie"),
+        ({"sample": 100}, "sample = 100: too few units for the level 0.99; give 1000 or more"),
+        ({"verify": 999}, "verify = 999: too few units"),
+        (
+            {"verify": 1800, "confidence": 1 - 2e-8},
+            "verify = 1800: too few units for the level 0.99; give 1833 or more",
+        ),
+        ({"costs": [CURVE]}, "costs: 1 given; give one for each of the 2 tolerances"),
+        ({"bounds": [None]}, "bounds: 1 given"),
+        ({"costs": [CURVE, None]}, "t1: has no cost; give it one, or fixed = true"),
+        ({"fixed": [True, True]}, "all tolerances are fixed"),
+        ({"bounds": [(0.0, 1.0), None]}, "t0: bounds 0 to 1; give a least width above 0"),
+        ({"bounds": [(2.0, 1.0), None]}, "t0: bounds 2 to 1"),
+        (
+            {"costs": [CURVE, Grades((1.0,), (1.0,), ("IT5",))], "bounds": [None, (2.0, 3.0)]},
+            "t1: no grade has a width",
+        ),
+        ({"costs": [CURVE, Grades((2.0,), (1.0,), ("IT5",))], "fixed": [False, True]}, "t1: fixed, and finer"),
+    ],
+)
+def test_arguments_that_are_refused(settings_, says):
+    with pytest.raises(InputError, match=says):
+        allocate(opposed(1.0, 2.0), **({"costs": [CURVE] * 2, "limit": 1.0} | settings_))
+
+
+@pytest.mark.parametrize(
+    ("kind", "least", "name"),
+    [("worst", 0.6, "worst-case p-p"), ("rms", 0.129099, "rms"), ("yield", None, "99 % yield")],
+)
+def test_limit_that_cannot_be_met(kind, least, name):
+    """Says the least that can be reached, and what weighs most in it."""
+    with pytest.raises(InputError) as raised:
+        allocate(opposed(1.0, 2.0), [CURVE] * 2, limit=0.1, kind=kind, **QUICK)
+    said = str(raised.value)
+    assert "\n" not in said
+    assert "raise the limit or allow finer widths, first of t1" in said
+    assert name in said
+    if least:
+        assert f"is {least / ARCSEC:.4g} arcsec" in said
+
+
+def test_peaks_on_which_a_yield_is_optimised_are_those_of_all_angles():
+    """Against the product of all angles, beside a wave of the means; crests are sharp, and waves of the mesh dense."""
+    unit = rverror.Model(rverror.reducer("RV-40E"))
+    items = [
+        tolerance("crank.bearing_clearance", "2 um", mean="12 um"),
+        tolerance("crank.eccentricity", "5 um"),
+        tolerance("involute.planet_pitch", "20 um", harmonic=9),
+        tolerance("cycloid.pin_position", "6 um"),
+    ]
+    given = stack(unit, items)
+    assert np.ptp(given.nominal) > 5 * ARCSEC
+    quantile = Quantile(given, level=0.9, sample=512, seed=3)
+    widths = given.width * [1.5, 0.5, 1.0, 2.0]
+    waves = given.nominal + (quantile.draws * widths[given.entry]) @ given.influence
+    np.testing.assert_allclose(quantile._peak_to_peak(widths), np.ptp(waves, axis=1), rtol=1e-9)

@@ -1,0 +1,212 @@
+"""The kernel of very many virtual units: against plain sums, and its bound against the true difference."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rverror
+from rverror.base.units import ARCSEC
+from rverror.tolerances.extremes import (
+    REACH,
+    TOLERANCE,
+    DirectKernel,
+    FoldedKernel,
+    direct_kernel,
+    folded_kernel,
+    kernel,
+)
+from rverror.tolerances.stacking import stack, tolerance
+
+SIZES = ("peak_to_peak", "max", "rms", "offset")
+
+
+def plain(waveforms: np.ndarray, nominal: np.ndarray, row: np.ndarray) -> dict[str, float]:
+    """Sizes of one combination, sample by sample in exact fractions."""
+    te = [Fraction(float(value)) for value in nominal]
+    for x, waveform in zip(row, waveforms, strict=True):
+        te = [value + Fraction(float(x)) * Fraction(float(w)) for value, w in zip(te, waveform, strict=True)]
+    mean = sum(te) / len(te)
+    return {
+        "peak_to_peak": float(max(te) - min(te)),
+        "max": float(max(abs(value - mean) for value in te)),
+        "rms": math.sqrt(sum((value - mean) ** 2 for value in te) / len(te)),
+        "offset": float(mean),
+    }
+
+
+@st.composite
+def combinations(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Waveforms, nominal and values: noise, few orders, common repeats, kinks, constants; any number of angles."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    n = draw(st.sampled_from([1, 2, 3, 7, 12, 16, 30, 64, 96]))
+    m = draw(st.integers(0, 6))
+    theta = 2 * np.pi * np.arange(n) / n
+    repeat = draw(st.sampled_from([1, 2, 4, 5]))
+    makers = {
+        "noise": lambda: rng.normal(size=n),
+        "order": lambda: np.cos(repeat * rng.integers(1, 5) * theta + rng.uniform(0, 6)),
+        "kink": lambda: np.maximum(np.sin(repeat * theta + rng.uniform(0, 6)), 0),
+        "constant": lambda: np.full(n, rng.normal()),
+        "drift": lambda: theta,
+    }
+    kinds = draw(st.lists(st.sampled_from(sorted(makers)), min_size=m, max_size=m))
+    waveforms = np.array([makers[kind]() for kind in kinds]).reshape(m, n) * rng.lognormal(0, 2, size=(m, 1))
+    nominal = makers[draw(st.sampled_from(sorted(makers)))]() * draw(st.sampled_from([0.0, 1.0]))
+    return waveforms, nominal, rng.normal(size=(draw(st.integers(1, 4)), m))
+
+
+@given(combinations(), st.sampled_from([direct_kernel, folded_kernel, kernel]))
+def test_sizes_are_those_of_plain_sums(given_arrays, make) -> None:
+    waveforms, nominal, values = given_arrays
+    copies = [array.copy() for array in given_arrays]
+    ready = make(waveforms, nominal)
+    found, bound = ready.extremes(values), ready.bound(values)
+    scale = 1 + np.abs(values) @ np.abs(waveforms).max(axis=1) + np.abs(nominal).max()
+    for u, row in enumerate(values):
+        expected = plain(waveforms, nominal, row)
+        for name in SIZES:
+            assert getattr(found, name)[u] == pytest.approx(expected[name], rel=0, abs=TOLERANCE + 1e-13 * scale[u])
+        assert abs(found.peak_to_peak[u] - expected["peak_to_peak"]) <= bound[u]
+    for array, copy in zip(given_arrays, copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+@given(combinations(), st.floats(1e-3, 10.0))
+def test_bound_holds_where_waves_are_left_out_on_purpose(given_arrays, coarse) -> None:
+    waveforms, nominal, values = given_arrays
+    values = np.clip(values, -2, 2)
+    ready = folded_kernel(waveforms, nominal, reach=2.0, tolerance=coarse)
+    assert ready.bound_within(2.0) <= coarse
+    exact = np.ptp(nominal + values @ waveforms, axis=1)
+    off, bound = np.abs(ready.extremes(values).peak_to_peak - exact), ready.bound(values)
+    assert (off <= bound + 1e-12).all()
+    assert (bound <= coarse).all()
+
+
+def test_bound_is_reached() -> None:
+    """A wave that is left out altogether, and alone in its combination, is off by the whole bound."""
+    theta = 2 * np.pi * np.arange(64) / 64
+    waveforms = np.array([np.cos(theta), 1e-3 * np.cos(3 * theta)])
+    ready = folded_kernel(waveforms, np.zeros(64), reach=1.0, tolerance=0.05)
+    values = np.array([[0.0, 1.0], [1.0, 1.0]])
+    assert sum(len(level) for level in ready.levels) == 1
+    off = np.abs(ready.extremes(values).peak_to_peak - np.ptp(values @ waveforms, axis=1))
+    assert off[0] == pytest.approx(2e-3, rel=1e-9)
+    assert ready.bound(values) == pytest.approx([2e-3, 2e-3], rel=1e-9)
+    assert off[1] <= 2e-3
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no extended precision on this machine")
+def test_bound_covers_rounding() -> None:
+    """Against sums in extended precision: large waves that cancel leave nothing but rounding."""
+    rng = np.random.default_rng(3)
+    n, m = 256, 40
+    theta = 2 * np.pi * np.arange(n) / n
+    waveforms = 1e6 * np.array([np.cos(k * theta + k * k) for k in range(1, m // 2 + 1)])
+    waveforms = np.concatenate([waveforms, -waveforms * (1 + 1e-12)])
+    values = np.tile(rng.normal(size=(50, m // 2)), 2)
+    wide = values.astype(np.longdouble) @ waveforms.astype(np.longdouble)
+    bounds = []
+    for make in (direct_kernel, folded_kernel):
+        ready = make(waveforms, np.zeros(n))
+        off = np.abs(ready.extremes(values).peak_to_peak - np.ptp(wide, axis=1).astype(np.float64))
+        bounds.append(ready.bound(values))
+        assert off.max() > 0
+        assert (off <= bounds[-1]).all()
+    assert bounds[1].max() < 1e-4  # of waves of 1e6
+    assert (bounds[1] > bounds[0]).all()  # more sums one after another
+
+
+def test_a_common_repeat_is_summed_on_one_repeat() -> None:
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    pair = 5 * ARCSEC * np.array([np.cos(40 * theta), np.sin(40 * theta)])
+    first, *others = folded_kernel(pair, 0 * theta).levels
+    assert first.shape == (2, 256)  # 40 = 8 * 5
+    assert not any(len(level) for level in others)
+    alone = 5 * ARCSEC * np.cos(121 * theta)[None]
+    assert folded_kernel(alone, 0 * theta).levels[0].shape == (1, 2048)
+
+
+def test_odd_numbers_of_angles_are_not_folded() -> None:
+    theta = 2 * np.pi * np.arange(405) / 405
+    pair = 5 * ARCSEC * np.array([np.cos(40 * theta), np.sin(40 * theta)])
+    assert [level.shape for level in folded_kernel(pair, 0 * theta).levels] == [(2, 405)]
+
+
+def test_the_nominal_alone() -> None:
+    theta = 2 * np.pi * np.arange(64) / 64
+    found = kernel(np.zeros((0, 64)), 3 * np.sin(theta) + 7).extremes(np.zeros((5, 0)))
+    np.testing.assert_allclose(found.peak_to_peak, 6, rtol=1e-12)
+    np.testing.assert_allclose(found.offset, 7, rtol=1e-12)
+    np.testing.assert_allclose(found.rms, 3 / math.sqrt(2), rtol=1e-12)
+
+
+def test_rows_do_not_depend_on_their_block() -> None:
+    rng = np.random.default_rng(0)
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    waveforms = ARCSEC * np.array([np.cos(k * theta) for k in (1, 40, 78)])
+    values = rng.normal(size=(1500, 3))  # several blocks of either form, the last one short
+    for make in (direct_kernel, folded_kernel):
+        ready = make(waveforms, 0 * theta)
+        whole = ready.extremes(values)
+        for u in (0, 63, 64, 511, 512, 1499):
+            alone = ready.extremes(values[u : u + 1])
+            for name in SIZES:
+                assert getattr(whole, name)[u] == pytest.approx(getattr(alone, name)[0], rel=1e-11, abs=1e-18)
+
+
+def test_form_is_chosen_by_what_it_costs() -> None:
+    rng = np.random.default_rng(0)
+    noise = ARCSEC * rng.normal(size=(30, 256))
+    assert isinstance(kernel(noise, noise[0]), DirectKernel)
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    waves = ARCSEC * np.array([np.cos(40 * theta + p) for p in range(9)])
+    assert isinstance(kernel(waves, 0 * theta), FoldedKernel)
+    assert isinstance(kernel(waves, 0 * theta, tolerance=0.0), DirectKernel)
+    square = np.tile([1.0, -1.0], 32)[None]  # nothing is left out, yet sums round
+    assert isinstance(kernel(square, np.zeros(64), tolerance=1e-12), FoldedKernel)
+    assert isinstance(kernel(square, np.zeros(64), tolerance=1e-15), DirectKernel)
+    huge = kernel(1e9 * waves, 0 * theta)
+    assert isinstance(huge, DirectKernel)
+    assert huge.bound_within(REACH) > TOLERANCE
+
+
+def test_rv40e_by_orders() -> None:
+    """Kinks of loading pins and all: a tenth of the multiplications, the same numbers."""
+    sources = ("crank.eccentricity", "cycloid.pin_position", "cycloid.pin_radius", "cycloid.disc_bore_position")
+    tolerances = [tolerance(key, "5 um") for key in sources]
+    tolerances += [tolerance(f"cycloid.disc_{what}", "5 um", harmonic=(1, 2, 3)) for what in ("pitch", "profile")]
+    tolerances += [tolerance("sensor.encoder_eccentricity", "10 arcsec")]
+    unit = stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
+    folded = kernel(unit.scaled(), unit.nominal)
+    assert isinstance(folded, FoldedKernel)
+    assert folded.bound_within(REACH) < TOLERANCE
+    assert folded.work < 0.2 * unit.influence.size
+    values = np.random.default_rng(1).normal(size=(200, len(unit.influence)))
+    te = unit.nominal + values @ unit.scaled()
+    found, bound = folded.extremes(values), folded.bound(values)
+    assert (np.abs(found.peak_to_peak - np.ptp(te, axis=1)) <= bound + 1e-12 * ARCSEC).all()
+    away = te - te.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.max, np.abs(away).max(axis=1), rtol=0, atol=1e-9 * ARCSEC)
+    np.testing.assert_allclose(found.rms, np.sqrt((away**2).mean(axis=1)), rtol=0, atol=1e-9 * ARCSEC)
+    np.testing.assert_allclose(found.offset, te.mean(axis=1), rtol=0, atol=1e-9 * ARCSEC)
+
+
+@pytest.mark.parametrize(
+    ("waveforms", "nominal"),
+    [(np.zeros((2, 3)), np.zeros(4)), (np.zeros(3), np.zeros(3)), (np.zeros((2, 0)), np.zeros(0))],
+)
+def test_shapes_are_checked(waveforms: np.ndarray, nominal: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"give \(m, n\) and \(n,\)"):
+        kernel(waveforms, nominal)
+
+
+def test_numbers_are_checked() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        kernel(np.array([[1.0, np.nan]]), np.zeros(2))

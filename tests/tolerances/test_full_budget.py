@@ -1,0 +1,302 @@
+"""The whole budget, its report and plots, and the two commands: the same numbers everywhere, bad input in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from pages import ROOT
+from rverror.app import command_line as cli
+from rverror.base.units import ARCSEC
+from rverror.tolerances.allocation import terms
+from rverror.views.plots import budgets as budget_plot
+from rverror.views.plots.drawing import to_bytes
+
+EXAMPLES = ROOT / "examples"
+MODEL = '[reducer]\npreset = "RV-40E"\n'
+TOLERANCES = """\
+[[tolerance]]  # the cams
+key = "crank.eccentricity"
+tolerance = "5 um"
+cost = { curve = "reciprocal", price = 10.0, at = "5 um" }
+
+[[tolerance]]
+key = "cycloid.disc_bore_position"
+tolerance = "6 um"
+cost = { curve = "reciprocal", price = 8.0, at = "6 um" }
+
+[[tolerance]]
+key = "coupling.carrier_bore_position"  # constant: the zero of the joint takes it
+tolerance = "4 um"
+fixed = true
+"""
+FEW = ["--units", "2048", "--jobs", "1"]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[str, str]:
+    paths = tmp_path / "model.toml", tmp_path / "tolerances.toml"
+    for path, text in zip(paths, (MODEL, TOLERANCES), strict=True):
+        path.write_text(text, encoding="utf-8")
+    return str(paths[0]), str(paths[1])
+
+
+@pytest.fixture(scope="module")
+def found() -> rverror.ErrorBudget:
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    tolerances = [
+        rverror.tolerance("crank.eccentricity", "5 um"),
+        rverror.tolerance("coupling.carrier_bore_position", "4 um"),
+    ]
+    return rverror.error_budget(model, tolerances, count=2048, index_count=1024)
+
+
+def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.ErrorBudget) -> None:
+    """Mean square and offset of many units are those of the closed form; no unit is beyond the worst case."""
+    assert np.mean(found.units.rms**2) == pytest.approx(found.closed.mean_square, rel=0.02)
+    assert found.units.offset.mean() == pytest.approx(found.closed.offset_mean, abs=0.1 * found.closed.offset_deviation)
+    assert found.units.offset.std() == pytest.approx(found.closed.offset_deviation, rel=0.02)
+    assert found.units.peak_to_peak.max() < found.closed.worst.peak_to_peak
+    assert found.units.max.max() < found.closed.worst.maximum
+    assert [c.effect for c in found.closed.contributions] == ["wave", "offset"]
+    assert found.indices is not None
+    assert found.indices.total_low[0] <= 1 <= found.indices.total_high[0]
+    assert found.indices.total[1] == 0
+    assert found.contact is None
+
+
+def test_a_load_adds_the_correction_for_contacts() -> None:
+    """Cams keep all loaded pins closed at the rated torque: the linear result stands but for what bearings give way."""
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    cams = [rverror.tolerance("crank.eccentricity", "5 um")]
+    found = rverror.error_budget(model, cams, count=1024, index_count=256, torque="412 N*m", contact_count=16)
+    assert found.contact is not None
+    assert abs(found.contact.peak_to_peak.mean().relative) < 0.02
+    assert "412 N*m" in rverror.budget_text(found)
+    content = rverror.budget_json(found)["contact"]
+    assert content["torque_nm"] == 412
+    json.dumps(content, allow_nan=False)
+
+
+def test_nothing_that_moves_the_waveform_has_no_indices() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    bores = [rverror.tolerance("coupling.carrier_bore_position", "4 um")]
+    found = rverror.error_budget(model, bores, count=256)
+    assert found.indices is None
+    assert found.units.peak_to_peak.max() < 1e-12
+    text = rverror.budget_text(found, limit=ARCSEC)
+    assert "Moves the offset alone, or nothing: coupling.carrier_bore_position" in text
+    assert "Yield at 1 arcsec peak-to-peak: 100 %" in text
+
+
+def test_text_and_json_tell_the_same(found: rverror.ErrorBudget) -> None:
+    limit = found.units.quantile(0.9).value
+    content = json.loads(json.dumps(rverror.budget_json(found, limit=limit), allow_nan=False))
+    text = rverror.budget_text(found, limit=limit)
+    assert content["yield"]["value"] == pytest.approx(0.9, abs=1e-3)
+    for name in ("p50", "p95", "p99"):
+        share = int(name[1:]) / 100
+        expected = np.quantile(found.units.peak_to_peak, share) / ARCSEC
+        assert content["peak_to_peak_arcsec"][name]["value"] == pytest.approx(expected, rel=1e-5)
+        assert f"{expected:.4g}" in text
+    assert content["peak_to_peak_arcsec"]["worst_case"] == pytest.approx(found.closed.worst.peak_to_peak / ARCSEC)
+    assert content["rms_arcsec"]["worst_case"] is None
+    largest = (found.closed.worst.upper - found.closed.worst.lower).max() / 2  # of TE itself, its offset included
+    assert content["max_arcsec"]["worst_case"] == pytest.approx(found.closed.worst.maximum / ARCSEC, rel=1e-5)
+    assert content["max_arcsec"]["worst_case"] < largest / ARCSEC
+    assert abs(content["offset_arcsec"]["worst_case"]) == pytest.approx(
+        sum(entry.worst_offset for entry in found.closed.contributions) / ARCSEC, rel=1e-5
+    )
+    assert sum(c["share_of_variance"] for c in content["contributions"]) == pytest.approx(1)
+    first = content["contributions"][0]
+    assert (first["key"], first["width"], first["unit"]) == ("crank.eccentricity", 5.0, "um")
+    assert content["contributions"][1]["worst_offset_arcsec"] == pytest.approx(4e-3 / 27 / ARCSEC, rel=1e-4)
+
+
+def test_reverse_is_said_and_computed() -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    cams = [rverror.tolerance("crank.bearing_clearance", "2 um", mean="5 um")]
+    ways = [rverror.error_budget(model, cams, direction=way, count=256, index_count=64) for way in (1.0, -1.0)]
+    offsets = [rverror.budget_json(one)["offset_arcsec"]["nominal"] for one in ways]
+    assert offsets[0] == pytest.approx(-offsets[1])  # the output lags in either direction
+    assert "reverse" in rverror.budget_text(ways[1])
+
+
+def test_plots_have_units_on_their_axes(found: rverror.ErrorBudget) -> None:
+    limit = found.units.quantile(0.9).value
+    figure = budget_plot.budget_figure(found, limit=limit)
+    bars, histogram = figure.axes
+    assert bars.get_xlabel().endswith("%")
+    assert histogram.get_xlabel().endswith("arcsec")
+    assert [tick.get_text() for tick in bars.get_yticklabels()] == ["crank.eccentricity"]  # waves only
+    assert len(to_bytes(figure, "png")) > 10_000
+
+
+def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    code = cli.main(arguments)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_budget_command_writes_what_it_prints(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, plot = tmp_path / "b.json", tmp_path / "b.png"
+    code, text, _ = run(
+        ["budget", *files, *FEW, "--limit", "60 arcsec", "--json", str(out), "--plot", str(plot)], capsys
+    )
+    assert code == 0
+    content = json.loads(out.read_text(encoding="utf-8"))
+    assert f"Yield at 60 arcsec peak-to-peak: {100 * content['yield']['value']:.4g} %" in text
+    assert [len(file["sha256"]) for file in content["inputs"]] == [64, 64]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_budget_command_in_reverse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Clearance lags in either direction, so the mean offset changes its sign; the farther worst offset is told."""
+    model, tolerances, out = (tmp_path / name for name in ("model.toml", "tolerances.toml", "out.json"))
+    model.write_text(MODEL, encoding="utf-8")
+    text = '[[tolerance]]\nkey = "coupling.bearing_clearance"\ntolerance = "2 um"\nmean = "5 um"\n'
+    tolerances.write_text(text, encoding="utf-8")
+    found = []
+    for direction in ("forward", "reverse"):
+        code, printed, _ = run(
+            ["budget", str(model), str(tolerances), *FEW, "--direction", direction, "--json", str(out)], capsys
+        )
+        assert code == 0
+        assert direction in printed
+        found.append(json.loads(out.read_text(encoding="utf-8"))["offset_arcsec"])
+    forward, reverse = found
+    assert forward["nominal"] == pytest.approx(-38.2, abs=0.01)  # 38.2 arcsec of lag for 5 um
+    assert reverse["nominal"] == pytest.approx(38.2, abs=0.01)
+    assert forward["worst_case"] == pytest.approx(-38.2 * 7 / 5, abs=0.01)  # 7 um, the farthest from zero
+    assert reverse["worst_case"] == pytest.approx(38.2 * 7 / 5, abs=0.01)
+
+
+def test_budget_command_resumes(files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "chunks"
+    first = run(["budget", *files, *FEW, "--resume", str(folder)], capsys)
+    again = run(["budget", *files, *FEW, "--resume", str(folder)], capsys)
+    assert first[:2] == again[:2]
+    assert "chunks were there from before" in again[2]
+
+
+def test_allocate_command_saves_a_file_that_meets_the_limit(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, new = tmp_path / "a.json", tmp_path / "new.toml"
+    code, text, _ = run(
+        ["allocate", *files, *FEW, "--kind", "worst", "--limit", "60 arcsec", "--json", str(out), "--save", str(new)],
+        capsys,
+    )
+    assert code == 0
+    assert "Least cost for worst-case peak-to-peak within 60 arcsec" in text
+    content = json.loads(out.read_text(encoding="utf-8"))
+    assert content["value_arcsec"] == pytest.approx(60, rel=1e-4)
+    saved = rverror.load_tolerances(new)
+    assert [item.fixed for item in saved] == [False, False, True]
+    assert saved[2].width == 4e-3
+    stack = rverror.stack(rverror.load_model(files[0]), saved)
+    worst = rverror.budget(stack).worst.peak_to_peak / ARCSEC
+    assert 59.9 < worst <= 60 * (1 + 1e-9)
+    assert "# the cams" in new.read_text(encoding="utf-8")
+
+
+def test_allocate_command_with_a_yield_and_a_front(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plot = tmp_path / "front.png"
+    out = tmp_path / "a.json"
+    code, text, _ = run(
+        ["allocate", *files, *FEW, "--limit", "60 arcsec", "--yield", "95 %", "--json", str(out)], capsys
+    )
+    assert code == 0
+    content = json.loads(out.read_text(encoding="utf-8"))
+    assert content["level"] == 0.95
+    assert content["verified"]["high_arcsec"] <= 60
+    assert "P95 of the peak-to-peak" in text
+    code, *_ = run(["allocate", *files, *FEW, "--kind", "rms", "--limit", "10 arcsec", "--plot", str(plot)], capsys)
+    assert code == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["budget", "{model}", "{tolerances}", "--limit", "60"], ["--limit", "no unit", "'60 arcsec'"]),
+        (["budget", "{model}", "{tolerances}", "--limit", "-1 arcsec"], ["--limit", "not above 0"]),
+        (["budget", "{model}", "{tolerances}", "--torque", "20 mm"], ["--torque", "'20 N*m'"]),
+        (["budget", "{model}", "{tolerances}", "--units", "0"], ["--units", "1 or more"]),
+        (["budget", "{model}", "{tolerances}", "--jobs", "0"], ["--jobs", "1 or more"]),
+        (["budget", "{model}", "{tolerances}", "--seed", "-1"], ["--seed", "0 or more"]),
+        (["budget", "{model}", "{tolerances}", "--json", "{model}"], ["also an input"]),
+        (["budget", "{model}", "none.toml"], ["none.toml"]),
+        (["budget", "{model}", "{model}"], ["model.toml", "reducer"]),
+        (["allocate", "{model}", "{tolerances}"], ["--limit"]),
+        (["allocate", "{model}", "{tolerances}", "--limit", "60 arcsec", "--yield", "much"], ["--yield", "'99 %'"]),
+        (["allocate", "{model}", "{tolerances}", "--limit", "60 arcsec", "--yield", "101 %"], ["--yield"]),
+        (["allocate", "{model}", "{tolerances}", "--limit", "0.01 arcsec", "--kind", "worst"], ["least", "arcsec"]),
+        (["allocate", "{model}", "{tolerances}", "--limit", "9 arcsec", "--json", "x", "--save", "x"], ["two outputs"]),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str],
+    words: list[str],
+    files: tuple[str, str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    given: dict[str, Any] = {"model": files[0], "tolerances": files[1]}
+    try:
+        code = cli.main([word.format(**given) for word in arguments])
+    except SystemExit as stop:  # of the parser
+        code = stop.code
+    error = capsys.readouterr().err
+    assert code == 2
+    assert len(error.splitlines()) == 1
+    for word in words:
+        assert word in error
+
+
+def test_a_tolerance_without_cost_cannot_be_allocated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, tolerances = tmp_path / "model.toml", tmp_path / "tolerances.toml"
+    model.write_text(MODEL, encoding="utf-8")
+    tolerances.write_text(TOLERANCES.replace("fixed = true\n", ""), encoding="utf-8")
+    code, _, error = run(["allocate", str(model), str(tolerances), *FEW, "--limit", "60 arcsec"], capsys)
+    assert code == 2
+    assert "coupling.carrier_bore_position" in error
+    assert "cost" in error
+
+
+def test_terms_are_those_of_the_file(files: tuple[str, str]) -> None:
+    items = rverror.load_tolerances(files[1])
+    found = terms(items)
+    assert found["fixed"] == [False, False, True]
+    assert found["costs"][2] is None
+
+
+def test_the_shipped_example_is_read_and_budgeted() -> None:
+    model = rverror.load_model(EXAMPLES / "rv40e.toml")
+    tolerances = rverror.load_tolerances(EXAMPLES / "rv40e-tolerances.toml", model)
+    found = rverror.error_budget(model, tolerances, count=256, index_count=64)
+    shares = {entry.label: entry.share for entry in found.closed.contributions}
+    assert max(shares, key=lambda label: shares[label]) == "crank.eccentricity.radial"
+
+
+def test_a_drive_has_a_budget_too() -> None:
+    drive = rverror.Model(rverror.Drive(ratio=-14.0, shafts={"motor": 14.0}))
+    motor = rverror.tolerance("shaft.eccentricity", "60 arcsec", shaft="motor", harmonic=1)
+    found = rverror.error_budget(drive, [motor], count=1024, index_count=256)
+    assert found.closed.worst.peak_to_peak == pytest.approx(120 * ARCSEC)
+    text = rverror.budget_text(found)
+    assert "1 tolerance, 2 components" in text
+    assert "pins" not in text
+    with pytest.raises(rverror.InputError, match="no contacts that open"):
+        rverror.error_budget(drive, [motor], count=1024, index_count=256, torque="1 N*m")

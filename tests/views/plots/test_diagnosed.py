@@ -1,0 +1,184 @@
+"""Plots of a diagnosis: what they show is what the report says, for one run and many, errors and torques."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from diagnosed_example import outcome
+from drawn import legend, line, stems
+from rverror import Diagnosis, InputError, to_json
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.result import Line
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return outcome(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example").diagnosis
+
+
+@pytest.fixture(scope="module")
+def ripple(found: Diagnosis) -> Diagnosis:
+    """The same as a torque ripple: an arcsec read as a millinewton metre."""
+    traces = tuple(
+        replace(
+            t,
+            measured=t.measured / ARCSEC,
+            before=t.before / ARCSEC,
+            after=t.after / ARCSEC,
+            left_out=tuple(rest / ARCSEC for rest in t.left_out) if t.left_out else None,
+        )
+        for t in found.traces
+    )
+    return replace(found, traces=traces, quantity="torque", noise_rms=found.noise_rms / ARCSEC)
+
+
+def ticks(ax: Axes) -> list[str]:
+    return [tick.get_text() for tick in ax.get_yticklabels()]
+
+
+@pytest.mark.parametrize("run", [0, 1])
+def test_residual_is_that_of_revolutions_left_out(found: Diagnosis, run: int) -> None:
+    ax = found.plot(kind="residual", run=run)
+    left = found.traces[run].left_out
+    assert left is not None
+    assert "left-out" in ax.get_title()
+    assert ax.get_ylabel() == "measured less model, arcsec"
+    for word, rest, label in zip(("before", "after"), left, legend(ax), strict=True):
+        _, y = line(ax, label)
+        assert y == pytest.approx((rest - rest.mean()) / ARCSEC)
+        assert label == f"{word}, rms {np.std(rest) / ARCSEC:.3g} arcsec"
+
+
+def test_without_left_out_revolutions_the_title_does_not_claim_them(found: Diagnosis) -> None:
+    bare = replace(found, traces=tuple(replace(t, left_out=None) for t in found.traces))
+    ax = bare.plot(kind="residual")
+    assert "left-out" not in ax.get_title()
+    trace = bare.traces[0]
+    _, y = line(ax, legend(ax)[1])
+    assert y == pytest.approx((trace.measured - trace.after) / ARCSEC, abs=1e-9)
+    assert "left-out" not in bare.plot(kind="runs").get_title()
+
+
+def test_runs_stand_at_their_rms_beside_the_noise(found: Diagnosis) -> None:
+    ax = found.plot(kind="runs")
+    assert ticks(ax) == ["forward.csv (forward), 20 N*m", "reverse.csv (reverse), 20 N*m"]
+    for at, word in enumerate(("before", "after")):
+        x, y = line(ax, word)
+        assert list(y) == [0, 1]
+        assert x == pytest.approx([np.std(trace.residual[at]) / ARCSEC for trace in found.traces])
+    noise = next(label for label in legend(ax) if label.startswith("noise"))
+    assert line(ax, noise)[0][0] == pytest.approx(to_json(found)["noise_rms_arcsec"], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "word", ["rms of the residual, N*m", "measured less model, N*m", "amplitude, N*m", "torque, N*m"]
+)
+def test_a_torque_ripple_is_drawn_in_newton_metres(ripple: Diagnosis, found: Diagnosis, word: str) -> None:
+    kinds = {"rms": "runs", "measured": "residual", "amplitude": "spectrum", "torque": "waveform"}
+    kind = kinds[word.split()[0].rstrip(",")]
+    ax, as_error = ripple.plot(kind=kind), found.plot(kind=kind)
+    assert word in (ax.get_xlabel(), ax.get_ylabel())
+    label = legend(ax)[0].split(", rms")[0]
+    read = (
+        stems if kind == "spectrum" else lambda ax, label: line(ax, next(i for i in legend(ax) if i.startswith(label)))
+    )
+    of_torque, of_error = (read(one, label)[0 if kind == "runs" else 1] for one in (ax, as_error))
+    assert of_torque == pytest.approx(of_error / 1e3)
+
+
+def test_candidates_are_ranked_as_the_report_ranks_them(found: Diagnosis) -> None:
+    data = to_json(found)["added"][0]["candidates"]
+    ax = found.plot(kind="candidates")
+    assert len(ticks(ax)) == min(len(data), 10)
+    assert found.added[0].effect.key in ax.get_title()
+    bars = ax.containers
+    for row, bar, label in zip(data, bars, ticks(ax), strict=False):
+        assert label.startswith(row["key"])
+        point, _, ends = bar.lines
+        assert point.get_xdata()[0] == pytest.approx(row["behind_best"], rel=1e-4, abs=1e-6)
+        if row["behind_best_standard_error"] is None:
+            assert not ends
+            continue
+        (low, _), (high, _) = ends[0].get_segments()[0]
+        assert (high - low) / 2 == pytest.approx(row["behind_best_standard_error"], rel=5e-3)
+    assert {bar.lines[0].get_ydata()[0] for bar in bars} == set(range(len(bars)))
+
+
+def test_candidates_of_the_last_round_and_of_none(found: Diagnosis) -> None:
+    rounds = 1 + len(found.added)
+    last = found.plot(kind="candidates", round=rounds)
+    assert "last round" in last.get_title()
+    assert ticks(last)[0].startswith(found.candidates[0].key)
+    with pytest.raises(InputError, match=rf"round = {rounds + 1}: this diagnosis has rounds 1 to {rounds}"):
+        found.plot(kind="candidates", round=rounds + 1)
+    empty = replace(found, added=(), candidates=()).plot(kind="candidates")
+    assert "none was scored" in empty.get_title()
+    assert ticks(empty) == []
+
+
+def test_what_cannot_be_told_apart_is_marked(found: Diagnosis) -> None:
+    first = found.added[0]
+    other = first.candidates[1]
+    marked = replace(first, indistinguishable=((other.key, other.indices),))
+    ax = replace(found, added=(marked,)).plot(kind="candidates")
+    faces = [bar.lines[0].get_markerfacecolor() for bar in ax.containers]
+    assert faces[0] == faces[1] != "white"
+    assert set(faces[2:]) == {"white"}
+    assert "cannot be told" in legend(ax)[0]
+
+
+def test_scores_without_their_revolutions_have_no_error(found: Diagnosis) -> None:
+    bare = tuple(replace(c, fold_gains=()) for c in found.candidates)
+    ax = replace(found, added=(), candidates=bare).plot(kind="candidates")
+    assert len(ax.containers) == min(len(bare), 10)
+    assert not any(bar.lines[2] for bar in ax.containers)
+
+
+def test_the_spectrum_reaches_what_was_found_and_names_it(found: Diagnosis) -> None:
+    trace = found.traces[0]
+    wave = 0.05 * ARCSEC * np.cos(900 * trace.theta)
+    odd = replace(
+        found,
+        traces=(replace(trace, measured=trace.measured + wave, left_out=None),),
+        unexplained=(Line(900.0, 0.05 * ARCSEC, 0.0, math.inf, ()),),
+    )
+    ax = odd.plot(kind="spectrum")
+    assert stems(ax, "residual before")[0][-1] >= 900
+    assert ["900", "no frame"] in [text.get_text().split("\n") for text in ax.texts]
+    assert stems(found.plot(kind="spectrum"), "residual before")[0][-1] == 260
+
+
+def test_the_floor_is_what_the_lines_after_scatter_about(found: Diagnosis) -> None:
+    ax = found.plot(kind="spectrum")
+    _, floor = line(ax, "noise floor")
+    _, after = stems(ax, "residual after")
+    assert 0.4 < np.mean(after > floor) < 0.6
+    assert floor.max() < 5 * floor.min()  # lines that stand out do not lift it
+
+
+def test_the_order_map_is_the_spectrum_of_each_run(found: Diagnosis) -> None:
+    for which in ("before", "after"):
+        ax = found.plot(kind="order_map", which=which)
+        assert sorted(ticks(ax)) == ["20 forward", "20 reverse"]
+        for row, mesh in zip(ticks(ax), ax.collections, strict=True):
+            run = [("forward", "reverse").index(row.split()[1])][0]
+            order, size = stems(found.plot(kind="spectrum", run=run), f"residual {which}")
+            shown = np.asarray(mesh.get_array()).ravel()
+            assert shown == pytest.approx(np.maximum(size, mesh.norm.vmin))
+            assert np.asarray(mesh.get_coordinates())[0, :-1, 0] == pytest.approx(order - 0.5)
+    with pytest.raises(InputError, match=r"which = 'both': must be 'before' or 'after'"):
+        found.plot(kind="order_map", which="both")
+    light = replace(found, traces=tuple(replace(t, torque=None) for t in found.traces)).plot(kind="order_map")
+    assert sorted(ticks(light)) == ["forward.csv\nforward", "reverse.csv\nreverse"]
+
+
+@pytest.mark.parametrize("kind", ["waveform", "spectrum", "residual"])
+def test_a_run_that_is_not_there(found: Diagnosis, kind: str) -> None:
+    for run in (-1, 2):
+        with pytest.raises(InputError, match=rf"run = {run}: this diagnosis has 2 runs, counted from 0"):
+            found.plot(kind=kind, run=run)

@@ -1,0 +1,507 @@
+"""Plots: axes in, axes out; what is drawn is what was computed, with its unit."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import re
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from diagnosed_example import COS, SIN, outcome
+from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
+from pages import DOCS
+from rverror import (
+    Diagnosis,
+    Drive,
+    Equilibrium,
+    InputError,
+    Model,
+    Run,
+    allocate,
+    effect,
+    equilibrium,
+    error_budget,
+    influence,
+    reducer,
+    run_from_arrays,
+    stack,
+    tolerance,
+    torsion_curve,
+    transmission_error,
+)
+from rverror.base.units import ARCSEC
+from rverror.base.viewed import Viewed
+from rverror.diagnosis.result import Trace
+from rverror.tolerances.cost import Reciprocal
+from rverror.views.plots.drawing import (
+    PICTURES,
+    diagnosis_figure,
+    draw,
+    model_waveform,
+    new_figure,
+    order_spectrum,
+    svg_element,
+    to_bytes,
+    waveform,
+)
+
+MODEL = Model(
+    reducer("RV-40E"),
+    (
+        effect("crank.eccentricity", crank=0, disc=1, radial="4 um", tangential="1 um"),
+        effect("cycloid.pin_circle", harmonic=2, radial_cos="3 um"),
+        effect("involute.tooth_thinning", member="sun", thinning="20 um"),
+    ),
+    "test unit",
+)
+
+
+@pytest.fixture(scope="session")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return outcome(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example").diagnosis
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return new_figure()[1][0]
+
+
+def legend(axes: Axes) -> list[str]:
+    box = axes.get_legend()
+    assert box is not None
+    return [text.get_text() for text in box.get_texts()]
+
+
+# --- what all share ---------------------------------------------------------------------------------------------------
+
+DRAWINGS = {
+    "waveform": lambda found, ax: waveform(found.traces[0], ax=ax),
+    "order_spectrum": lambda found, ax: order_spectrum(found, ax=ax),
+    "model_waveform": lambda found, ax: model_waveform(MODEL, ax=ax),
+}
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_axes_in_the_same_axes_out(found: Diagnosis, ax: Axes, name: str) -> None:
+    assert DRAWINGS[name](found, ax) is ax
+    assert len(ax.figure.axes) == 1
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_without_axes_each_call_makes_its_own(found: Diagnosis, name: str) -> None:
+    first, second = (DRAWINGS[name](found, None) for _ in range(2))
+    assert isinstance(first, Axes)
+    assert first is not second
+    assert first.figure is not second.figure
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_axes_have_units_title_and_legend(found: Diagnosis, ax: Axes, name: str) -> None:
+    DRAWINGS[name](found, ax)
+    assert ax.get_ylabel().endswith(", arcsec")
+    assert ax.get_xlabel() in ("output angle, deg", "order, per output turn")
+    assert ax.get_title()
+    assert len(legend(ax)) >= 2
+    assert all(legend(ax))
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_colours_of_one_picture_differ(found: Diagnosis, ax: Axes, name: str) -> None:
+    DRAWINGS[name](found, ax)
+    handles = [*ax.get_lines(), *(c for c in ax.collections if isinstance(c, LineCollection))]
+    colours = [mpl.colors.to_hex(np.atleast_2d(mpl.colors.to_rgba_array(h.get_color()))[0]) for h in handles]
+    assert len(set(colours)) == len(colours)
+
+
+# --- waveform ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("run", "word"), [(0, "forward"), (1, "reverse")])
+def test_waveform_draws_the_trace(found: Diagnosis, ax: Axes, run: int, word: str) -> None:
+    trace = found.traces[run]
+    waveform(trace, ax=ax)
+    assert ax.get_title() == f"{word}.csv ({word})"
+    labels = legend(ax)
+    assert len(labels) == 3
+    for label, values in zip(labels, (trace.measured, trace.before, trace.after), strict=True):
+        x, y = line(ax, label)
+        assert x == pytest.approx(np.degrees(trace.theta))
+        assert y == pytest.approx(values / ARCSEC)
+    assert [word in label for word, label in zip(("measured", "declared", "added"), labels, strict=True)] == [True] * 3
+    low, high = ax.get_xlim()
+    assert high - low == pytest.approx(360, rel=1e-2)
+
+
+def test_waveform_shows_the_model_once_where_nothing_was_added(found: Diagnosis, ax: Axes) -> None:
+    trace = replace(found.traces[0], after=found.traces[0].before)
+    waveform(trace, ax=ax)
+    assert len(legend(ax)) == len(ax.get_lines()) == 2
+
+
+@pytest.mark.parametrize("name", ["bench/a/forward.csv", "C:\\bench\\forward.csv", "forward.csv"])
+def test_titles_hold_the_file_name_without_its_folder(found: Diagnosis, ax: Axes, name: str) -> None:
+    waveform(replace(found.traces[0], name=name), ax=ax)
+    assert ax.get_title() == "forward.csv (forward)"
+
+
+# --- order spectrum ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("run", [0, 1])
+def test_spectrum_shows_the_encoder_before_and_not_after(found: Diagnosis, ax: Axes, run: int) -> None:
+    order_spectrum(found, run=run, ax=ax)
+    assert ("forward", "reverse")[run] in ax.get_title()
+    assert legend(ax) == ["residual before", "residual after", "noise floor"]
+    orders, before = stems(ax, "residual before")
+    again, after = stems(ax, "residual after")
+    assert (orders == again).all()
+    assert orders[0] == 1
+    assert orders[-1] == 260
+    assert before[0] == pytest.approx(math.hypot(COS, SIN), rel=0.03)
+    assert after[0] < 0.1
+    assert np.argmax(before) == 0
+    names = [text.get_text() for text in ax.texts]
+    assert any(name.startswith("1\n") for name in names)
+
+
+def test_spectrum_is_that_of_the_residual(found: Diagnosis, ax: Axes) -> None:
+    """Against sums of cosines and sines, written out."""
+    trace = found.traces[0]
+    order_spectrum(found, highest=50, ax=ax)
+    orders, drawn = stems(ax, "residual before")
+    assert list(orders) == list(range(1, 51))
+    rest = (trace.measured - trace.before) / ARCSEC
+    for order, size in zip(orders, drawn, strict=True):
+        turn = np.exp(1j * order * trace.theta)
+        assert size == pytest.approx(abs(2 * np.mean(rest * turn)), abs=1e-4)
+
+
+def test_a_period_of_several_turns_has_broken_orders(ax: Axes, found: Diagnosis) -> None:
+    theta = 4 * np.pi * np.arange(512) / 512
+    wave = 5 * ARCSEC * np.cos(3.5 * theta)
+    nothing = np.zeros(512)
+    trace = Trace("idler.csv", 1.0, theta, wave, nothing, 0.9 * wave)
+    worm = Model(Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5}))
+    order_spectrum(replace(found, traces=(trace,), declared=worm), ax=ax)
+    orders, before = stems(ax, "residual before")
+    assert orders[:3] == pytest.approx([0.5, 1.0, 1.5])
+    assert orders[np.argmax(before)] == 3.5
+    assert before.max() == pytest.approx(5.0)
+    assert any(text.get_text().startswith("3.5\n") and "idler" in text.get_text() for text in ax.texts)
+
+
+def test_a_model_that_is_right_leaves_nothing_to_draw_but_axes(found: Diagnosis, ax: Axes) -> None:
+    exact = tuple(replace(t, before=t.measured, after=t.measured, left_out=None) for t in found.traces)
+    order_spectrum(replace(found, traces=exact), ax=ax)
+    low, high = ax.get_ylim()
+    assert 0 < low < high
+    assert not ax.texts
+    to_bytes(ax.figure, "png")
+
+
+def test_named_peaks_stand_apart(found: Diagnosis, ax: Axes) -> None:
+    order_spectrum(found, ax=ax)
+    places = sorted(text.xy[0] for text in ax.texts)
+    assert 1 <= len(places) <= 6
+    assert min(np.diff(places), default=math.inf) >= 5
+
+
+# --- model waveform ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_model_waveform_draws_each_effect_and_their_sum(ax: Axes, direction: float) -> None:
+    model_waveform(MODEL, direction=direction, ax=ax)
+    assert ax.get_title() == "test unit"
+    labels = legend(ax)
+    assert labels[-1] == "total"
+    total = np.zeros(4096)
+    for item, label in zip(MODEL.effects, labels[:-1], strict=True):
+        assert item.key in label
+        x, y = line(ax, label)
+        alone = transmission_error(Model(MODEL.mechanism, (item,)), np.radians(x), direction=direction)
+        assert y == pytest.approx(alone / ARCSEC, abs=1e-9)
+        total += y
+    assert line(ax, "total")[1] == pytest.approx(total, abs=1e-9)
+
+
+def test_model_waveform_of_a_model_without_effects(ax: Axes) -> None:
+    model_waveform(Model(MODEL.mechanism), ax=ax)
+    assert legend(ax) == ["total"]
+    assert (line(ax, "total")[1] == 0).all()
+    assert ax.get_title() == "transmission error"
+
+
+def test_a_model_of_many_effects_can_be_drawn() -> None:
+    """The legend has room for the largest."""
+    pins = tuple(effect("cycloid.pin_position", pin=i, radial=1e-4 * (i + 1)) for i in range(40))
+    ax = model_waveform(Model(MODEL.mechanism, pins))
+    assert len(ax.get_lines()) == 41
+    assert legend(ax) == [*(f"cycloid.pin_position (pin {i})" for i in range(28, 40)), "total"]
+    assert "28 more" in ax.get_legend().get_title().get_text()
+    to_bytes(ax.figure, "png")
+
+
+# --- figures and files ------------------------------------------------------------------------------------------------
+
+
+def test_the_figure_has_a_waveform_for_each_run_and_a_spectrum(found: Diagnosis) -> None:
+    figure = diagnosis_figure(found)
+    titles = [ax.get_title() for ax in figure.axes]
+    assert titles == ["forward.csv (forward)", "reverse.csv (reverse)", "residual spectrum, forward.csv"]
+    one_way = diagnosis_figure(replace(found, traces=found.traces[1:]))
+    assert [ax.get_title() for ax in one_way.axes] == ["reverse.csv (reverse)", "residual spectrum, reverse.csv"]
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_new_figure_grows_with_its_rows(rows: int) -> None:
+    figure, axes = new_figure(rows, width=8, height=2)
+    assert isinstance(figure, Figure)
+    assert len(axes) == rows
+    assert tuple(figure.get_size_inches()) == (8, 2 * rows)
+
+
+def test_files_have_the_kind_that_was_asked() -> None:
+    figure = waveform(Trace("a.csv", 1.0, np.linspace(0, 6, 64), *np.ones((3, 64)) * ARCSEC)).figure
+    png = to_bytes(figure, "png")
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    assert (int.from_bytes(png[16:20]), int.from_bytes(png[20:24])) == (1170, 416)  # 9 x 3.2 in at 130 dots an inch
+    svg = svg_element(figure)
+    assert svg.startswith("<svg")
+    root = ET.fromstring(svg)
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert root.find("{http://www.w3.org/2000/svg}metadata") is None
+
+
+@pytest.mark.parametrize("name", ["<script>--></script>&amp;", "a$_{$.csv", "测试\x07.csv"])
+def test_names_are_drawn_as_they_stand(found: Diagnosis, name: str) -> None:
+    """No formula, markup or control character is read from a name, and no font's gap is a warning."""
+    trace = replace(found.traces[0], name=name)
+    shafts = {name: 3.0}
+    worm = Model(Drive(ratio=-14.0, shafts=shafts), (effect("shaft.eccentricity", shaft=name, harmonic=1, cos=1e-5),))
+    figure, axes = new_figure(3)
+    waveform(trace, ax=axes[0])
+    order_spectrum(replace(found, traces=(trace,), declared=worm), ax=axes[1])
+    model_waveform(replace(worm, name=name), ax=axes[2])
+    to_bytes(figure, "png")
+    root = ET.fromstring(svg_element(figure))
+    assert not [item for item in root.iter() if item.tag.endswith("script")]
+
+
+def test_drawing_leaves_no_state_behind(found: Diagnosis) -> None:
+    before = dict(mpl.rcParams)
+    to_bytes(diagnosis_figure(found), "svg")
+    assert dict(mpl.rcParams) == before
+
+
+def test_importing_the_package_needs_no_matplotlib(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "import rverror, rverror.app.command_line, rverror.views.plots.drawing\n"
+        "try: rverror.views.plots.drawing.new_figure()\n"
+        "except rverror.InputError as problem: print(problem)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert "matplotlib" in done.stdout
+    assert "rverror[plot]" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("name", [*DRAWINGS, "diagnosis_figure"])
+def test_without_matplotlib_the_error_tells_the_remedy(
+    found: Diagnosis, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(InputError, match=r"matplotlib.*pip install 'rverror\[plot\]'"):
+        DRAWINGS.get(name, lambda found, _: diagnosis_figure(found))(found, None)
+
+
+# --- one call ---------------------------------------------------------------------------------------------------------
+
+THETA = 2 * np.pi * np.arange(256) / 256
+BARE = Model(reducer("RV-003"))
+DRIVE = Model(
+    Drive(ratio=-14.0, shafts={"idler": 3.5}), (effect("shaft.eccentricity", shaft="idler", harmonic=1, cos=1e-4),)
+)
+RUN = run_from_arrays(
+    input_angle=121 * np.concatenate([THETA, THETA + 2 * np.pi, 2 * np.pi - THETA]),
+    te=1e-5 * np.cos(40 * np.concatenate([THETA, THETA, -THETA])) + 1e-7 * np.sin(np.arange(768) ** 2),
+    torque="20 N*m",
+)
+TORQUES = run_from_arrays(output_angle=THETA, direction="forward", extra={"torque[N*m]": 3 + np.cos(13 * THETA)})
+NEEDED: dict[tuple[type, str], dict[str, Any]] = {
+    (Run, "waveform"): {"ratio": 121.0},
+    (Run, "polar"): {"ratio": 121.0},
+    (Run, "spectrum"): {"ratio": MODEL},
+    (Equilibrium, "spectrum"): {"mechanism": MODEL.mechanism},
+    (Model, "order_map"): {"torques": ["20 N*m", "100 N*m"], "points": 128},
+}
+
+
+@pytest.fixture(scope="module")
+def things(found: Diagnosis) -> dict[str, Any]:
+    """One or more of every kind that has a plot, the empty ones among them."""
+    tolerances = (tolerance("crank.eccentricity", "5 um"), tolerance("crank.index", "1 arcmin"))
+    laid_out = stack(MODEL, tolerances, theta=THETA)
+    units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256)
+    cost = {"costs": [Reciprocal(10.0, 0.005), Reciprocal(1.0, 1e-4)], "bounds": [(1e-4, 0.1), (1e-5, 1e-3)]}
+    least = allocate(laid_out, limit="60 arcsec", kind="worst", verify=1024, **cost)
+    ripple = tuple(replace(t, torque=None, left_out=None) for t in found.traces[:1])
+    return {
+        "model": MODEL,
+        "bare model": BARE,
+        "drive": DRIVE,
+        "reducer": BARE.mechanism,
+        "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
+        "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
+        "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
+        "run": RUN,
+        "torque run": TORQUES,
+        "diagnosis": found,
+        "nothing added": replace(found, added=(), candidates=()),
+        "torque ripple": replace(found, traces=ripple, quantity="torque"),
+        "budget": units.closed,
+        "error budget": units,
+        "virtual units": units.units,
+        "allocation": least,
+        "front": least,
+    }
+
+
+def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]:
+    """Kinds of plot of a thing that can be drawn, with what they need."""
+    thing = things[name]
+    kinds = [kind for kind in PICTURES[type(thing)] if (kind == "front") == (name == "front")]
+    if name in ("drive", "bare model"):  # no contacts; and no rated torque, which the map of the first model shows
+        kinds = [kind for kind in kinds if kind != "order_map" and (name, kind) != ("drive", "mechanism")]
+    return [(kind, NEEDED.get((type(thing), kind), {})) for kind in kinds]
+
+
+NAMES = (
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "run", "torque run", "diagnosis",
+    "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
+)  # fmt: skip
+
+
+def test_every_kind_is_tried(things: dict[str, Any]) -> None:
+    assert {type(things[name]) for name in NAMES} == set(PICTURES)
+
+
+#: Of each kind the fullest one: the others are drawn by the same plots with less in them.
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "run", "diagnosis", "torque ripple", "budget",
+           "error budget", "virtual units", "allocation")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_plot_can_be_read(things: dict[str, Any], name: str) -> None:
+    """A unit on every axis; a grey print tells the lines apart; no text lies over another."""
+    for kind, options in plots(things, name):
+        ax = things[name].plot(kind=kind, **options)
+        where = f"{name}, {kind}"
+        assert units_missing(ax) == [], where
+        assert ax.get_title(), where
+        assert alike_in_grey(ax) == [], where
+        if name in FULLEST:
+            assert overlapping_texts(ax) == [], where
+
+
+@pytest.mark.parametrize("name", FULLEST)
+def test_every_plot_takes_axes(things: dict[str, Any], name: str) -> None:
+    for kind, options in plots(things, name):
+        given = Figure().add_subplot(projection="polar" if kind == "polar" else "rectilinear")
+        assert draw(things[name], kind=kind, ax=given, **options) is given
+        assert given.has_data()
+
+
+@pytest.mark.parametrize("name", FULLEST)
+def test_axes_of_the_wrong_sort_are_refused(things: dict[str, Any], name: str) -> None:
+    sorts = {sort: Figure().add_subplot(projection=sort) for sort in ("rectilinear", "polar", "3d")}
+    several = Figure().subplots(2, 2)
+    for kind, options in plots(things, name):
+        right = "polar" if kind == "polar" else "rectilinear"
+        for sort, ax in sorts.items():
+            if sort != right:
+                with pytest.raises(InputError, match=rf"ax has {sort} axes, this plot needs {right} ones; make them"):
+                    things[name].plot(kind=kind, ax=ax, **options)
+                assert not ax.has_data()
+        with pytest.raises(InputError, match=r"ax is a ndarray, no axes of matplotlib"):
+            things[name].plot(kind=kind, ax=several, **options)
+
+
+def test_the_usual_plot_needs_no_word(found: Diagnosis) -> None:
+    assert MODEL.plot().get_legend().get_texts()[-1].get_text() == "total"
+    assert found.plot().get_title() == "forward.csv (forward)"
+    assert BARE.mechanism.plot().get_title().startswith("RV-003 at 0 deg")
+
+
+def test_an_unknown_kind_names_those_there_are() -> None:
+    with pytest.raises(
+        InputError,
+        match=r"kind = 'spectrun': a Model is drawn as waveform, stacked, polar, spectrum, order_map, mechanism; "
+        r"did you mean 'spectrum'\?",
+    ):
+        MODEL.plot(kind="spectrun")
+
+
+def test_an_unknown_option_names_those_there_are() -> None:
+    with pytest.raises(
+        InputError,
+        match=r"option 'direktion': kind 'stacked' of a Model takes theta, direction, time, torque, most, waves; "
+        r"did you mean 'direction'\?",
+    ):
+        MODEL.plot(kind="stacked", direktion=1.0)
+    with pytest.raises(InputError, match=r"option 'run': kind 'runs' of a Diagnosis takes no options; leave it out"):
+        draw(Diagnosis(**dict.fromkeys(Diagnosis.__dataclass_fields__)), kind="runs", run=1)
+
+
+def test_the_page_names_every_plot() -> None:
+    """Each kind in the row of its result, in their order, the usual one first."""
+    page = (DOCS / "plots.md").read_text(encoding="utf-8")
+    told: dict[str, list[str]] = {}
+    name = ""
+    for result, kinds in re.findall(r"^\| (`\w+`)? ?\| ([^|]+) \|", page, flags=re.MULTILINE):
+        name = result.strip("`") or name  # an empty cell stands for that above
+        told.setdefault(name, []).extend(re.findall(r"`(\w+)`", kinds))
+    assert told == {kind.__name__: list(plots) for kind, plots in PICTURES.items()}
+
+
+def test_what_has_no_plot_is_told() -> None:
+    with pytest.raises(InputError, match=r"a dict has no plot; these have: Model, Reducer, .*Allocation"):
+        draw({})
+
+
+def test_whatever_is_drawn_has_it_as_a_method_and_stays_what_it_was(things: dict[str, Any]) -> None:
+    for kind in PICTURES:
+        assert issubclass(kind, Viewed)
+        assert is_dataclass(kind)
+    for name in NAMES:
+        thing = things[name]
+        again = pickle.loads(pickle.dumps(thing))
+        assert type(again) is type(thing)
+        assert [f.name for f in fields(again)] == [f.name for f in fields(thing)]
+        with pytest.raises(AttributeError):
+            thing.plot = None  # frozen
+        assert replace(thing).plot.__func__ is Viewed.plot
+    assert pickle.loads(pickle.dumps(MODEL)) == MODEL
+
+
+def test_without_matplotlib_every_plot_tells_the_remedy(
+    things: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    for name in FULLEST:
+        for kind, options in plots(things, name):
+            with pytest.raises(InputError, match=r"pip install 'rverror\[plot\]'"):
+                things[name].plot(kind=kind, **options)

@@ -1,0 +1,123 @@
+"""Every kind of result as text, JSON and page: told in full, escaped, and refused in one line where there is none."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import pytest
+
+import rverror
+from every_kind import DRIVE, HOSTILE, MODEL, every_kind
+from rverror import InputError, to_html, to_json, to_text
+from rverror.base.units import ARCSEC
+
+KINDS = (
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
+    "Diagnosis, nothing missing", "Diagnosis, torque",
+)  # fmt: skip
+
+
+def test_these_are_all_kinds() -> None:
+    assert set(KINDS) == set(every_kind())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_a_text(kind: str) -> None:
+    told = to_text(every_kind()[kind][0])
+    assert told.endswith("\n")
+    assert len(told.splitlines()) >= 3
+    assert all(line.isprintable() for line in told.splitlines())
+    assert not re.search(r"\bnan\b|\[nan", told)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_plain_data_in_one_envelope(kind: str) -> None:
+    thing = every_kind()[kind][0]
+    data = json.loads(json.dumps(to_json(thing), allow_nan=False))
+    assert data["version"] == rverror.__version__
+    names = {"Effects", "Tolerances", "Front"} & {kind} or {type(thing).__name__}
+    assert {data["result"]} == names
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_a_page_that_needs_nothing_else(kind: str) -> None:
+    page = to_html(every_kind()[kind][0])
+    assert page.startswith("<!doctype html>")
+    assert page.rstrip().endswith("</html>")
+    assert "<script" not in page
+    assert "<img" not in page
+
+
+def test_what_a_table_holds_is_told_in_the_units_of_people() -> None:
+    variables = to_json(MODEL)["variables"]
+    at = variables["parameter"]["values"].index("radial")
+    assert variables["value"]["values"][at] == 4.0
+    assert variables["value"]["units"][at] == "um"
+    assert variables["uncertainty"]["values"][-1] is None
+    state = to_json(every_kind()["Equilibrium"][0], torque="412 N*m")["variables"]
+    assert state["torque"] == {"dimensions": [], "units": "N*m", "values": 412.0}
+
+
+def test_inputs_are_listed(tmp_path: Any) -> None:
+    path = tmp_path / "model.toml"
+    rverror.save_model(path, rverror.Model(rverror.reducer("RV-40E")))
+    files = rverror.input_files([path])
+    for kind, key in (("Model", "inputs"), ("Budget", "inputs"), ("Allocation", "inputs"), ("Diagnosis", "files")):
+        assert to_json(every_kind()[kind][0], files=files)[key] == [
+            {"path": str(path), "sha256": files[0].sha256, "bytes": path.stat().st_size}
+        ]
+
+
+def test_a_budget_in_closed_form_is_told_as_the_error_budget_tells_it() -> None:
+    found = every_kind()["ErrorBudget"][0]
+    text = rverror.budget_text(found.closed)
+    assert text == to_text(found.closed)
+    assert text.startswith("Budget in closed form: 3 tolerances, 54 components\n")
+    whole = rverror.budget_text(found)
+    for name in ("peak-to-peak", "max |TE - offset|", "rms", "offset"):
+        short, long = (re.search(rf"^{re.escape(name)} .*", told, re.M) for told in (text, whole))
+        assert short is not None
+        assert long is not None
+        assert [short[0].split()[-2], short[0].split()[-1]] == [long[0].split()[-5], long[0].split()[-1]]
+    data, all_of_it = rverror.budget_json(found.closed), rverror.budget_json(found)
+    for key in ("peak_to_peak_arcsec", "max_arcsec", "rms_arcsec", "offset_arcsec"):
+        assert data[key].items() <= all_of_it[key].items()
+    assert [entry["label"] for entry in data["contributions"]] == [e["label"] for e in all_of_it["contributions"]]
+
+
+@pytest.mark.parametrize("tell", [rverror.budget_text, rverror.budget_json, to_text, to_json])
+def test_a_budget_in_closed_form_knows_no_yield(tell: Any) -> None:
+    with pytest.raises(InputError, match="knows no yield"):
+        tell(every_kind()["Budget"][0], limit=40 * ARCSEC)
+
+
+def test_an_allocation_needs_no_stack_beside_it() -> None:
+    found, given = every_kind()["Allocation"]
+    assert rverror.allocation_text(found, given["stack"]) == rverror.allocation_text(found) == to_text(found)
+    assert rverror.allocation_json(found, given["stack"]) == rverror.allocation_json(found) == to_json(found)
+    for entry, label, component in zip(to_json(found)["entries"], found.labels, found.keys, strict=True):
+        assert entry["label"] == label
+        assert entry["key"] == component
+
+
+@pytest.mark.parametrize("thing", [3.5, "text", None, {"a": 1}, HOSTILE])
+def test_other_things_are_refused_with_the_kinds_that_have_a_text(thing: Any) -> None:
+    for tell in (to_text, to_html):
+        with pytest.raises(InputError, match=f"{type(thing).__name__} has no text; these have: Allocation, Budget, "):
+            tell(thing)
+    with pytest.raises(InputError, match="table is made of"):
+        to_json(thing)
+
+
+@pytest.mark.parametrize("tell", [to_text, to_html])
+def test_what_a_result_does_not_take_is_refused(tell: Any) -> None:
+    with pytest.raises(InputError, match="Drive: no option 'limit'; it takes none"):
+        tell(DRIVE, limit=1.0)
+
+
+def test_columns_of_a_text_are_lined_up() -> None:
+    lines = to_text(rverror.reducer("RV-40E")).splitlines()[2:]
+    assert len({line.index(value) + len(value) for line in lines for value in [line.split()[1]]}) == 1

@@ -1,0 +1,432 @@
+"""Tables: every number with its unit, and the same numbers as in the result, in a Dataset, a DataFrame and a file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pint
+import pytest
+import xarray as xr
+
+import every_kind as made
+import rverror
+from every_kind import HOSTILE, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
+from rverror import InputError, to_pandas, to_xarray
+from rverror.base.viewed import Viewed
+from rverror.geartrain.action_line import CONTACT_AXES
+from rverror.views.tables import columns, described
+
+KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve",
+         "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front",
+         "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
+
+
+def dataset(kind: str, **more: Any) -> xr.Dataset:
+    result, options = every_kind()[kind]
+    return to_xarray(result, **options, **more)
+
+
+def row_units(found: xr.Dataset, name: str) -> list[str] | None:
+    """Units of the rows of a variable that has not one for all."""
+    variable = found[name]
+    first = [c for c in found.coords.values() if c.dims == variable.dims[:1] and str(c.name).endswith("unit")]
+    own = [c for c in first if str(c.name).startswith(name)] or [c for c in first if str(c.name) == "unit"] or first
+    return list(map(str, own[0].values)) if own else None
+
+
+def quantities(found: xr.Dataset) -> Iterator[tuple[str, list[Any]]]:
+    """Every variable of numbers as quantities, one for each of its rows."""
+    for name, variable in found.variables.items():
+        if variable.dtype.kind not in "fi" or name == "extra":  # a bench's own columns have its own units
+            continue
+        if "units" in variable.attrs:
+            yield str(name), [UREG.Quantity(variable.values, variable.attrs["units"])]
+            continue
+        own = row_units(found, str(name))
+        assert own is not None, f"{name} has no unit"
+        yield str(name), [UREG.Quantity(v, u) for v, u in zip(variable.values, own, strict=True)]
+
+
+def test_every_kind_is_tried() -> None:
+    assert set(KINDS) == set(every_kind())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_units_for_people_are_the_same_quantities(kind: str) -> None:
+    core, shown = (dict(quantities(dataset(kind, display=display))) for display in (False, True))
+    assert core
+    assert core.keys() == shown.keys()
+    for name, rows in core.items():
+        for a, b in zip(rows, shown[name], strict=True):
+            np.testing.assert_allclose(b.to(a.units).magnitude, a.magnitude, rtol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_dataset_comes_back_from_its_file(kind: str, tmp_path: Path) -> None:
+    found = dataset(kind)
+    found.to_netcdf(tmp_path / "result.nc", engine="scipy")
+    with xr.open_dataset(tmp_path / "result.nc", engine="scipy") as back:
+        xr.testing.assert_identical(back.load(), found)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("display", [False, True])
+def test_each_dimension_makes_a_frame_of_the_same_values_and_units(kind: str, display: bool) -> None:
+    result, options = every_kind()[kind]
+    found = dataset(kind, display=display)
+    seen = set()
+    for rows in described(result, **options).dims:
+        frame = to_pandas(result, rows=rows, display=display, **options)
+        assert len(frame) == found.sizes[rows]
+        assert frame.attrs["kind"] == found.attrs["kind"]
+        for name in found.variables:
+            column = str(name).removeprefix(f"{rows}_")
+            if found[name].dims == (rows,) and not str(name).endswith("unit"):
+                assert frame[column].tolist() == pytest.approx(found[name].values.tolist(), nan_ok=True)
+                assert frame.attrs["units"].get(column, "") == found[name].attrs.get("units", "")
+                seen.add(name)
+            if found[name].dims == ():
+                assert frame.attrs[str(name)] == found[name].item()
+                assert frame.attrs["units"][str(name)] == found[name].attrs["units"]
+    assert {name for name in found.variables if found[name].dims and len(found[name].dims) == 1} - seen <= {
+        name for name in found.variables if str(name).endswith("unit")
+    }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_attributes_say_where_it_comes_from(kind: str) -> None:
+    found = dataset(kind)
+    assert found.attrs["rverror"] == rverror.__version__
+    assert found.attrs["kind"]
+    for name in ("Model", "Equilibrium", "Diagnosis", "ErrorBudget"):
+        assert dataset(name).attrs["model"] == HOSTILE
+
+
+def test_every_result_that_can_be_looked_at_has_a_table() -> None:
+    kinds = {type(result) for result, _ in every_kind().values()}
+    assert set(Viewed.__subclasses__()) <= kinds
+
+
+# --- what is in them --------------------------------------------------------------------------------------------------
+
+
+def test_influence_times_size_is_the_transmission_error() -> None:
+    found = dataset("Influence")
+    size = UREG.Quantity(5.0, "um")
+    per = UREG.Quantity(found["influence"].sel(parameter="tangential").values, row_units(found, "influence")[1])
+    cause = rverror.effect("crank.eccentricity", crank=0, disc=1, tangential="5 um")
+    alone = rverror.Model(MODEL.mechanism, (cause,))
+    error = rverror.transmission_error(alone, found["theta"].values)
+    np.testing.assert_allclose((per * size).to("rad").magnitude, error, rtol=1e-12, atol=1e-20)
+
+
+def test_a_state_has_the_angles_of_the_bench() -> None:
+    result, options = every_kind()["Equilibrium"]
+    ahead = MODEL.with_effects(rverror.effect("sensor.index_offset", offset="5 deg"))
+    state = rverror.equilibrium(ahead, result.theta, torque=options["torque"], direction=1.0)
+    np.testing.assert_array_equal(dataset("Equilibrium")["theta"].values, result.theta)
+    np.testing.assert_allclose(to_xarray(state)["theta"].values, result.theta, rtol=0, atol=1e-15)
+
+
+def test_parts_of_a_model_add_up_to_its_transmission_error() -> None:
+    found = dataset("Model")
+    whole = rverror.transmission_error(MODEL, THETA)
+    np.testing.assert_allclose(found["by_effect"].sum("effect"), whole, rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(found["transmission_error"], whole, rtol=1e-12, atol=1e-20)
+
+
+def test_a_model_alone_tells_its_effects() -> None:
+    frame = to_pandas(MODEL, display=True)
+    assert frame[["key", "parameter", "value", "unit"]].values.tolist() == [
+        ["crank.eccentricity", "radial", pytest.approx(4.0), "um"],
+        ["crank.eccentricity", "tangential", pytest.approx(1.0), "um"],
+        ["cycloid.pin_position", "radial", pytest.approx(-2.0), "um"],
+        ["cycloid.pin_position", "tangential", 0.0, "um"],
+        ["crank.index", "angle", pytest.approx(3.0), "arcsec"],
+    ]
+    assert frame["uncertainty"].tolist() == pytest.approx([1.0, 1.0, *[np.nan] * 3], nan_ok=True)
+    assert frame["indices"].tolist()[:3] == ["crank 0, disc 1", "crank 0, disc 1", "pin 3"]
+
+
+def test_a_disc_takes_from_its_pins_what_it_gives_its_cams() -> None:
+    """A force named after the wrong part or axis would break it."""
+    found = dataset("Equilibrium")
+    onto_disc, onto_cams = found["pin_force"].sum("pin"), found["cam_force"].sum("crank")
+    np.testing.assert_allclose(onto_disc.values, onto_cams.transpose(*onto_disc.dims).values, rtol=1e-6, atol=1e-3)
+
+
+def test_the_output_is_where_the_carrier_has_turned_to() -> None:
+    found = dataset("Equilibrium")
+    np.testing.assert_array_equal(found["carrier_rotation"], found["transmission_error"])
+    assert found["torque"].item() == made.TORQUE
+
+
+def test_loaded_pins_are_those_with_a_force() -> None:
+    found = dataset("Equilibrium")
+    carry = (np.hypot(found["pin_force"].sel(xy="x"), found["pin_force"].sel(xy="y")) > 0).sum("pin")
+    np.testing.assert_array_equal(carry.values, found["loaded_pins"].values)
+
+
+def test_only_the_driving_flanks_carry() -> None:
+    found = dataset("Equilibrium")
+    assert found.sizes["flank"] == 2
+    for name in ("mesh_force", "spline_torque"):
+        assert (found[name].sel(flank=1) == 0).all()
+        assert (found[name].sel(flank=0) != 0).any("theta").all()
+
+
+def test_every_contact_of_an_equilibrium_is_told() -> None:
+    found = dataset("Equilibrium")
+    told = {str(name).rpartition("_")[0] for name in found if str(name).endswith(("_force", "_torque"))}
+    assert told == set(CONTACT_AXES) - {"output"}
+
+
+def test_columns_of_several_dimensions_are_named_by_their_places() -> None:
+    result, options = every_kind()["Equilibrium"]
+    frame = to_pandas(result, **options)
+    np.testing.assert_array_equal(frame["pin_force_1_12_y"], result.contact_forces["pin"][1, 12, 1])
+    assert frame.attrs["units"]["pin_force_1_12_y"] == "N"
+    curve, options = every_kind()["TorsionCurve"]
+    assert to_pandas(curve, **options)["angle_1"].tolist() == curve.angle[:, 1].tolist()
+
+
+def test_a_diagnosis_by_what_was_added() -> None:
+    frame = to_pandas(diagnosis("unexplained"), display=True)
+    assert frame[["parameter", "value", "low", "high", "unit"]].values.tolist() == [
+        ["cos", pytest.approx(5), pytest.approx(4), pytest.approx(6), "arcsec"],
+        ["sin", pytest.approx(-2), pytest.approx(-3), pytest.approx(-1), "arcsec"],
+    ]
+    assert frame["orders"].tolist() == ["1, 80.5"] * 2
+    assert frame["heldout_rms"].tolist() == pytest.approx([2.5, 2.5])
+    assert frame.attrs["verdict"] == "unexplained"
+    assert frame.attrs["noise_rms"] == pytest.approx(1.5)
+    assert frame.attrs["units"]["noise_rms"] == "arcsec"
+
+
+def test_a_diagnosis_of_a_torque_ripple_is_in_newton_metres() -> None:
+    found = to_pandas(diagnosis(quantity="torque"), rows="stage", display=True)
+    assert found["heldout_rms"].tolist() == pytest.approx([12, 10, 3])
+    assert found.attrs["units"]["heldout_rms"] == "N*m"
+
+
+def test_what_nothing_explains_and_who_came_near() -> None:
+    lines = to_pandas(diagnosis("unexplained"), rows="unexplained", display=True)
+    assert lines[["order", "amplitude", "low", "high"]].values.tolist() == [
+        pytest.approx([36.0, 7, 6, 8]),
+        pytest.approx([39.5, 2, 1, 3]),
+    ]
+    assert lines["frames"].tolist() == ["", f"{HOSTILE}; input shaft"]
+    near = to_pandas(diagnosis(), rows="candidate")
+    assert near["heldout_gain"].tolist() == [3.5, -1.0]
+
+
+def test_a_diagnosis_without_additions_has_the_same_columns() -> None:
+    none, some = to_pandas(diagnosis("nothing_missing")), to_pandas(diagnosis("explained"))
+    assert len(none) == 0
+    assert list(none.columns) == list(some.columns)
+
+
+def test_waveforms_of_runs_of_any_length_stand_one_after_another() -> None:
+    frame = to_pandas(diagnosis(), rows="sample", display=True)
+    assert frame["run"].value_counts().to_dict() == {0: 20, 1: 30}
+    first, second = (frame[frame["run"] == at] for at in (0, 1))
+    assert set(first["residual_before"].round(9)) == {5.0}  # 9 less 4
+    assert set(second["residual_before"].round(9)) == {6.0}  # of revolutions left out
+    assert set(second["residual_after"].round(9)) == {3.0}
+    assert first["theta"].tolist() == pytest.approx(np.arange(20) * 18.0)
+    runs = to_pandas(diagnosis(), rows="run")
+    assert runs["torque"].tolist() == pytest.approx([20e3, np.nan], nan_ok=True)
+
+
+def test_a_budget_of_numbers_and_of_waves() -> None:
+    result, _ = every_kind()["ErrorBudget"]
+    found = dataset("ErrorBudget")
+    np.testing.assert_array_equal(found["lower"], result.closed.worst.lower)
+    np.testing.assert_array_equal(found["sobol_total"], result.indices.total)
+    assert found["share"].sum().item() == pytest.approx(1.0)
+    assert found["worst_maximum_values"].sel(component="cycloid.pin_radius(pin=3).deviation").dims == ()
+    for size, values in ((np.ptp, "worst_peak_to_peak_values"), (lambda w: abs(w).max(), "worst_maximum_values")):
+        wave = result.stack.nominal + found[values].values @ result.stack.influence
+        told = found["total_worst_peak_to_peak" if size is np.ptp else "total_worst_maximum"].item()
+        assert size(wave - wave.mean()) == pytest.approx(told)
+    assert found["total_worst_peak_to_peak"].item() == pytest.approx(
+        found["worst_part"].sum().item() + found["total_worst_peak_to_peak_nominal"].item()
+    )
+    p99 = found["contact_value"].sel(size="peak_to_peak", statistic="P99")
+    assert p99.item() == result.contact.peak_to_peak.quantile(0.99).value
+
+
+def test_widths_of_an_allocation_have_their_units() -> None:
+    result, options = every_kind()["Allocation"]
+    frame = to_pandas(result, **options, display=True)
+    assert frame["unit"].tolist() == ["um", "arcsec", "um"]
+    assert frame["width_before"].tolist() == pytest.approx([5, 3, 2])
+    assert frame["grade"].tolist()[:2] == ["", ""]
+    assert frame["bound_price"][1] > 0  # else the units of prices were not tried
+    assert frame["cost"].sum() == pytest.approx(to_pandas(result, rows="stage", **options)["total_cost"].iloc[1])
+
+
+def test_a_front_says_why_a_limit_cannot_be_met() -> None:
+    frame = to_pandas(every_kind()["Front"][0], display=True)
+    assert frame["limit"].tolist() == pytest.approx([5, 60])
+    assert np.isnan(frame["cost"][0])
+    assert "5 arcsec" in frame["reason"][0]
+    assert frame["reason"][1] == ""
+
+
+def test_tolerances_and_effects_by_the_row() -> None:
+    assert to_pandas(list(TOLERANCES), display=True)["width"].tolist() == pytest.approx([5, 3, 2])
+    pd.testing.assert_frame_equal(to_pandas(list(MODEL.effects)), to_pandas(MODEL))
+
+
+def test_a_reducer_has_all_its_parameters() -> None:
+    frame = to_pandas(rverror.reducer("RV-40E"), display=True).set_index("parameter")
+    assert frame.loc["pressure_angle"].tolist() == [pytest.approx(20), "deg"]
+    assert frame.loc["rated_torque"].tolist() == [pytest.approx(412), "N*m"]
+    assert frame.loc["stiffness.main_bearing"].tolist() == [1e6, "N/mm"]
+    again = {name: row.value for name, row in frame.iterrows() if "." not in name and row.unit == "dimensionless"}
+    assert all(getattr(rverror.reducer("RV-40E"), name) == value for name, value in again.items())
+
+
+# --- a run there and back ---------------------------------------------------------------------------------------------
+
+
+def same(one: rverror.Run, other: rverror.Run) -> None:
+    for name in ("input_angle", "output_angle", "time", "direction", "te_column"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert (one.torque, one.temperature, one.index) == (other.torque, other.temperature, other.index)
+    assert dict(one.metadata) == dict(other.metadata)
+    assert list(one.extra) == list(other.extra)
+    for name in one.extra:
+        np.testing.assert_array_equal(one.extra[name], other.extra[name])
+
+
+def test_a_run_goes_to_a_frame_and_back() -> None:
+    there = run()
+    frame = to_pandas(there)
+    back = rverror.run_from_arrays(
+        **{name: frame[name] for name in ("input_angle", "output_angle", "time")},
+        direction=frame.attrs["direction"],
+        **{name: frame.attrs[name] for name in ("torque", "temperature", "index", "metadata")},
+        extra={name: frame[name] for name in there.extra},
+    )
+    same(back, there)
+
+
+def test_a_run_goes_to_a_dataset_and_back() -> None:
+    there = run()
+    found = to_xarray(there, display=True)
+    back = rverror.run_from_arrays(
+        **{name: UREG.Quantity(found[name].values, found[name].attrs["units"]) for name in ("input_angle", "time")},
+        te=UREG.Quantity(found["output_angle"].values - found["input_angle"].values / 121, "deg"),
+        ratio=121.0,
+    )
+    np.testing.assert_allclose(back.error(121), there.error(121), atol=1e-12)
+    np.testing.assert_array_equal(back.direction, there.direction)
+    assert found["extra"].sel(column="current[A]")["column_unit"].item() == "A"
+    assert found["torque"].item() == pytest.approx(20)
+
+
+def test_text_with_units_in_its_names_is_a_run_file(tmp_path: Path) -> None:
+    there = rverror.run_from_arrays(input_angle=121 * THETA, output_angle=THETA + 1e-5 * np.sin(THETA))
+    for display in (False, True):
+        frame = to_pandas(there, display=display)
+        units = frame.attrs["units"]
+        angles = frame[["input_angle", "output_angle"]].rename(columns=lambda name, u=units: f"{name}[{u[name]}]")
+        angles.to_csv(tmp_path / f"{display}.csv", index=False)
+        back = rverror.load_run(tmp_path / f"{display}.csv")
+        np.testing.assert_allclose(back.output_angle, there.output_angle, rtol=1e-12)
+
+
+def test_a_ratio_adds_the_transmission_error() -> None:
+    there = run()
+    frame = to_pandas(there, ratio=MODEL, display=True)
+    np.testing.assert_allclose(frame["transmission_error"], 20 * np.sin(np.radians(frame["theta"])), atol=1e-6)
+    assert "theta" not in to_pandas(there)
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("table", "library"), [(to_pandas, "pandas"), (to_xarray, "xarray")])
+def test_a_missing_library_is_named_with_its_remedy(table: Any, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(InputError) as refused:
+        table(MODEL)
+    assert str(refused.value) == f"tables need {library}; install it with: pip install 'rverror[tables]'"
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "said"),
+    [
+        ("Model", {"ratio": 121.0}, r"Model: no option 'ratio'; it takes theta, direction, torque, time"),
+        ("Reducer", {"theta": THETA}, r"Reducer: no option 'theta'; it takes none"),
+        ("TorsionCurve", {"theta": THETA}, r"theta has the shape \(256,\); give the 2 angles"),
+        ("TorsionCurve", {"theta": "5 mm"}, r"theta: .*mm"),
+        ("Equilibrium", {"torque": "5 mm"}, r"torque: 'mm' is no unit of torque"),
+        ("Influence", {"key": "crank.index"}, r"Influence: no option 'key'; it takes none"),
+    ],
+)
+def test_what_a_result_does_not_take_is_refused(kind: str, options: dict[str, Any], said: str) -> None:
+    for table in (to_pandas, to_xarray):
+        with pytest.raises(InputError, match=said):
+            table(every_kind()[kind][0], **options)
+
+
+def test_an_allocation_knows_the_units_of_its_widths() -> None:
+    result, given = every_kind()["Allocation"]
+    pd.testing.assert_frame_equal(to_pandas(result, display=True), to_pandas(result, display=True, **given))
+
+
+def test_the_stack_of_another_allocation_is_refused() -> None:
+    other = rverror.stack(MODEL, TOLERANCES[:1], theta=THETA)
+    with pytest.raises(InputError, match="stack: its tolerances are not those of the allocation"):
+        to_xarray(every_kind()["Allocation"][0], stack=other)
+
+
+@pytest.mark.parametrize("thing", [3.5, "text", None, [], [MODEL, 3.5], (MODEL,), {"a": 1}])
+def test_of_other_things_no_table_is_made(thing: Any) -> None:
+    with pytest.raises(InputError, match="table is made of"):
+        to_pandas(thing)
+
+
+def test_no_such_rows() -> None:
+    with pytest.raises(InputError, match="rows = 'pin': a Diagnosis has no such rows; give one of added, stage"):
+        to_pandas(diagnosis(), rows="pin")
+
+
+def test_columns_of_one_name_are_refused_and_a_dataset_holds_both() -> None:
+    angle = np.linspace(0, 6, 32)
+    twice = rverror.run_from_arrays(input_angle=121 * angle, output_angle=angle, extra={"direction": -angle})
+    with pytest.raises(InputError, match=r"two columns have the name 'direction'; .*to_xarray"):
+        to_pandas(twice)
+    assert to_xarray(twice)["extra"].sel(column="direction").values.tolist() == (-angle).tolist()
+
+
+def test_a_name_that_is_no_text_goes_into_a_file_as_its_escape(tmp_path: Path) -> None:
+    angle = np.linspace(0, 6, 32)
+    odd = rverror.run_from_arrays(input_angle=121 * angle, output_angle=angle, metadata={"file": "a\udcff.csv"})
+    to_xarray(odd).to_netcdf(tmp_path / "odd.nc", engine="scipy")
+    with xr.open_dataset(tmp_path / "odd.nc", engine="scipy") as back:
+        assert r"\udcff" in back.attrs["metadata"]
+
+
+def test_nothing_of_the_result_is_changed() -> None:
+    there = run()
+    before = there.output_angle.copy()
+    frame = to_pandas(there)
+    frame["output_angle"] = 0.0
+    to_xarray(there)["output_angle"][:] = 0.0
+    np.testing.assert_array_equal(there.output_angle, before)
+
+
+def test_columns_without_pandas() -> None:
+    found, told = columns(described(MODEL), display=True)
+    assert found["unit"] == ["um", "um", "um", "um", "arcsec"]
+    assert told["value"] == ""
