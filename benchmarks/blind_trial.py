@@ -31,7 +31,8 @@ from time import perf_counter  # noqa: E402
 import numpy as np  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.diagnosis.fit import FitRun, joint_fit  # noqa: E402
+from rverror.diagnosis.harmonics.fit import joint_fit  # noqa: E402
+from rverror.diagnosis.harmonics.runs import FitRun  # noqa: E402
 from rverror.geartrain.kinematics import Conditions  # noqa: E402
 from rverror.geartrain.mechanism import Mechanism  # noqa: E402
 from rverror.statics.prediction import Predictor  # noqa: E402

@@ -37,7 +37,8 @@ from blind_trial import (  # noqa: E402
 )
 
 import rverror  # noqa: E402
-from rverror.diagnosis.shared_zero import BACKLASH_SHARE, WINDUP_SHARE, backlash_lost_motion  # noqa: E402
+from rverror.diagnosis.harmonics.zeros import backlash_lost_motion  # noqa: E402
+from rverror.diagnosis.policy import POLICY  # noqa: E402
 
 GROWING = ("sensor.drift", "sensor.ratio_error", "sensor.time_offset")
 LOST_MOTION = (
@@ -71,7 +72,7 @@ def unknown(unit: rverror.Reducer) -> float:
     """Standard deviation of the lost motion that the declared model does not know, rad."""
     windup = abs(waves(unit, ())[0].mean())
     backlash = backlash_lost_motion(unit)
-    return math.hypot(BACKLASH_SHARE * backlash, WINDUP_SHARE * (2 * windup - backlash))
+    return math.hypot(POLICY.backlash_share * backlash, POLICY.windup_share * (2 * windup - backlash))
 
 
 def missing_effect(rng: np.random.Generator, unit: rverror.Reducer, key: str, size: float) -> rverror.Effect:

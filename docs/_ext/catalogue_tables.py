@@ -21,75 +21,11 @@ CONSTANT = "constant"
 LOST_MOTION = "lost motion"
 WAVE = "wave"
 
-_WHY = {
-    "involute.center_distance": "turns with the carrier, as the line of action does",
-    "involute.sun_eccentricity": "a floating sun between evenly spaced planets gives way",
-    "involute.sun_offset": "the sun floats",
-    "involute.sun_pitch": "the meshes cancel what is no multiple of the number of planets",
-    "involute.tooth_thinning": "sets the place of the loaded flank only; which gear lost the tooth is never visible",
-    "involute.spline_clearance": "sets the place of the loaded flank only",
-    "crank.index": "the crank stays turned by it",
-    "cycloid.pin_circle": "evenly spaced discs cancel harmonics that are no multiple of their number",
-    "coupling.carrier_bore_position": "turns with the carrier, as the force on the bore does",
-    "coupling.bearing_clearance": "the force on a bore is constant in the carrier, and so is its journal's place",
-    "coupling.carrier_runout": "the forces on all bores cancel",
-    "thermal.growth": "changes play alone; the same rise of all parts leaves nothing",
-    "load.torsion": "constant at constant torque",
-    "sensor.time_offset": "at constant speed the reading lags by a constant angle, each way",
-}
-
 
 #: What `Source.frame` says of what is fixed in no part.
 _FIXED = {
     "direction": "no part, changes with the direction of motion",
     "bearing": "no part, turns with the load on the bearing",
-}
-
-#: Error vector of each source, per parameters as `Source.parameters` has them; symbols as `_SOURCES_HEAD` says.
-_EQUATION = {
-    "involute.center_distance": r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
-    "involute.sun_eccentricity": r"$\delta = C(R\theta)\,(x, y)$",
-    "involute.sun_offset": r"$\delta = (x, y)$",
-    "involute.planet_eccentricity": r"$\delta = -C(\nu\theta)\,(x, y)$",
-    "involute.sun_pitch": r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j - R\theta$",
-    "involute.planet_pitch": r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
-    "involute.tooth_thinning": r"$\delta = \mp\tfrac{1}{2} e\, t_j$",
-    "involute.spline_clearance": r"$\delta = \pm e / (2 r_s)$, an angle",
-    "crank.eccentricity": r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
-    "crank.bearing_clearance": r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
-    "crank.index": r"$\delta = e$, an angle",
-    "cycloid.disc_profile": r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
-    "cycloid.disc_pitch": r"$\delta = -(c\cos h\psi_i + s\sin h\psi_i)\, \tau_i$",
-    "cycloid.disc_lobe": (
-        r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$"
-    ),
-    "cycloid.pin_position": r"$\delta = e_r\, p_i + e_t\, p_i^\perp$",
-    "cycloid.pin_circle": (
-        r"$\delta = (c_r\cos h\gamma_i + s_r\sin h\gamma_i)\, p_i "
-        r"+ (c_t\cos h\gamma_i + s_t\sin h\gamma_i)\, p_i^\perp$"
-    ),
-    "cycloid.pin_radius": r"$\delta = e\, n_i$",
-    "cycloid.profile_modification": r"$\delta = -\Delta_e\, n_i + \Delta_s\, (n_i \cdot p_i)\, n_i$",
-    "cycloid.disc_bore_position": r"$\delta = e_r\, r_j + e_t\, t_j$",
-    "coupling.carrier_bore_position": r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
-    "coupling.bearing_clearance": r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
-    "coupling.carrier_runout": r"$\delta = -C(\theta)\,(x, y)$",
-    "thermal.growth": (
-        r"with $\eta = \alpha\,\Delta T$ of each part and $q_i = R_p\, p_i + r_p\, n_i$: "
-        r"pin $\eta_{housing}\, q_i - \eta_{discs}\, (q_i - a\,\epsilon_k)$, "
-        r"cam $\eta_{discs}\, r_6\, r_j - \eta_{cranks}\, a\,\epsilon_k$, "
-        r"carrier $-\eta_{carrier}\, r_6\, r_j$, mesh $\eta_{gears}\, r_6\, r_j$"
-    ),
-    "load.torsion": r"$\delta = \mp e\, T$",
-    "sensor.encoder_eccentricity": r"$\delta = c\cos\theta + s\sin\theta$",
-    "sensor.encoder_ellipticity": r"$\delta = c\cos 2\theta + s\sin 2\theta$",
-    "sensor.input_coupling": r"$\delta = (c\cos hR\theta + s\sin hR\theta)/R$",
-    "sensor.index_offset": r"none of its own: all other gear errors are taken at $\theta + e$",
-    "sensor.ratio_error": r"$\delta = e\,\theta$",
-    "sensor.drift": r"$\delta = e\,(t - t_0)/(t_1 - t_0)$ over the time $t$ of a run",
-    "sensor.time_offset": r"$\delta = e\,\dot\theta$",
-    "shaft.eccentricity": r"$\delta = c\cos ho\theta + s\sin ho\theta$, the shaft turning $o$ times a turn",
-    "empirical.order": r"$\delta = c\cos ho\theta + s\sin ho\theta$, $o$ the order of the frame",
 }
 
 
@@ -178,7 +114,7 @@ def catalogue_markdown(more: Callable[[Source], str] | None = None) -> str:
     for entry in CATALOGUE.values():
         lines += [_section(entry, left[entry.key]), *([more(entry), ""] if more else [])]
     lines += [_INVISIBLE_HEAD, _line("key", "parameters and what they leave", "why"), _line(*["---"] * 3)]
-    lines += [_line(f"`{key}`", text, _WHY.get(key, "-")) for key, text in left.items() if text]
+    lines += [_line(f"`{key}`", text, CATALOGUE[key].hidden or "-") for key, text in left.items() if text]
     return "\n".join([*lines, "", _CATALOGUE_TAIL])
 
 
@@ -212,7 +148,7 @@ def _section(entry: Source, left: str) -> str:
         "",
         entry.summary[0].upper() + entry.summary[1:] + ".",
         "",
-        f"- Error vector: {_EQUATION[entry.key]}.",
+        f"- Error vector: {entry.equation}.",
         f"- Felt at: {felt}. Fixed in: {_FIXED.get(entry.frame, entry.frame)}.",
         f"- Parameters: {_parameters(entry.parameters)}.",
     ]

@@ -76,7 +76,8 @@ class Table:
 
 
 @functools.cache
-def _rv40e(*, cranks: int = 2, discs: int = 2) -> Reducer:
+def rv40e(*, cranks: int = 2, discs: int = 2) -> Reducer:
+    """RV-40E of so many cranks and discs."""
     return reducer("RV-40E", cranks=cranks, discs=discs)
 
 
@@ -84,7 +85,7 @@ def _theta(angles: int = ANGLES) -> Array:
     return 2 * np.pi * np.arange(angles) / angles
 
 
-def _loaded(unit: Reducer, effects: Effects, torque: float, *, direction: float = 1.0, angles: int = ANGLES) -> Array:
+def wave_of(unit: Reducer, effects: Effects, torque: float, *, direction: float = 1.0, angles: int = ANGLES) -> Array:
     """Output error over one turn by the equilibrium, arcsec."""
     state = equilibrium(Model(unit, effects), _theta(angles), torque=torque, direction=direction)
     return np.asarray(state.transmission_error / ARCSEC)
@@ -97,14 +98,14 @@ def _closed(unit: Reducer, effects: Effects) -> Array:
 
 def _three(unit: Reducer, effects: Effects) -> tuple[float, float, float]:
     """Peak-to-peak by the closed form and by the equilibrium at `LIGHT` and `RATED`, arcsec."""
-    loaded = (_loaded(unit, effects, torque) for torque in (LIGHT, RATED))
+    loaded = (wave_of(unit, effects, torque) for torque in (LIGHT, RATED))
     light, rated = (float(np.ptp(wave)) for wave in loaded)
     return float(np.ptp(_closed(unit, effects))), light, rated
 
 
 def _lost_motion(unit: Reducer, effects: Effects, torque: float) -> float:
     """Mean of the error in reverse less that forward, one zero for both, arcsec."""
-    forward, reverse = (_loaded(unit, effects, torque, direction=d, angles=41) for d in (1.0, -1.0))
+    forward, reverse = (wave_of(unit, effects, torque, direction=d, angles=41) for d in (1.0, -1.0))
     return float(reverse.mean() - forward.mean())
 
 
@@ -115,7 +116,8 @@ def _at_phase(key: str, size: float, phase: float, names: tuple[str, str] = ("x"
     return effect(key, **values, **indices)
 
 
-def _pitch(disc: int, phase: float = 0.0, *, size: float = ERROR, harmonic: int = 1) -> Effect:
+def pitch(disc: int, phase: float = 0.0, *, size: float = ERROR, harmonic: int = 1) -> Effect:
+    """Wave of pitch errors of one disc."""
     return _at_phase("cycloid.disc_pitch", size, phase, ("cos", "sin"), disc=disc, harmonic=harmonic)
 
 
@@ -136,7 +138,7 @@ def _clearance(size: float) -> Effects:
     return tuple(effect(key, clearance=size) for key in keys)
 
 
-def _peaks(wave: Array) -> int:
+def peaks(wave: Array) -> int:
     """Local maxima of one period."""
     return int(((wave > np.roll(wave, 1)) & (wave >= np.roll(wave, -1))).sum())
 
@@ -146,12 +148,12 @@ def _peaks(wave: Array) -> int:
 
 def disc_phases() -> Table:
     """Cumulative pitch errors of two discs, in and out of phase."""
-    unit = _rv40e(cranks=3)
+    unit = rv40e(cranks=3)
     rows: list[tuple[Cell, ...]] = []
     for harmonic in (1, 2):
-        rows.append((f"harmonic {harmonic}, one disc", *_three(unit, (_pitch(0, harmonic=harmonic),))))
+        rows.append((f"harmonic {harmonic}, one disc", *_three(unit, (pitch(0, harmonic=harmonic),))))
         for degrees in (0, 90, 180):
-            both = (_pitch(0, harmonic=harmonic), _pitch(1, math.radians(degrees), harmonic=harmonic))
+            both = (pitch(0, harmonic=harmonic), pitch(1, math.radians(degrees), harmonic=harmonic))
             rows.append((f"harmonic {harmonic}, waves {degrees} deg apart", *_three(unit, both)))
     return Table(
         key="001 phase of two discs",
@@ -179,14 +181,14 @@ def disc_averaging() -> Table:
     """Variance of the output error against the number of discs."""
     columns: dict[str, list[float]] = {}
     for discs in (1, 2, 3, 4):
-        unit = _rv40e(cranks=3, discs=discs)
+        unit = rv40e(cranks=3, discs=discs)
         each = [{"disc": k} for k in range(discs)]
         held = [{"disc": k, "crank": j} for k in range(discs) for j in range(unit.cranks)]
-        nominal = _loaded(unit, NOTHING, RATED)
-        small = [(_pitch(k, phase, size=1e-3),) for k in range(discs) for phase in (0.0, math.pi / 2)]
+        nominal = wave_of(unit, NOTHING, RATED)
+        small = [(pitch(k, phase, size=1e-3),) for k in range(discs) for phase in (0.0, math.pi / 2)]
         values = {
             "disc pitch": _variance(unit, "cycloid.disc_pitch", [{**at, "harmonic": 1} for at in each]),
-            "the same, 412 N m": sum(float(np.var(_loaded(unit, e, RATED) - nominal)) for e in small),
+            "the same, 412 N m": sum(float(np.var(wave_of(unit, e, RATED) - nominal)) for e in small),
             "cams": _variance(unit, "crank.eccentricity", held),
             "disc bores": _variance(unit, "cycloid.disc_bore_position", held),
             "a pin": _variance(unit, "cycloid.pin_position", [{"pin": 0}]),
@@ -213,7 +215,7 @@ def disc_averaging() -> Table:
 
 def cam_differences() -> Table:
     """Eccentricity errors of cams, equal and unequal."""
-    unit = _rv40e(cranks=3)
+    unit = rv40e(cranks=3)
 
     def cams(sizes: Mapping[tuple[int, int], float]) -> Effects:
         return tuple(effect("crank.eccentricity", crank=j, disc=k, radial=e) for (j, k), e in sizes.items())
@@ -240,7 +242,7 @@ def cam_differences() -> Table:
 @functools.cache
 def _tolerances() -> Mapping[str, tuple[str, Effects]]:
     """Source 001's table 3 and errors of the first stage, by name: rank, effects."""
-    radius = _rv40e().pin_circle_radius
+    radius = rv40e().pin_circle_radius
 
     def half(arcsec: float) -> float:
         return arcsec / 2 * ARCSEC * radius
@@ -250,7 +252,7 @@ def _tolerances() -> Mapping[str, tuple[str, Effects]]:
 
     return {
         "one cam, 2 um": ("1", (effect("crank.eccentricity", crank=0, disc=0, radial=0.002),)),
-        "disc pitch, 5 arcsec peak-to-peak": ("2", (_pitch(0, size=half(5)),)),
+        "disc pitch, 5 arcsec peak-to-peak": ("2", (pitch(0, size=half(5)),)),
         "pin pitch, 10 arcsec peak-to-peak, harmonic 1": ("3", ring(1)),
         "pin pitch, 10 arcsec peak-to-peak, harmonic 2": ("3", ring(2)),
         "a disc bore, 3 um tangential": (
@@ -273,7 +275,7 @@ def _tolerances() -> Mapping[str, tuple[str, Effects]]:
 
 def tolerance_ranking() -> Table:
     """Source 001's table 3 at its tolerances, and the first stage beside it."""
-    unit = _rv40e(cranks=3)
+    unit = rv40e(cranks=3)
     rows: list[tuple[Cell, ...]] = [
         (name, rank, *_three(unit, effects)) for name, (rank, effects) in _tolerances().items()
     ]
@@ -310,11 +312,11 @@ def additivity(*, draws: int = 6) -> tuple[tuple[float, float, float, float], ..
         For each torque: median and largest rms of the difference as a share of the rms of all together, then medians of
         peak-to-peak of all together over the sum and over the root of the sum of squares of the single ones.
     """
-    unit = _rv40e(cranks=3)
+    unit = rv40e(cranks=3)
     half = 5 / 2 * ARCSEC * unit.pin_circle_radius
     found = []
     for torque in (LIGHT, RATED):
-        nominal = _loaded(unit, NOTHING, torque)
+        nominal = wave_of(unit, NOTHING, torque)
         shares = []
         for draw in range(draws):
             rng = np.random.default_rng((1, draw))
@@ -324,7 +326,7 @@ def additivity(*, draws: int = 6) -> tuple[tuple[float, float, float, float], ..
                 tuple(
                     effect("crank.eccentricity", crank=j, disc=k, radial=rng.choice([-0.001, 0.001])) for j, k in cams
                 ),
-                tuple(_pitch(k, rng.uniform(0, 2 * math.pi), size=half) for k in range(unit.discs)),
+                tuple(pitch(k, rng.uniform(0, 2 * math.pi), size=half) for k in range(unit.discs)),
                 (
                     effect(
                         "cycloid.pin_circle",
@@ -338,8 +340,8 @@ def additivity(*, draws: int = 6) -> tuple[tuple[float, float, float, float], ..
                     for j, k in cams
                 ),
             )
-            single = [_loaded(unit, group, torque) - nominal for group in groups]
-            total = _loaded(unit, sum(groups, NOTHING), torque) - nominal
+            single = [wave_of(unit, group, torque) - nominal for group in groups]
+            total = wave_of(unit, sum(groups, NOTHING), torque) - nominal
             sizes = [float(np.ptp(wave)) for wave in single]
             difference = float(np.std(total - np.sum(single, axis=0)) / np.std(total))
             shares.append((difference, np.ptp(total) / sum(sizes), np.ptp(total) / math.hypot(*sizes)))
@@ -386,7 +388,7 @@ def pin_radius_lag(*, points: int = 64) -> tuple[Array, Array, Array, Array]:
     tuple of ndarray, shape (points,)
         Lag and lead where the first pin touches, F e / max(l); the same from the equilibrium without load, arcsec.
     """
-    unit = _rv40e(cranks=3, discs=1)
+    unit = rv40e(cranks=3, discs=1)
     # the crank turns by 2 pi / z_p in the housing
     period = 2 * np.pi / unit.pins / abs(frame_orders(unit)["crank"])
     theta = np.arange(points) / points * period
@@ -407,7 +409,7 @@ def pin_radius_lag(*, points: int = 64) -> tuple[Array, Array, Array, Array]:
 
 def pin_radius() -> Table:
     """Lag and lead from pins that are too thin."""
-    unit = _rv40e(cranks=3, discs=1)
+    unit = rv40e(cranks=3, discs=1)
     lag, lead, solved_lag, solved_lead = pin_radius_lag()
     rows: list[tuple[Cell, ...]] = []
     for name, waves in (
@@ -417,7 +419,7 @@ def pin_radius() -> Table:
     ):
         first, second = waves
         least, most = ([f"{value:.2f}" for value in (f(first), f(second))] for f in (np.min, np.max))
-        rows.append((name, least[0], most[0], float(_peaks(first)), least[1], most[1]))
+        rows.append((name, least[0], most[0], float(peaks(first)), least[1], most[1]))
     mesh = fundamental_orders(unit)["cycloid mesh"]
     return Table(
         key="001 pin radius",
@@ -454,7 +456,7 @@ def clearance_band(*, draws: int = 8) -> Array:
     ndarray, shape (gaps, torques, draws)
         arcsec.
     """
-    unit = _rv40e()
+    unit = rv40e()
     found = np.zeros((len(GAPS), len(TORQUES_002), draws))
     for draw in range(draws):
         rng = np.random.default_rng((2, draw))
@@ -467,7 +469,7 @@ def clearance_band(*, draws: int = 8) -> Array:
         for g, gap in enumerate(GAPS):
             ground = (effect("cycloid.profile_modification", equidistant=gap),)
             for t, torque in enumerate(TORQUES_002):
-                found[g, t, draw] = np.ptp(_loaded(unit, errors + ground, torque))
+                found[g, t, draw] = np.ptp(wave_of(unit, errors + ground, torque))
     return found
 
 
@@ -495,11 +497,11 @@ def tooth_clearance() -> Table:
 
 def clearance_sensitivity() -> Table:
     """Source 002's sensitivity to clearance, and where its range sits."""
-    unit = _rv40e()
+    unit = rv40e()
     medians = np.median(clearance_band(), axis=2)
-    lag = [_loaded(unit, (effect("cycloid.profile_modification", equidistant=0.010),), t).mean() for t in TORQUES_002]
-    windup = [_loaded(unit, NOTHING, t).mean() for t in TORQUES_002]
-    alone = np.ptp(_loaded(unit, (effect("cycloid.profile_modification", equidistant=0.010),), LIGHT))
+    lag = [wave_of(unit, (effect("cycloid.profile_modification", equidistant=0.010),), t).mean() for t in TORQUES_002]
+    windup = [wave_of(unit, NOTHING, t).mean() for t in TORQUES_002]
+    alone = np.ptp(wave_of(unit, (effect("cycloid.profile_modification", equidistant=0.010),), LIGHT))
     mean_step = (medians[-1] - medians[0]) / (len(GAPS) - 1)
     return Table(
         key="002 sensitivity",
@@ -547,7 +549,7 @@ def _worn(member: str, wear: float) -> Effects:
 
 def _wear_table(member: str, printed: Mapping[float, float]) -> tuple[tuple[Cell, ...], ...]:
     unit = _rv003()
-    waves = {w: [_loaded(unit, _worn(member, w), LIGHT, direction=d, angles=101) for d in (1.0, -1.0)] for w in printed}
+    waves = {w: [wave_of(unit, _worn(member, w), LIGHT, direction=d, angles=101) for d in (1.0, -1.0)] for w in printed}
     lost = {w: float(reverse.mean() - forward.mean()) for w, (forward, reverse) in waves.items()}
     return tuple(
         (f"{w:g}", te - printed[0.0], lost[w] - lost[0.0], float(np.ptp(waves[w][0]) - np.ptp(waves[0.0][0])))
@@ -627,7 +629,7 @@ def wear_kink() -> Table:
 
 def _lost_motion_wave(unit: Reducer, effects: Effects) -> float:
     """Lost motion at 1 N*m with errors that turn: mean over the turn."""
-    forward, reverse = (_loaded(unit, effects, 1e3, direction=d, angles=101) for d in (1.0, -1.0))
+    forward, reverse = (wave_of(unit, effects, 1e3, direction=d, angles=101) for d in (1.0, -1.0))
     return float(reverse.mean() - forward.mean())
 
 
@@ -672,12 +674,12 @@ def torque_of_003() -> float:
 def contact_stiffness() -> Table:
     """Source 003's sweep of contact stiffness."""
     torque = torque_of_003()
-    errors = (_pitch(0), _pitch(1, 1.0), *_pins(np.random.default_rng(3), _rv003(), ERROR))
+    errors = (pitch(0), pitch(1, 1.0), *_pins(np.random.default_rng(3), _rv003(), ERROR))
     rows: list[tuple[Cell, ...]] = []
     for stiffness, te in CONTACT_STIFFNESS.items():
         unit = _rv003(stiffness=Stiffness(pin_contact=stiffness))
         lost = [_lost_motion(unit, NOTHING, t) for t in (LIGHT, torque)]
-        rows.append((f"{stiffness:.0f}", te, *lost, float(np.ptp(_loaded(unit, errors, torque)))))
+        rows.append((f"{stiffness:.0f}", te, *lost, float(np.ptp(wave_of(unit, errors, torque)))))
     return Table(
         key="003 contact stiffness",
         printed="Error over the stiffness of the pin contacts, 1e4 to 1e6 N/mm: falls from 55 to 39 arcsec, ever less.",
@@ -760,7 +762,7 @@ def error_groups(rng: np.random.Generator, unit: Reducer) -> Mapping[str, Effect
 
 
 def _draw(draw: int, lobes: float) -> Effects:
-    unit, rng = _rv40e(), np.random.default_rng((4, draw))
+    unit, rng = rv40e(), np.random.default_rng((4, draw))
     table_2 = sum(error_groups(rng, unit).values(), NOTHING)
     if not lobes:
         return table_2
@@ -788,7 +790,7 @@ def band(*, draws: int = DRAWS, lobes: float = 0.0) -> Array:
     for draw in range(draws):
         effects = _draw(draw, lobes)
         for d, direction in enumerate((1.0, -1.0)):
-            wave = _loaded(_rv40e(), effects, RATED, direction=direction)
+            wave = wave_of(rv40e(), effects, RATED, direction=direction)
             found[0, d, draw] = np.ptp(wave)
             found[1, d, draw] = np.abs(wave - wave.mean()).max()
     return found
@@ -828,7 +830,7 @@ def error_band(*, draws: int = DRAWS) -> Table:
             low, middle, high = (float(q) for q in np.percentile(values, (5, 50, 95)))
             share = 100 * float((values >= MEASURED[d]).mean())
             rows.append((f"{direction}: {name}", f"{MEASURED[d]:.2f}", low, middle, high, share))
-    fine = float(np.ptp(_loaded(_rv40e(), _draw(0, 0.0), RATED, angles=4096)) - found[0, 0, 0])
+    fine = float(np.ptp(wave_of(rv40e(), _draw(0, 0.0), RATED, angles=4096)) - found[0, 0, 0])
     return Table(
         key="004 error set",
         printed="Measured maximum 56.33 arcsec forward, 57.42 reverse, at 15 rpm; simulated -0.0089 to 0.0093 deg "
@@ -861,8 +863,8 @@ def error_shares(*, draws: int = 6) -> Table:
     -------
     Table
     """
-    unit = _rv40e()
-    nominal = [_loaded(unit, NOTHING, RATED, direction=d).mean() for d in (1.0, -1.0)]
+    unit = rv40e()
+    nominal = [wave_of(unit, NOTHING, RATED, direction=d).mean() for d in (1.0, -1.0)]
     sets = [error_groups(np.random.default_rng((4, draw)), unit) for draw in range(draws)]
     groups = {name: [one[name] for one in sets] for name in sets[0]}
     groups["bearing clearance, 12 um taken as diametral"] = [_clearance(0.006)]
@@ -871,7 +873,7 @@ def error_shares(*, draws: int = 6) -> Table:
         different = [effects for n, effects in enumerate(drawn) if effects not in drawn[:n]]
         sizes, lost = [], []
         for effects in different:
-            forward, reverse = (_loaded(unit, effects, RATED, direction=d) for d in (1.0, -1.0))
+            forward, reverse = (wave_of(unit, effects, RATED, direction=d) for d in (1.0, -1.0))
             sizes.append(float(np.ptp(forward)))
             lost.append(float((reverse.mean() - nominal[1]) - (forward.mean() - nominal[0])))
         rows.append((name, min(sizes), max(sizes), max(lost, key=abs)))
@@ -891,8 +893,8 @@ def error_shares(*, draws: int = 6) -> Table:
 
 def sensitivities() -> Table:
     """Source 004's table 4."""
-    unit = _rv40e()
-    windup = float(_loaded(unit, NOTHING, RATED).mean())
+    unit = rv40e()
+    windup = float(wave_of(unit, NOTHING, RATED).mean())
 
     def pin(size: float) -> Effects:
         return (effect("cycloid.pin_radius", pin="all", deviation=size / 2),)
@@ -912,7 +914,7 @@ def sensitivities() -> Table:
     squares = sum(row[3] ** 2 for row in cases[:5])
     rows: list[tuple[Cell, ...]] = []
     for name, low, high, printed, contribution, make in cases:
-        waves = [_loaded(unit, make(size), RATED) for size in (low, high)]
+        waves = [wave_of(unit, make(size), RATED) for size in (low, high)]
         ripple = [float(np.ptp(wave)) for wave in waves]
         lag = [windup - float(wave.mean()) for wave in waves]
         shares = (contribution, 100 * printed / total, 100 * printed**2 / squares)
@@ -958,7 +960,7 @@ TABLES: tuple[Callable[[], Table], ...] = (
     sensitivities,
 )
 
-_HEAD = """# Published numbers
+HEAD = """# Published numbers
 
 What sources 001 to 004 publish about whole gear trains, beside what rverror computes for the same case. The statics is
 that of [the loaded equilibrium](theory/equilibrium.md): no friction, no mass, default stiffnesses unless a table says
@@ -986,7 +988,7 @@ def markdown(tables: Sequence[Table] | None = None) -> str:
         Markdown, one line break at the end.
     """
     made = [make() for make in TABLES] if tables is None else tables
-    lines = [_HEAD, "## Verdicts", "", _line("statement", "verdict"), _line("---", "---")]
+    lines = [HEAD, "## Verdicts", "", _line("statement", "verdict"), _line("---", "---")]
     lines += [
         _line(f"[{t.key}](#{t.key.replace(' ', '-')})", t.verdict.partition(":")[0].partition(" for ")[0]) for t in made
     ]

@@ -10,7 +10,7 @@ from rverror.base.text import describe
 from rverror.base.units import ARCSEC, to_core, to_display
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import ErrorVector
-from rverror.geartrain.kinematics import folded_order, frame_orders, fundamental_orders
+from rverror.geartrain.kinematics import Conditions, folded_order, frame_orders, fundamental_orders
 from rverror.geartrain.mechanism import Drive, Reducer, Stiffness, reducer
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
@@ -25,7 +25,9 @@ from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
 from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
-from rverror.diagnosis.loop import Diagnosis, diagnose
+from rverror.diagnosis.loop import diagnose
+from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.result import Diagnosis
 
 # Tolerances: what they make of the error, and which to buy.
 from rverror.tolerances import cost as costs
@@ -71,6 +73,7 @@ __all__ = [
     "Allocation",
     "Budget",
     "Comparison",
+    "Conditions",
     "ContactCorrection",
     "Diagnosis",
     "Drive",
@@ -86,6 +89,7 @@ __all__ = [
     "Model",
     "NotConvergedError",
     "Parameter",
+    "Policy",
     "Reducer",
     "Run",
     "Source",

@@ -300,7 +300,7 @@ def test_command_line_on_processes(
 
 def test_workers_have_one_blas_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    with batch._processes(1) as pool:
+    with batch.processes(1) as pool:
         assert pool.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
         assert pool.submit(os.getenv, "OPENBLAS_NUM_THREADS").result() == "1"
     assert os.environ["OMP_NUM_THREADS"] == "7"

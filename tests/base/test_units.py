@@ -164,14 +164,14 @@ def test_a_long_text_that_is_no_quantity_is_refused(text: str) -> None:
         units.parse(text, "length")
 
 
-@pytest.mark.parametrize(("dimension", "unit"), [(d, u) for d, known in units._EVERYDAY.items() for u in known])
+@pytest.mark.parametrize(("dimension", "unit"), [(d, u) for d, known in units.EVERYDAY.items() for u in known])
 def test_everyday_units_are_what_pint_says(dimension: str, unit: str) -> None:
     expected = REGISTRY.Quantity(7.0, unit).to(units.CORE_UNITS[dimension]).magnitude
     assert units.parse(f"7 {unit}", dimension) == pytest.approx(expected, rel=1e-15)
 
 
 def test_each_dimension_is_read_and_shown_in_everyday_units() -> None:
-    for dimension, known in units._EVERYDAY.items():
+    for dimension, known in units.EVERYDAY.items():
         assert {units.CORE_UNITS[dimension], units.DISPLAY_UNITS[dimension]} <= set(known)
 
 

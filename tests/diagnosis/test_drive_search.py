@@ -16,9 +16,9 @@ import rverror
 from recordings import recording
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.coloured import burg, kept_share, normal, orthonormal, whiten
-from rverror.diagnosis.drive_lines import line_spectrum
-from rverror.diagnosis.drive_search import diagnose_drive
+from rverror.diagnosis.samples.coloured import burg, kept_share, normal, orthonormal, whiten
+from rverror.diagnosis.samples.drives import diagnose_drive
+from rverror.diagnosis.samples.lines import line_spectrum
 from rverror.model.model_file import load_model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, load_run
@@ -59,7 +59,7 @@ def keys(found: rverror.Diagnosis) -> list[str]:
 @pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
 @pytest.mark.parametrize("motion", [turns, lambda: turns(800, 0.3), sine], ids=["turns", "short", "sine"])
 def test_noise_alone_seldom_gets_an_effect(motion: Any, memory: float) -> None:
-    """Each is allowed 0.4 %: two of eight have a chance of 5e-4."""
+    """Each is allowed 0.2 %: two of eight have a chance of 1e-4."""
     time, theta = motion()
     found = [diagnose_drive(DRIVE, [record(time, theta, red(seed, time.size, memory))]) for seed in range(8)]
     assert sum(d.verdict != "nothing_missing" for d in found) <= 1
@@ -249,7 +249,7 @@ def test_line_spectrum_is_that_of_the_sums_written_out() -> None:
     theta = np.sort(rng.uniform(0, 9, 700))
     signal = rng.normal(size=700)
     noise = burg(signal)
-    order, power = line_spectrum(theta, signal, noise, 100.0)
+    order, power = line_spectrum(theta, signal, noise, 1.0, 100.0)
     assert noise.coefficients.size == 0
     for i in (5, 50, 300):
         direct = abs(np.exp(-1j * order[i] * theta) @ signal) ** 2 / (noise.sigma**2 * 700 / 2)

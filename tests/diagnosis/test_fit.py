@@ -13,17 +13,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 import rverror
-from rverror.diagnosis.fit import (
-    FitRun,
-    Misfit,
-    coarse,
-    covariance_of,
-    fit_run,
-    joint_fit,
-    priors,
-    whitened,
-    with_values,
-)
+from rverror.diagnosis.harmonics.fit import Misfit, covariance_of, joint_fit, priors, with_values
+from rverror.diagnosis.harmonics.runs import FitRun, coarse, fit_run, independent_samples, whitened
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.effects import Effect, Model, effect
 from rverror.runs.spectrum import amplitude, harmonics
@@ -291,6 +282,27 @@ def test_fewer_angles_keep_the_low_harmonics(n: int, points: int) -> None:
     np.testing.assert_allclose(small.values.mean(axis=1), values.mean(axis=1), rtol=0, atol=1e-12)
     # in units of their noise, which is what a fit sees, they are the same
     np.testing.assert_allclose(after / np.sqrt(small.noise), before / np.sqrt(run.noise[:m]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("periods", "order"), [(2, 0), (3, 0), (3, 40), (2, 100)])
+def test_independent_samples_are_those_of_the_smoothed_noise(periods: int, order: int) -> None:
+    """The scatter of the noise of one order, and of the mean over many, in runs of white noise: variance 2 / nu."""
+    rng = np.random.default_rng([periods, order])
+    found, many = [], []
+    for _ in range(400):
+        run = run_of((), rng, noise=1.0, periods=periods)
+        found.append(run.noise[order])
+        many.append(run.noise.mean())
+    shares = np.zeros(run.noise.size)
+    shares[order] = 3.0
+    few = independent_samples([run], [shares])
+    assert few == pytest.approx(2 / np.var(found), rel=0.3)
+    if order == 0:
+        assert few == pytest.approx(10 * (periods - 1))  # cosine and sine of five harmonics
+        # two runs know it twice as well; what is known beside leaves less to doubt
+        assert independent_samples([run, run], [shares, shares]) == pytest.approx(2 * few)
+        assert independent_samples([run], [shares], known=3.0) == pytest.approx(4 * few)
+    assert independent_samples([run], [np.ones(run.noise.size)]) == pytest.approx(2 / np.var(many), rel=0.3)
 
 
 def test_a_run_with_few_angles_is_left_alone() -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.growing import Growth, growing_errors, growth_rows
+from rverror.diagnosis.samples.growing import Growth, growing_errors, growth_rows
 from rverror.model.effects import Effect, Model, effect
 from rverror.runs.spectrum import revolutions
 from rverror.runs.virtual_bench import coloured_noise
@@ -233,7 +233,7 @@ def test_a_run_without_times_keeps_the_time_offset_out() -> None:
 
 @pytest.mark.parametrize(("turns", "directions"), [(3, BOTH), (2, BOTH), (3, (1.0,)), (2, (-1.0,))])
 def test_noise_grows_nowhere(turns: int, directions: tuple[float, ...]) -> None:
-    """At most 1 % of units with nothing missing may get an effect; by its own chance of 3e-4, none of 200 does."""
+    """At most 1 % of units with nothing missing may get an effect; by its own chance of 1e-3, none of 200 does."""
     wrong = 0
     for seed in range(200):
         rng = np.random.default_rng([seed, 7])

@@ -12,8 +12,8 @@ import pytest
 import rverror
 from recordings import bench
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.loop import Diagnosis
-from rverror.diagnosis.reducer_search import _Fold
+from rverror.diagnosis.harmonics.periods import FoldSums
+from rverror.diagnosis.result import Diagnosis
 from rverror.views.report import to_text
 
 
@@ -243,7 +243,7 @@ def test_score_counts_left_out_data_and_what_declared_sizes_moved_from_where_the
     gram, moment = columns.T @ columns, columns.T @ seen
     gram[0, 0] += sigma**-2
     moment[0] += change[0] / sigma**2
-    fold = _Fold(gram, moment, columns.T @ columns, columns.T @ left_out, known, change, weight)
+    fold = FoldSums(gram, moment, columns.T @ columns, columns.T @ left_out, known, change, weight)
     for at in (np.array([0, 1]), np.array([0, 1, 2])):
         step = np.linalg.solve(gram[np.ix_(at, at)], moment[at])
         data = ((left_out - columns[:, at] @ step) ** 2).sum() - (left_out**2).sum()

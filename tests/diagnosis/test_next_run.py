@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from rverror import CATALOGUE, Drive, Effect, effect, reducer
-from rverror.diagnosis.next_run import Bench, Measurement, Pair, closed_form_states, folds, to_place, to_separate
+from rverror.diagnosis.next_run import Bench, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.pairs import Pair, closed_form_states
 from rverror.geartrain.kinematics import folded_order
 
 UNIT = reducer("RV-40E")

@@ -12,10 +12,14 @@ import pytest
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.diagnosis import reducer_search
-from rverror.diagnosis.fit import FitRun, fit_run, joint_fit
-from rverror.diagnosis.reducer_search import Outcome, Search, _Found, searched
+from rverror.diagnosis.harmonics.fit import joint_fit
+from rverror.diagnosis.harmonics.likelihood import HarmonicLikelihood, PeriodFit, Record
+from rverror.diagnosis.harmonics.periods import Periods, residual
+from rverror.diagnosis.harmonics.reducers import Searched, searched
+from rverror.diagnosis.harmonics.runs import FitRun, fit_run
+from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition
+from rverror.diagnosis.search import Journal, chosen_again, pruned
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect, Model, effect
@@ -70,12 +74,27 @@ def bench(
     return Model(UNIT, measured), runs
 
 
-def found_in(missing: Sequence[Effect], *, torque: float | None, parts: Sequence[Part] = DECLARED) -> Outcome:
+def found_in(
+    missing: Sequence[Effect],
+    policy: Policy = POLICY,
+    *,
+    torque: float | None,
+    parts: Sequence[Part] = DECLARED,
+) -> Searched:
     model, runs = bench(missing, torque=torque, parts=parts)
-    return searched(model, UNIT, runs, lambda text: None)
+    return searched(Periods(model, UNIT, runs, policy), Journal(lambda text: None))
 
 
-def at_the_noise(outcome: Outcome) -> bool:
+def trying(*keys: str) -> Policy:
+    """Try few sources, for speed: those that turn with the crank and those that are missing."""
+    return replace(POLICY, keys=keys)
+
+
+def likelihood_of(model: Model, runs: Sequence[FitRun], *keys: str) -> HarmonicLikelihood:
+    return HarmonicLikelihood.of(Periods(model, UNIT, runs, trying(*keys)), Journal(lambda text: None))
+
+
+def at_the_noise(outcome: Searched) -> bool:
     """Tell whether what is left is no more than the noise."""
     misfit = outcome.fit.misfit
     return not outcome.lines and misfit.data < misfit.count + 5 * math.sqrt(2 * misfit.count)
@@ -90,25 +109,19 @@ def named(addition: Addition) -> set[Name]:
     return {name(addition.effect.key, addition.effect.indices), *(name(*one) for one in addition.indistinguishable)}
 
 
-def try_only(monkeypatch: pytest.MonkeyPatch, *keys: str) -> None:
-    """Let the search try few sources, for speed: those that turn with the crank and those that are missing."""
-    monkeypatch.setattr(reducer_search, "CATALOGUE", {key: CATALOGUE[key] for key in keys})
-
-
-def test_two_effects_of_one_frame_are_both_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_effects_of_one_frame_are_both_found() -> None:
     """Order 120 of a planet beside a clearance that makes 80, 160 and, with the cams, 40: each leaves the other's.
 
     At equal loads of two planets the same pitch error of the other one, turned over, makes nearly the same.
     """
-    try_only(
-        monkeypatch,
+    policy = trying(
         "crank.bearing_clearance",
         "crank.eccentricity",
         "involute.planet_pitch",
         "involute.planet_eccentricity",
         "cycloid.disc_bore_position",
     )
-    found = found_in((CLEARANCE, PITCH), torque=20e3)
+    found = found_in((CLEARANCE, PITCH), policy, torque=20e3)
     assert len(found.added) == 2
     parts = {addition.effect.key: addition for addition in found.added}
     play, pitch = parts[CLEARANCE.key], parts[PITCH.key]
@@ -121,21 +134,18 @@ def test_two_effects_of_one_frame_are_both_found(monkeypatch: pytest.MonkeyPatch
     assert at_the_noise(found)
 
 
-def test_two_effects_of_one_frame_are_kept_beside_an_order_that_nothing_explains(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    try_only(monkeypatch, "crank.bearing_clearance", "crank.eccentricity", "involute.planet_pitch")
+def test_two_effects_of_one_frame_are_kept_beside_an_order_that_nothing_explains() -> None:
+    policy = trying("crank.bearing_clearance", "crank.eccentricity", "involute.planet_pitch")
     model, runs = bench((CLEARANCE, PITCH), torque=20e3)
     runs = [replace(run, values=run.values + 2 * ARCSEC * np.cos(36 * run.conditions.theta)) for run in runs]
-    found = searched(model, UNIT, runs, lambda text: None)
+    found = searched(Periods(model, UNIT, runs, policy), Journal(lambda text: None))
     assert {addition.effect.key for addition in found.added} == {CLEARANCE.key, PITCH.key}
     assert [line.order for line in found.lines] == [36.0]
 
 
-def test_one_large_wave_is_named_alone_before_two_stand_in_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_large_wave_is_named_alone_before_two_stand_in_for_it() -> None:
     """From nothing the fit ends in the wrong place, another harmonic; from workshop sizes it does not."""
-    try_only(
-        monkeypatch,
+    policy = trying(
         "cycloid.disc_pitch",
         "cycloid.disc_profile",
         "involute.planet_pitch",
@@ -145,7 +155,7 @@ def test_one_large_wave_is_named_alone_before_two_stand_in_for_it(monkeypatch: p
     wave = effect("cycloid.disc_pitch", disc=1, harmonic=2, cos="-12 um", sin="12 um")
     model, runs = bench((wave,), torque=20e3)
     said: list[str] = []
-    found = searched(model, UNIT, runs, said.append)
+    found = searched(Periods(model, UNIT, runs, policy), Journal(said.append))
     assert [(a.effect.key, dict(a.effect.indices)) for a in found.added] == [(wave.key, dict(wave.indices))]
     assert found.added[0].effect.values == pytest.approx(wave.values, abs=0.4e-3)
     assert at_the_noise(found)
@@ -155,10 +165,10 @@ def test_one_large_wave_is_named_alone_before_two_stand_in_for_it(monkeypatch: p
     assert sum(words.startswith("refitting candidate") for words in after) < 8
 
 
-def test_contact_tells_a_cam_from_its_twins(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contact_tells_a_cam_from_its_twins() -> None:
     """At light load pins open, and so differ cams whose linear waveforms are one: the true one is in the set."""
-    try_only(monkeypatch, "crank.eccentricity", "crank.bearing_clearance", "cycloid.disc_bore_position")
-    found = found_in((CAM,), torque=20e3, parts=DECLARED[:2])
+    policy = trying("crank.eccentricity", "crank.bearing_clearance", "cycloid.disc_bore_position")
+    found = found_in((CAM,), policy, torque=20e3, parts=DECLARED[:2])
     (added,) = found.added
     assert name(CAM.key, CAM.indices) in named(added)
     assert at_the_noise(found)
@@ -188,32 +198,30 @@ def test_cams_that_no_waveform_tells_apart_are_all_named() -> None:
     assert alike_cams() <= named(added)
 
 
-def test_one_fit_is_enough_to_name_all_twins(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_fit_is_enough_to_name_all_twins() -> None:
     """Where only the leader is fitted with everything, what looks like it comes along."""
-    monkeypatch.setattr(reducer_search, "_REFITTED", 1)
-    monkeypatch.setattr(reducer_search, "_LEVEL", 0.0)
-    try_only(monkeypatch, CAM.key, "crank.bearing_clearance")
-    (added,) = found_in((CAM,), torque=None, parts=DECLARED[:2]).added
+    policy = replace(trying(CAM.key, "crank.bearing_clearance"), refitted=1, level=0.0)
+    (added,) = found_in((CAM,), policy, torque=None, parts=DECLARED[:2]).added
     assert named(added) == alike_cams()
 
 
-def test_the_first_of_two_is_chosen_again_beside_the_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_of_two_is_chosen_again_beside_the_second() -> None:
     """A disc's bore had to stand for both; beside the planet's pitch the clearance explains what is left."""
-    try_only(monkeypatch, "crank.bearing_clearance", "crank.eccentricity", "cycloid.disc_bore_position")
+    keys = ("crank.bearing_clearance", "crank.eccentricity", "cycloid.disc_bore_position")
     model, runs = bench((CLEARANCE, PITCH), torque=20e3, parts=DECLARED[:3])
-    search = Search(model, UNIT, runs, lambda text: None)
+    likelihood = likelihood_of(model, runs, *keys)
     wrong = effect("cycloid.disc_bore_position", disc=1, crank=0, radial="1 um", tangential="1 um")
     both = joint_fit(model, (wrong, PITCH), runs)
-    settled = _Found(joint_fit(model, (), runs))
-    found = _Found(both, both.model.effects[-2:], ((0.0, (), ()), (0.0, (), ())))
-    left = search.own_lines(both, found.added)
+    settled = PeriodFit(joint_fit(model, (), runs))
+    found = PeriodFit(both, both.model.effects[-2:], (Record(0.0, ()), Record(0.0, ())))
+    left = likelihood.own_lines(found)
     assert left
-    again, rest = search._first_again(found, settled, left)
+    again, rest = chosen_again(likelihood, settled, found, left)
     assert [e.key for e in again.added] == [PITCH.key, CLEARANCE.key]
     assert again.fit.objective < both.objective - 100
     assert rest == []
     # what it found is kept where nothing is better
-    kept, same = search._first_again(again, settled, left)
+    kept, same = chosen_again(likelihood, settled, again, left)
     assert again.fit.objective - kept.fit.objective < 1
     assert kept is not again or same is left
 
@@ -221,34 +229,33 @@ def test_the_first_of_two_is_chosen_again_beside_the_second(monkeypatch: pytest.
 def test_declared_sizes_that_moved_too_far_are_put_back_before_the_next_search() -> None:
     """A fit whose declared sizes moved by many times their uncertainty, and one where they did not."""
     model, runs = bench((CAM,), torque=None, parts=DECLARED[:2])
-    search = Search(model, UNIT, runs, lambda text: None)
+    likelihood = likelihood_of(model, runs)
     strange = tuple(replace(e, values=tuple(v + 5 * SIGMA for v in e.values)) for e in model.effects)
     fixed = Model(UNIT, tuple(replace(e, uncertainty=None) for e in strange))
     fit = joint_fit(fixed, (CAM,), runs)
     moved = replace(fit, model=Model(UNIT, (*strange, fit.model.effects[-1])), free=np.ones(6, dtype=bool))
     near = replace(moved, misfit=replace(fit.misfit, prior=4 + 3 * math.sqrt(8) - 0.1))
-    assert search._start(near, (CAM,)) is near
+    assert likelihood.start(PeriodFit(near, (CAM,))) is near
     far = replace(moved, misfit=replace(fit.misfit, prior=4 + 3 * math.sqrt(8) + 0.1))
-    begun = search._start(far, (CAM,))
+    begun = likelihood.start(PeriodFit(far, (CAM,)))
     assert [e.values for e in begun.model.effects[:2]] == [e.values for e in model.effects]
     assert begun.model.effects[-1].values == pytest.approx(CAM.values, abs=0.3e-3)
 
 
-def test_what_stood_beside_an_effect_that_is_gone_finds_its_own_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_stood_beside_an_effect_that_is_gone_finds_its_own_place() -> None:
     """An effect was chosen beside one that later proved needless: contact then tells which crank and disc it is on."""
-    try_only(monkeypatch, "cycloid.disc_bore_position", "crank.eccentricity")
     bore = effect("cycloid.disc_bore_position", disc=1, crank=1, radial="-3 um", tangential="5 um")
     model, runs = bench((bore,), torque=20e3)
-    search = Search(model, UNIT, runs, lambda text: None)
+    likelihood = likelihood_of(model, runs, "cycloid.disc_bore_position", "crank.eccentricity")
     elsewhere = replace(bore, indices={"disc": 0, "crank": 1})
     gone = effect("crank.index", crank=0, angle="1 arcsec")
     fit = joint_fit(model, (elsewhere,), runs)
     both = joint_fit(model, (gone, fit.model.effects[-1]), runs)
-    record = (0.0, ((gone.key, dict(gone.indices)),), ())
-    found = search._pruned(_Found(both, (gone, elsewhere), (record, record)))
+    record = Record(0.0, ((gone.key, dict(gone.indices)),))
+    found = pruned(likelihood, PeriodFit(both, (gone, elsewhere), (record, record)))
     assert [(e.key, dict(e.indices)) for e in found.added] == [(bore.key, dict(bore.indices))]
     assert found.fit.objective < fit.objective - 50
     assert found.fit.model.effects[-1].values == pytest.approx(bore.values, abs=1e-3)
-    ((heldout, alike, _),) = found.records
-    assert heldout == search.residual(found.fit).heldout_rms
-    assert (gone.key, dict(gone.indices)) not in alike
+    (kept,) = found.records
+    assert kept.heldout_rms == residual(likelihood.periods, found.fit).heldout_rms
+    assert (gone.key, dict(gone.indices)) not in kept.alike

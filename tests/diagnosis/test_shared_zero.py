@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,18 +13,12 @@ import pytest
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.diagnosis import reducer_search
-from rverror.diagnosis.fit import FitRun, fit_run, joint_fit
+from rverror.diagnosis.harmonics.fit import joint_fit
+from rverror.diagnosis.harmonics.runs import FitRun, fit_run
+from rverror.diagnosis.harmonics.zeros import backlash_lost_motion, lost_motion_notes, with_shared_zeros
+from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
-from rverror.diagnosis.shared_zero import (
-    BACKLASH_SHARE,
-    WINDUP_SHARE,
-    backlash_lost_motion,
-    lost_motion_notes,
-    with_shared_zeros,
-)
 from rverror.geartrain.kinematics import Conditions
-from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model, effect
 from rverror.runs.virtual_bench import coloured_noise
 from rverror.statics.loaded_state import equilibrium
@@ -68,8 +63,8 @@ def both_ways(torques: Sequence[float] = (20e3,), **options: Any) -> list[rverro
     return [bench_run(way, torque, **options) for torque in torques for way in (1.0, -1.0)]
 
 
-def diagnosed(runs: Sequence[rverror.Run]) -> Diagnosis:
-    return rverror.diagnose(MODEL, runs)
+def diagnosed(runs: Sequence[rverror.Run], keys: Sequence[str] = ()) -> Diagnosis:
+    return rverror.diagnose(MODEL, runs, policy=replace(POLICY, keys=tuple(keys)))
 
 
 def named(found: Diagnosis) -> list[set[str]]:
@@ -109,9 +104,9 @@ def test_a_lost_motion_is_unknown_by_half_of_the_backlash_and_a_twentieth_of_the
         windup = ways[1] - ways[0] - backlash
         assert 1 < windup / (30 * ARCSEC * torque / 20e3) < 2.5
         variance = sum(run.mean_variance / run.periods for run in runs)
-        expected = (BACKLASH_SHARE * backlash) ** 2 + (WINDUP_SHARE * windup) ** 2
+        expected = (POLICY.backlash_share * backlash) ** 2 + (POLICY.windup_share * windup) ** 2
         assert variance == pytest.approx(expected, rel=1e-3)
-    assert (BACKLASH_SHARE, WINDUP_SHARE) == (1 / 2, 1 / 20)
+    assert (POLICY.backlash_share, POLICY.windup_share) == (1 / 2, 1 / 20)
 
 
 def test_a_zero_that_wanders_counts_as_it_wanders() -> None:
@@ -184,21 +179,20 @@ def test_its_size_is_known_to_what_the_backlash_and_the_windup_leave() -> None:
         assert word in notes[0]
 
 
-def test_two_loads_tell_torsion_from_play(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_loads_tell_torsion_from_play() -> None:
     """A lag in proportion to the load is a spring, one that stays is play.  Among few candidates, for speed."""
     tried = ("coupling.bearing_clearance", "load.torsion", "involute.tooth_thinning", "crank.eccentricity")
-    monkeypatch.setattr(reducer_search, "CATALOGUE", {key: CATALOGUE[key] for key in tried})
     torques = (20e3, 100e3)
     compliance = ARCSEC / 1e3  # 1 arcsec/(N*m)
     springy = [run for torque in torques for run in both_ways((torque,), lag=compliance * torque)]
-    found = diagnosed(springy)
+    found = diagnosed(springy, tried)
     assert found.verdict == "explained"
     assert named(found) == [{"load.torsion"}]
     estimate = found.added[0].estimates[0]
     assert estimate.low < compliance < estimate.high
     # 100 arcsec each way at the larger load, of whose windup of 157 a twentieth is unknown, and half of 5.38
     assert estimate.high - estimate.low == pytest.approx(2 * 1.96 * compliance * math.hypot(7.8, 2.7) / 200, rel=0.2)
-    loose = diagnosed(both_ways(torques, lag=LAG))
+    loose = diagnosed(both_ways(torques, lag=LAG), tried)
     (names,) = named(loose)
     assert "coupling.bearing_clearance" in names
     assert "load.torsion" not in names

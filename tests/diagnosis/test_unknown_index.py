@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 import rverror
 from rverror import Reducer
 from rverror.base.units import ARCSEC
-from rverror.diagnosis import reducer_search
-from rverror.diagnosis.fit import FitRun, fit_run
+from rverror.diagnosis.harmonics.runs import FitRun, fit_run
+from rverror.diagnosis.harmonics.zeros import index_offsets
+from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
-from rverror.diagnosis.unknown_index import index_offsets
 from rverror.geartrain.kinematics import Conditions, true_period
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect, Model, effect
@@ -339,11 +339,12 @@ def test_a_turned_unit_lacks_nothing() -> None:
     assert found.after.heldout_rms == pytest.approx(found.noise_rms, rel=0.05)
 
 
-def test_a_clearance_that_a_turned_unit_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clearance_that_a_turned_unit_lacks_is_named() -> None:
     """Among a dozen candidates for speed; at 1024 samples a turn the clearance's orders above 512 fold."""
     tried = ("crank.bearing_clearance", "crank.eccentricity", "cycloid.disc_bore_position", "cycloid.disc_profile")
-    monkeypatch.setattr(reducer_search, "CATALOGUE", {key: CATALOGUE[key] for key in tried})
-    found = rverror.diagnose(Model(UNIT, (CAM, BORE)), unmarked_runs(("crank.bearing_clearance", 3e-3)))
+    found = rverror.diagnose(
+        Model(UNIT, (CAM, BORE)), unmarked_runs(("crank.bearing_clearance", 3e-3)), policy=replace(POLICY, keys=tried)
+    )
     assert found.verdict == "explained"
     (added,) = found.added
     assert added.effect.key == "crank.bearing_clearance"

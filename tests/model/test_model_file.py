@@ -18,7 +18,7 @@ from recordings import bench, recording
 from rverror import CATALOGUE, Drive, Effect, Model, Reducer, Stiffness, effect, reducer
 from rverror.base.errors import InputError
 from rverror.geartrain.mechanism import PRESETS
-from rverror.model.model_file import _COUNTS, _QUANTITIES, append_effects, load_model, save_model
+from rverror.model.model_file import COUNTS, QUANTITIES, append_effects, load_model, save_model
 from strategies import reducers, variant
 
 GOOD = """\
@@ -174,8 +174,8 @@ compliance = "0.5 arcsec/(N*m)"
 
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
-    assert {*_COUNTS, *_QUANTITIES, "stiffness", "name"} == names
-    for name, (dimension, example) in _QUANTITIES.items():
+    assert {*COUNTS, *QUANTITIES, "stiffness", "name"} == names
+    for name, (dimension, example) in QUANTITIES.items():
         kind = "angle" if name == "pressure_angle" else "torque" if name == "rated_torque" else "length"
         assert dimension == kind
         assert re.fullmatch(r"[\d.]+ \S+", example)

@@ -11,6 +11,7 @@ import graphlib
 import importlib
 import inspect
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 from importlinter.cli import lint_imports
@@ -144,3 +145,44 @@ def test_public_names_exist() -> None:
     for name in rverror.__all__:
         assert getattr(rverror, name) is not None
     assert (PACKAGE / "py.typed").exists()
+
+
+def test_a_catalogue_key_is_spelled_in_its_own_file_alone() -> None:
+    """What is special about a source is a field of it; only reference cases, which are data, name keys elsewhere."""
+    spelled = {
+        (module, node.value)
+        for module, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in rverror.CATALOGUE
+    }
+    elsewhere = {
+        (module, key)
+        for module, key in spelled
+        if module.rpartition(".")[2] != key.partition(".")[0] and module != "rverror.reference.cases"
+    }
+    assert elsewhere == set()
+    assert {key for module, key in spelled} == set(rverror.CATALOGUE)
+
+
+TESTS = sorted((Path(__file__).parents[1]).rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", TESTS, ids=lambda path: path.stem)
+def test_tests_hold_on_to_no_private_name(path: Path) -> None:
+    """What a test needs of a module is passed in or public; a private name may go without a word."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    ours, found = set(), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rverror"):
+            ours |= {alias.asname or alias.name for alias in node.names}
+            found += [alias.name for alias in node.names if is_private(alias.name)]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "monkeypatch.setattr":
+            found += [a.value for a in node.args if isinstance(a, ast.Constant) and is_private(str(a.value))]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and is_private(node.attr):
+            found += [node.attr] if node.value.id in ours | {"module"} else []
+    assert not found
+
+
+def is_private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__")

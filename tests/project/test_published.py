@@ -72,7 +72,7 @@ def test_page_is_current_but_for_the_draws(tables, page):
     assert not same_text("a 1.25 | 3", "a 1.27 | 3")
     assert not same_text("a 1.25 | 3", "a 1.25 | 4")
     assert same_text("a 1.25 | 3", "a 1.26 | 3")
-    assert page.startswith(published._HEAD), stale
+    assert page.startswith(published.HEAD), stale
 
 
 def test_band_on_the_page_holds_fresh_draws(page):
@@ -108,7 +108,7 @@ def test_verdicts_are_of_the_kinds_that_the_page_explains(tables):
         for row in table.rows:
             assert len(row) == len(table.columns), table.key
     for kind in published.VERDICTS:
-        assert kind in published._HEAD.replace("\n", " ")
+        assert kind in published.HEAD.replace("\n", " ")
 
 
 def test_a_longer_series_of_draws_begins_with_the_shorter_one():
@@ -134,8 +134,8 @@ def test_two_discs(tables):
 
 
 def test_what_stays_of_discs_in_phase_is_of_order_80():
-    both = (published._pitch(0), published._pitch(1))
-    wave = published._loaded(published._rv40e(cranks=3), both, published.LIGHT)
+    both = (published.pitch(0), published.pitch(1))
+    wave = published.wave_of(published.rv40e(cranks=3), both, published.LIGHT)
     lines = 2 * np.abs(np.fft.rfft(wave)) / wave.size
     assert 1 + np.argmax(lines[1:]) == 80
     assert lines[40] < 0.02 * lines[80]
@@ -194,10 +194,10 @@ def test_lag_and_lead_of_thin_pins():
     lag, lead, solved_lag, solved_lead = published.pin_radius_lag()
     assert lag.min() == pytest.approx(F * E / (1.25 * 39) / ARCSEC, rel=1e-4)  # a pin at the longest arm
     # pins stand a pitch apart, so the longest arm is met once in a turn of the crank by one pin
-    assert [published._peaks(wave) for wave in (lag, lead, lag + lead)] == [1, 1, 2]
+    assert [published.peaks(wave) for wave in (lag, lead, lag + lead)] == [1, 1, 2]
     np.testing.assert_allclose(solved_lag, lag, atol=0.005)
     np.testing.assert_allclose(solved_lead, lead, atol=0.005)
-    assert [published._peaks(np.round(w, 4)) for w in (solved_lag, solved_lead, solved_lag + solved_lead)] == [1, 1, 2]
+    assert [published.peaks(np.round(w, 4)) for w in (solved_lag, solved_lead, solved_lag + solved_lead)] == [1, 1, 2]
     assert max(np.ptp(w) for w in (lag, lead, lag + lead)) < 0.1
 
 
@@ -341,7 +341,7 @@ def test_shares(tables):
         assert (abs(lost) > 70) == (name in dominant)
     groups = published.error_groups(np.random.default_rng((4, 0)), reducer("RV-40E"))
     for name, order in (("bearing clearance, 12 um", 80), ("pin slots, 8 um", 78)):
-        wave = published._loaded(reducer("RV-40E"), groups[name], published.RATED)
+        wave = published.wave_of(reducer("RV-40E"), groups[name], published.RATED)
         assert 1 + np.argmax(np.abs(np.fft.rfft(wave))[1:]) in range(order, 250, order)
     draws = [published.cams_oppose(draw) for draw in range(400)]
     assert sum(draws) / len(draws) == pytest.approx(1 / 3, abs=0.08)

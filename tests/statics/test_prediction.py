@@ -104,7 +104,7 @@ def test_a_train_stands_turned_after_each_repeat(direction: float) -> None:
     predictor = Predictor(model.mechanism, Conditions(theta, direction, 20e3, folds=True))
     near = predictor.predict(model)
     assert near.repeats
-    starts = predictor._starts(near)
+    starts = predictor.starts(near)
     some = slice(3, None, 31)
     state = equilibrium(model, theta[some], torque=20e3, direction=direction)
     parts = [state.pose["carrier"][None], state.pose["disc"], state.pose["crank"]]

@@ -293,7 +293,7 @@ def test_search_of_all_pairs_finds_what_summing_every_pair_finds() -> None:
         groups = GroupWaves(given_stack.worst_groups, given_stack.scaled(), given_stack.nominal)
         every = np.arange(300)
         summed = max(float(groups.distance(np.full(300, i), every).max()) for i in range(300))
-        missed += groups._walk()[0] < summed
+        missed += groups.walk()[0] < summed
         assert groups.farthest()[0] == summed
     assert missed > 0
 

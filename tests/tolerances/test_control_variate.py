@@ -328,7 +328,7 @@ def test_units_are_those_that_are_drawn(direction: float) -> None:
         UNIT, TOLERANCES, linear, virtual_units(linear, 64), torque="20 N*m", direction=direction, count=16, seed=3
     )
     assert found.points == 128
-    rows = np.concatenate(list(uniforms(16, linear.dimensions, seed=3, index=module._CHUNK, draws="random")))
+    rows = np.concatenate(list(uniforms(16, linear.dimensions, seed=3, index=module.SAMPLE_CHUNK, draws="random")))
     lags = []
     for i, unit in enumerate(drawn(TOLERANCES, linear, rows)):
         closed = rverror.transmission_error(unit, theta, direction=direction, torque="20 N*m")
@@ -458,7 +458,7 @@ def test_angles_that_cannot_be_thinned_are_all_solved(theta: np.ndarray) -> None
         unit, pins, linear, virtual_units(linear, 64), torque="412 N*m", count=16, points=64, seed=1
     )
     assert found.points == theta.size
-    rows = next(uniforms(1, linear.dimensions, seed=1, index=module._CHUNK, draws="random"))
+    rows = next(uniforms(1, linear.dimensions, seed=1, index=module.SAMPLE_CHUNK, draws="random"))
     values = (linear.standard(rows) * linear.width[0])[0].reshape(40, 2)
     one = unit.with_effects(
         *(rverror.effect("cycloid.pin_position", pin=p, radial=x, tangential=y) for p, (x, y) in enumerate(values))
@@ -473,9 +473,9 @@ def test_fourier_series_goes_through_all_that_was_solved(points: int) -> None:
     """Any row keeps its values; up to the highest order that the points hold, it is the row itself."""
     rng = np.random.default_rng(points)
     row = rng.normal(size=points)
-    np.testing.assert_allclose(module._between(row, 4 * points)[::4], row, atol=1e-12)
+    np.testing.assert_allclose(module.between(row, 4 * points)[::4], row, atol=1e-12)
     few, many = (2 * np.pi * np.arange(n) / n for n in (points, 5 * points))
-    np.testing.assert_allclose(module._between(np.cos(3 * few + 1), 5 * points), np.cos(3 * many + 1), atol=1e-12)
+    np.testing.assert_allclose(module.between(np.cos(3 * few + 1), 5 * points), np.cos(3 * many + 1), atol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -331,7 +331,7 @@ class Interrupted(ThreadPoolExecutor):
 
 
 def test_interruption_and_resumption(rv40e: Stack, alone: VirtualUnits, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr(module, "_IN_FLIGHT", 2)
+    monkeypatch.setattr(module, "IN_FLIGHT", 2)
     with Interrupted(5) as pool, pytest.raises(KeyboardInterrupt):
         virtual_units(rv40e, 1100, seed=7, executor=pool, folder=tmp_path)
     left = len(list(tmp_path.iterdir()))
@@ -360,7 +360,7 @@ def test_no_more_chunks_are_handed_out_than_are_in_flight(monkeypatch: Any) -> N
                         break
             return future
 
-    monkeypatch.setattr(module, "_IN_FLIGHT", 3)
+    monkeypatch.setattr(module, "IN_FLIGHT", 3)
     stream = module.computed(int, range(50), Slow())
     for _ in range(40):
         next(stream)
@@ -492,7 +492,7 @@ def test_settings_are_checked(settings: dict[str, Any], words: str) -> None:
 @pytest.mark.parametrize("count", [1, 15, 16, 17, 191, 192, 100_000, 10**6, 10**8])
 def test_chunks(count: int) -> None:
     """Powers of two, twelve or more where there are units for it, none longer than 2**14."""
-    chunk = module._chunk_length(count)
+    chunk = module.chunk_length(count)
     assert chunk & (chunk - 1) == 0
     assert 16 <= chunk <= 2**14
     assert count < 192 or count / chunk >= 12

@@ -25,7 +25,7 @@ from diagnosed_example import COS, DEMO, SIN, Outcome, outcome, strict_json
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Candidate, Line
-from rverror.views.diagnosis_report import _bench
+from rverror.views.diagnosis_report import bench_of
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
 from rverror.views.report import to_html, to_json, to_text
@@ -660,7 +660,7 @@ def test_what_to_measure_next_knows_the_zero_of_the_runs(result: Outcome) -> Non
 
     def bench(*labels: str) -> tuple[bool, bool]:
         traces = tuple(replace(t, index=label) for t, label in zip(result.diagnosis.traces, labels, strict=True))
-        found = _bench(replace(result.diagnosis, traces=traces))
+        found = bench_of(replace(result.diagnosis, traces=traces))
         return found.marks, found.shared_zero
 
     assert [t.direction for t in result.diagnosis.traces] == [1.0, -1.0]

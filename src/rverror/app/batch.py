@@ -206,7 +206,7 @@ def diagnose_folder(
     if todo and executor is not None:
         _work(executor, todo, waiting, outcomes, tell)
     elif todo:
-        with _processes(min(jobs or _cores(), len(todo), _MOST_WORKERS)) as pool:
+        with processes(min(jobs or _cores(), len(todo), _MOST_WORKERS)) as pool:
             _work(pool, todo, waiting, outcomes, tell)
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
@@ -403,7 +403,7 @@ def _cores() -> int:
 
 
 @contextmanager
-def _processes(count: int) -> Iterator[Executor]:
+def processes(count: int) -> Iterator[Executor]:
     """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     context = multiprocessing.get_context("spawn")

@@ -31,7 +31,8 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.base.version import __version__
-from rverror.diagnosis.loop import Diagnosis, diagnose
+from rverror.diagnosis.loop import diagnose
+from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.mechanism import reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source

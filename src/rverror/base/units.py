@@ -1,7 +1,7 @@
 """The units edge: the only module that knows pint.
 
 Inside rverror every number is a float in mm, rad, N, N*mm, s or K.  Here quantities and strings with a unit become
-such floats, and floats become numbers that people read.  pint is loaded for what `_EVERYDAY` does not hold: making its
+such floats, and floats become numbers that people read.  pint is loaded for what `EVERYDAY` does not hold: making its
 registry takes longer than many a diagnosis.
 """
 
@@ -50,7 +50,7 @@ DISPLAY_UNITS = {
 ARCSEC = math.pi / 180.0 / 3600.0
 
 #: Factor to the core unit, and zero in it, of units as people write them most.
-_EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
+EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0)},
     "angle": {
         "rad": (1.0, 0.0),
@@ -154,8 +154,8 @@ def unit_factor(unit: str, dimension: str) -> float:
 
 
 def _in_core(number: float, unit: str, dimension: str) -> float:
-    if unit in _EVERYDAY[dimension]:
-        factor, zero = _EVERYDAY[dimension][unit]
+    if unit in EVERYDAY[dimension]:
+        factor, zero = EVERYDAY[dimension][unit]
         return number * factor + zero
     parsed = _factor_and_unit(unit, dimension)
     return float(_registry().Quantity(number, parsed).to(CORE_UNITS[dimension]).magnitude)
@@ -287,5 +287,5 @@ def to_display(value: float, dimension: str) -> float:
     >>> to_display(0.005, "length")
     5.0
     """
-    factor, zero = _EVERYDAY[dimension][DISPLAY_UNITS[dimension]]
+    factor, zero = EVERYDAY[dimension][DISPLAY_UNITS[dimension]]
     return (value - zero) / factor

@@ -7,60 +7,20 @@ direction or the load changes it, and the waveforms that the closed form gives i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
-import numpy as np
-
-from rverror.base.arrays import Array
+from rverror.base.text import describe
 from rverror.base.units import to_display
-from rverror.diagnosis.result import describe
-from rverror.geartrain.action_line import ContactForces
-from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Pose, folded_order, samples_needed, true_period
+from rverror.diagnosis.pairs import Bench as Bench
+from rverror.diagnosis.pairs import Cause, Pair, closed_form_states, is_delay
+from rverror.diagnosis.policy import POLICY, Policy
+from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
-from rverror.geartrain.source import IndexValue, Source
+from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
-from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect
 from rverror.runs.spectrum import frames_of_order
-
-#: Share of a waveform, rms, below which another one is as good as the same.
-ALIKE = 0.05
-_LONGEST_PERIOD = 12  # output turns over which waveforms are compared
-_GRID = 2048  # angles a turn for the comparison; orders above half of it fold alike for all
-
-Cause = tuple[str, Mapping[str, IndexValue]]
-States = Mapping[float, tuple[Pose, ContactForces]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bench:
-    """What the runs at hand cover.
-
-    Attributes
-    ----------
-    directions : frozenset of float
-        +1 forward, -1 reverse.
-    samples_per_turn : float
-        Per output turn, of the coarsest run; infinite where it is not known.
-    torques : frozenset of float
-        Sizes of the output torque that are known, N*mm.
-    marks : bool
-        Whether the bench's zero lies on the gear's marks.
-    shared_zero : bool
-        Whether runs in both directions share one zero.
-    travel : (float, float), optional
-        Lowest and highest nominal output angle of the longest run where it covers a part of a turn only, rad.
-    """
-
-    directions: frozenset[float]
-    samples_per_turn: float
-    torques: frozenset[float] = frozenset()
-    marks: bool = True
-    shared_zero: bool = False
-    travel: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -93,137 +53,12 @@ class Fold:
     frames: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Pair:
-    """The named cause and one that explains the runs as well.
-
-    Waveforms are compared at constant speed, at which a delay between the encoders has none: nothing is said of it.
-
-    Attributes
-    ----------
-    mechanism : Reducer or Drive
-    effect : Effect
-        The named cause with its size.
-    other : tuple of str and mapping
-    bench : Bench
-    seen, whole_turns : mapping of float to (Pose, mapping)
-        Motion and closed-form forces in each direction, from `closed_form_states`: over what the runs cover, and over
-        whole turns.
-    """
-
-    mechanism: Mechanism
-    effect: Effect
-    other: Cause
-    bench: Bench
-    seen: States
-    whole_turns: States
-
-    @cached_property
-    def entries(self) -> tuple[Source, Source]:
-        """Catalogue entries of both."""
-        return source(self.effect.key), source(self.other[0])
-
-    @cached_property
-    def now(self) -> float:
-        """Share of the named cause's waveform that the other cannot make, in the directions that were run."""
-        return self._left(self.seen, self.bench.directions, together=self.bench.shared_zero)
-
-    @cached_property
-    def whole(self) -> float:
-        """The same over whole turns."""
-        return self._left(self.whole_turns, self.bench.directions, together=self.bench.shared_zero)
-
-    @cached_property
-    def both(self) -> float:
-        """What the other cannot make in both directions over these angles, each with an offset of its own."""
-        return self._left(self.seen, frozenset({1.0, -1.0}), together=False)
-
-    @cached_property
-    def zero(self) -> float:
-        """The same in both directions from one zero, so that lost motion counts."""
-        return self._left(self.seen, frozenset({1.0, -1.0}), together=True)
-
-    def one_of(self, test: Callable[[Source], bool]) -> bool:
-        """Tell whether exactly one of the two passes a test."""
-        return test(self.entries[0]) != test(self.entries[1])
-
-    def either(self, test: Callable[[Source], bool]) -> bool:
-        """Tell whether one of the two or both pass a test."""
-        return any(test(entry) for entry in self.entries)
-
-    def both_are(self, test: Callable[[Source], bool]) -> bool:
-        """Tell whether both pass a test."""
-        return all(test(entry) for entry in self.entries)
-
-    @cached_property
-    def folded_together(self) -> bool:
-        """Tell whether their own orders differ and fold onto one another at the runs' samples."""
-        first, second = (
-            {round(order, 3) for order in entry.orders(self.mechanism, indices)}
-            for entry, (_, indices) in zip(
-                self.entries, ((self.effect.key, self.effect.indices), self.other), strict=True
-            )
-        )
-        seen = [{round(folded_order(o, self.bench.samples_per_turn), 3) for o in orders} for orders in (first, second)]
-        return bool(first and second) and not first & second and bool(seen[0] & seen[1])
-
-    def _left(self, over: States, directions: frozenset[float], *, together: bool) -> float:
-        if self.either(_is_delay):
-            return 0.0
-        states = [over[way] for way in sorted(directions)]
-        wave = np.array(self.effect.values) @ _waveforms(states, (self.effect.key, self.effect.indices), together)
-        span = _waveforms(states, self.other, together)
-        size, scale = float(np.linalg.norm(wave)), np.linalg.norm(span, axis=1)
-        if size <= 1e-9 * float(np.abs(self.effect.values) @ np.ones(len(self.effect.values))) * math.sqrt(wave.size):
-            return 0.0  # constant in the closed form: nothing to compare
-        usable = span[scale > 1e-9 * math.sqrt(wave.size)]
-        if not len(usable):
-            return 1.0
-        basis = np.linalg.svd(usable / np.linalg.norm(usable, axis=1)[:, None], full_matrices=False)
-        rows = basis[2][basis[1] > 1e-6]
-        return float(np.linalg.norm(wave - (rows @ wave) @ rows) / size)
-
-
-def closed_form_states(mechanism: Mechanism, travel: tuple[float, float] | None = None) -> States:
-    """Motion and contact forces forward and reverse at constant speed.
-
-    Parameters
-    ----------
-    mechanism : Reducer or Drive
-    travel : (float, float), optional
-        Lowest and highest output angle, rad; whole periods of the drive where left out, or turns if those are long.
-
-    Returns
-    -------
-    mapping of float to (Pose, mapping)
-        By direction, +1 and -1.
-    """
-    turns = min(true_period(mechanism), _LONGEST_PERIOD)
-    low, high = travel or (0.0, 2 * math.pi * turns)
-    theta = np.linspace(low, high, _GRID if travel else turns * _GRID, endpoint=False)
-    motions = {way: pose(mechanism, theta, direction=way, time=way * theta, torque=1.0) for way in (1.0, -1.0)}
-    return {way: (motion, closed_form_forces(motion)) for way, motion in motions.items()}
-
-
-def _waveforms(states: Sequence[tuple[Pose, ContactForces]], cause: Cause, together: bool) -> Array:
-    """Closed-form waveforms of a source, runs side by side, offsets taken off, shape (terms, runs n)."""
-    runs = [source_matrix(motion, forces, *cause) for motion, forces in states]
-    if not together:
-        runs = [run - run.mean(axis=1, keepdims=True) for run in runs]
-    rows = np.concatenate(runs, axis=1)
-    return np.asarray(rows - rows.mean(axis=1, keepdims=True), dtype=np.float64)
-
-
 def _in_gears(entry: Source) -> bool:
     return not entry.at_output
 
 
 def _has(*dimensions: str) -> Callable[[Source], bool]:
     return lambda entry: any(parameter.dimension in dimensions for parameter in entry.parameters)
-
-
-def _is_delay(entry: Source) -> bool:
-    return entry.follows == "speed"
 
 
 def _is_drift(entry: Source) -> bool:
@@ -320,7 +155,7 @@ _RULES = (
     _Rule(
         "reverse",
         lambda p: (
-            len(p.bench.directions) == 1 and p.both > ALIKE and p.both > p.now + ALIKE and not p.either(_is_drift)
+            len(p.bench.directions) == 1 and p.differs(p.both) and p.differs(p.both, p.now) and not p.either(_is_drift)
         ),
         lambda bench, mechanism: f"a run {_other_direction(bench)} at the same load",
         lambda pairs: (
@@ -330,7 +165,7 @@ _RULES = (
     ),
     _Rule(
         "whole turn",
-        lambda p: p.bench.travel is not None and p.whole > p.now + ALIKE,
+        lambda p: p.bench.travel is not None and p.differs(p.whole, p.now),
         _plain("a run over a whole output turn or more"),
         _alike_over_a_part,
     ),
@@ -342,7 +177,7 @@ _RULES = (
     ),
     _Rule(
         "speed",
-        lambda p: p.one_of(_is_delay),
+        lambda p: p.one_of(is_delay),
         lambda bench, mechanism: _another_speed(bench),
         _always("a delay shifts the reading in proportion to the speed; nothing else does"),
     ),
@@ -372,7 +207,7 @@ _RULES = (
     ),
     _Rule(
         "heavy load",
-        lambda p: p.both_are(_in_gears) and p.now > ALIKE and not p.one_of(_depends_on_load),
+        lambda p: p.both_are(_in_gears) and p.differs(p.now) and not p.one_of(_depends_on_load),
         lambda bench, mechanism: f"a run at a much heavier load{_load(bench, mechanism, 10)}",
         lambda pairs: (
             "with all loaded pins closed the waveforms are the linear ones, and "
@@ -381,7 +216,7 @@ _RULES = (
     ),
     _Rule(
         "light load",
-        lambda p: p.both_are(_in_gears) and p.both <= ALIKE,
+        lambda p: p.both_are(_in_gears) and not p.differs(p.both),
         lambda bench, mechanism: f"a run at a much lighter load{_load(bench, mechanism, 0.1)}",
         _always(
             "under full contact their waveforms are one and the same; at light load each lifts other pins off, "
@@ -390,13 +225,13 @@ _RULES = (
     ),
     _Rule(
         "longer",
-        lambda p: p.now > ALIKE,
+        lambda p: p.differs(p.now),
         _plain("a longer run: four times as many revolutions, or cycles of the motion, halve what noise leaves open"),
         lambda pairs: f"their waveforms differ by {_percent([p.now for p in pairs])}, less than the noise resolves",
     ),
     _Rule(
         "shared zero",
-        lambda p: not p.bench.shared_zero and p.both_are(_in_gears) and p.zero > p.both + ALIKE,
+        lambda p: not p.bench.shared_zero and p.both_are(_in_gears) and p.differs(p.zero, p.both),
         _plain("forward and reverse runs from one zero, both with the same '# index:' label"),
         _always("their lost motion differs, which counts as far as backlash and clearances are known"),
     ),
@@ -422,7 +257,9 @@ def _needed(mechanism: Mechanism) -> int:
     return samples_needed(mechanism)
 
 
-def to_separate(mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Bench) -> tuple[Measurement, ...]:
+def to_separate(
+    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Bench, *, policy: Policy = POLICY
+) -> tuple[Measurement, ...]:
     """Measurements that would tell a named cause from others that explain the runs as well.
 
     Parameters
@@ -434,6 +271,7 @@ def to_separate(mechanism: Mechanism, effect: Effect, others: Sequence[Cause], b
         Keys and indices of the others.
     bench : Bench
         What the runs cover.
+    policy : Policy
 
     Returns
     -------
@@ -457,7 +295,7 @@ def to_separate(mechanism: Mechanism, effect: Effect, others: Sequence[Cause], b
         )
     whole = closed_form_states(mechanism)
     seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
-    pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
+    pairs = [Pair(mechanism, effect, other, bench, seen, whole, policy) for other in others]
     helped = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
     stuck = [pair for pair in pairs if not any(pair in settled for _, settled in helped)]
     chosen = [(rule, settled) for rule, settled in [*helped, (_LAST, stuck)] if settled]

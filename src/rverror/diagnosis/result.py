@@ -99,6 +99,17 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Fate:
+    """What became of a candidate in one round of the search: ``fell``, ``added`` or ``dropped``, and why."""
+
+    round: int
+    key: str
+    indices: Mapping[str, IndexValue]
+    fate: str
+    why: str
+
+
+@dataclass(frozen=True)
 class Trace:
     """Averaged waveforms of one run for plots.
 
@@ -164,6 +175,8 @@ class Diagnosis(Viewed):
     quantity : str
         Dimension of the signal, ``angle`` or ``torque``: a torque ripple is told by its lines, sizes in N*mm where this
         page says rad, and nothing of it enters the model.
+    history : tuple of Fate
+        What became of every candidate, and why, in order.
     """
 
     verdict: str
@@ -180,9 +193,4 @@ class Diagnosis(Viewed):
     traces: tuple[Trace, ...]
     notes: tuple[str, ...]
     quantity: str = "angle"
-
-
-def describe(key: str, indices: Mapping[str, IndexValue]) -> str:
-    """Name of an effect for people, as ``crank.eccentricity (crank 0, disc 1)``."""
-    inside = ", ".join(f"{name} {value}" for name, value in indices.items())
-    return f"{key} ({inside})" if inside else key
+    history: tuple[Fate, ...] = ()

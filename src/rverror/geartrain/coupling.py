@@ -120,14 +120,20 @@ SOURCES = (
         "coupling.carrier_bore_position", carrier_bore_position, (CRANK,),
         lengths(30, "radial", "tangential"), "carrier", _bore_orders, "000, delta_41; 004",
         "displacement of one crank bore in the carrier",
+        equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
+        hidden="turns with the carrier, as the force on the bore does",
     ),
     Source(
         "coupling.bearing_clearance", bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
+        equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
+        hidden="the force on a bore is constant in the carrier, and so is its journal's place",
     ),
     Source(
         "coupling.carrier_runout", carrier_runout, (), lengths(50, "x", "y"),
         "carrier", _runout_orders, "001, table 3", "bore circle against the carrier's axis",
+        equation=r"$\delta = -C(\theta)\,(x, y)$",
+        hidden="the forces on all bores cancel",
     ),
 )  # fmt: skip

@@ -158,13 +158,17 @@ SOURCES = (
     Source(
         "crank.eccentricity", eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
         "crank", leads("crank"), "000, delta_21; 001; 004", "displacement of one cam",
+        equation=r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
     ),
     Source(
         "crank.bearing_clearance", bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
+        equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
     ),
     Source(
         "crank.index", index, (CRANK,), angles(600, "angle"),
         "crank", constant, "001, section 2", "lead of a crank over its planet gear",
+        equation=r"$\delta = e$, an angle",
+        hidden="the crank stays turned by it",
     ),
 )  # fmt: skip

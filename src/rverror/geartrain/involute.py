@@ -277,34 +277,48 @@ SOURCES = (
     Source(
         "involute.center_distance", center_distance, (CRANK,), lengths(30, "radial", "tangential"),
         "carrier", constant, "000, delta_11", "planet axis against its crank",
+        equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
+        hidden="turns with the carrier, as the line of action does",
     ),
     Source(
         "involute.sun_eccentricity", sun_eccentricity, (), lengths(50, "x", "y"),
         "sun", constant, "004, table 2", "eccentricity of the sun's toothing",
+        equation=r"$\delta = C(R\theta)\,(x, y)$",
+        hidden="a floating sun between evenly spaced planets gives way",
     ),
     Source(
         "involute.sun_offset", sun_offset, (), lengths(100, "x", "y"),
         "housing", constant, "004, table 2", "offset of the sun's axis",
+        equation=r"$\delta = (x, y)$",
+        hidden="the sun floats",
     ),
     Source(
         "involute.planet_eccentricity", planet_eccentricity, (CRANK,), lengths(50, "x", "y"),
         "planet", leads("planet"), "004, table 2", "eccentricity of a planet's toothing",
+        equation=r"$\delta = -C(\nu\theta)\,(x, y)$",
     ),
     Source(
         "involute.sun_pitch", sun_pitch, (harmonics(1, 4),), lengths(50, "cos", "sin"),
         "sun", _sun_pitch_orders, "001, section 2", "cumulative pitch error of the sun",
+        equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j - R\theta$",
+        hidden="the meshes cancel what is no multiple of the number of planets",
     ),
     Source(
         "involute.planet_pitch", planet_pitch, (CRANK, harmonics(1, 3)), lengths(50, "cos", "sin"),
         "planet", leads("planet"), "001, section 2", "cumulative pitch error of a planet",
+        equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(
         "involute.tooth_thinning", tooth_thinning, (_MEMBER,), lengths(150, "thinning"),
         "direction", constant, "003, wear tables", "tooth thickness lost to wear or backlash, half a flank",
+        equation=r"$\delta = \mp\tfrac{1}{2} e\, t_j$",
+        hidden="sets the place of the loaded flank only; which gear lost the tooth is never visible",
     ),
     Source(
         "involute.spline_clearance", spline_clearance, (CRANK,), clearance(100),
         "direction", constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
         needs=("spline_radius",),
+        equation=r"$\delta = \pm e / (2 r_s)$, an angle",
+        hidden="sets the place of the loaded flank only",
     ),
 )  # fmt: skip

@@ -33,6 +33,16 @@ class Conditions:
         Size of the output speed, rad/s.
     temperature : float, optional
         K.
+
+    Examples
+    --------
+    Every prediction takes them in place of angles:
+
+    >>> import numpy as np, rverror
+    >>> where = Conditions(np.linspace(0, 1, 5), direction=-1.0, torque=20e3)
+    >>> model = rverror.Model(rverror.reducer("RV-40E"))
+    >>> rverror.equilibrium(model, where).transmission_error.shape
+    (5,)
     """
 
     theta: Array

@@ -86,6 +86,10 @@ class Source:
         Source text and equation or section.
     summary : str
         One line for people.
+    equation : str
+        Its error vector, LaTeX between dollar signs; symbols as on the catalogue page.
+    hidden : str
+        Why it leaves no wave in a record, where it does not.
     acts : str
         ``"contacts"`` of the gear train; ``"output"``, which it moves or misreads beyond the gear train, whose
         contacts do not feel it; ``"marks"``, whose angle it shifts, so that the waveform of all contacts turns.
@@ -117,6 +121,8 @@ class Source:
     orders: Orders
     reference: str
     summary: str
+    equation: str = ""
+    hidden: str = ""
     acts: str = "contacts"
     in_reducers: bool = True
     in_drives: bool = False

@@ -72,5 +72,12 @@ SOURCES = (
         tuple(Parameter(part, "temperature_rise", 60.0) for part in _PARTS),
         "direction", pin_wave_orders, "000 and 001, named as missing; 003, outlook",
         "temperature rise of each part, grown as steel", tried=False,
+        equation=(
+            r"with $\eta = \alpha\,\Delta T$ of each part and $q_i = R_p\, p_i + r_p\, n_i$: pin "
+            r"$\eta_{housing}\, q_i - \eta_{discs}\, (q_i - a\,\epsilon_k)$, cam $\eta_{discs}\, r_6\, r_j - "
+            r"\eta_{cranks}\, a\,\epsilon_k$, carrier $-\eta_{carrier}\, r_6\, r_j$, mesh $\eta_{gears}\, "
+            r"r_6\, r_j$"
+        ),
+        hidden="changes play alone; the same rise of all parts leaves nothing",
     ),
 )  # fmt: skip

@@ -63,6 +63,7 @@ ORDER = Source(
     "output", _orders, "none: what was measured",
     "an order as measured, in a frame; describes and does not explain: no size of a part follows from it",
     acts="output", tried=False,
+    equation=r"$\delta = c\cos ho\theta + s\sin ho\theta$, $o$ the order of the frame",
 )  # fmt: skip
 
 SOURCES = (ORDER,)

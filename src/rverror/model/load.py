@@ -44,5 +44,7 @@ SOURCES = (
         "direction", constant, "000 and 001, named as missing; 003, outlook",
         "compliance of the output side beyond the contacts",
         acts="output", needs=("torque",),
+        equation=r"$\delta = \mp e\, T$",
+        hidden="constant at constant torque",
     ),
 )  # fmt: skip

@@ -19,7 +19,7 @@ from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, effect
 
 # Dimension of each quantity of [reducer], and how people write it; then an example of each count.
-_QUANTITIES = {
+QUANTITIES = {
     "module": ("length", "1.5 mm"),
     "pressure_angle": ("angle", "20 deg"),
     "pin_circle_radius": ("length", "64 mm"),
@@ -30,7 +30,7 @@ _QUANTITIES = {
     "spline_radius": ("length", "7 mm"),
     "crank_circle_radius": ("length", "27 mm"),
 }
-_COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
+COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
 _STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
 
@@ -195,16 +195,16 @@ def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
 
 def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     place = ("reducer",)
-    where.check_keys(place, table, ("preset", "name", *_COUNTS, *_QUANTITIES, "stiffness"), "key of [reducer]")
+    where.check_keys(place, table, ("preset", "name", *COUNTS, *QUANTITIES, "stiffness"), "key of [reducer]")
     values: dict[str, Any] = {}
     for key, value in table.items():
-        if key in _QUANTITIES:
-            values[key] = where.quantity((*place, key), value, *_QUANTITIES[key])
-        elif key in _COUNTS:
+        if key in QUANTITIES:
+            values[key] = where.quantity((*place, key), value, *QUANTITIES[key])
+        elif key in COUNTS:
             if isinstance(value, bool) or not isinstance(value, int):
                 where.refuse(
                     (*place, key),
-                    f"{key} = {shown(value)}: must be a whole number; write it bare, like {key} = {_COUNTS[key]}",
+                    f"{key} = {shown(value)}: must be a whole number; write it bare, like {key} = {COUNTS[key]}",
                 )
             values[key] = value
     if "name" in table:
@@ -367,10 +367,10 @@ def _reducer_text(unit: Reducer) -> str:
 def _reducer_table(values: Mapping[str, Any]) -> str:
     lines = ["[reducer]"]
     for key, value in values.items():
-        if key in _QUANTITIES:
-            dimension, example = _QUANTITIES[key]
+        if key in QUANTITIES:
+            dimension, example = QUANTITIES[key]
             lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
-        elif key in _COUNTS:
+        elif key in COUNTS:
             lines.append(f"{key} = {value}")
         elif key != "stiffness" and (key, value) != ("name", "custom"):
             lines.append(f"{key} = {_string(value)}")

@@ -216,6 +216,7 @@ MARKS = Source(
     "output", constant, "measuring chain",
     "gear's marks ahead of the bench's zero; turns the waveform of all other gear errors",
     acts="marks", tried=False,
+    equation=r"none of its own: all other gear errors are taken at $\theta + e$",
 )  # fmt: skip
 
 SOURCES = (
@@ -223,31 +224,38 @@ SOURCES = (
         "sensor.encoder_eccentricity", encoder_eccentricity, (), angles(300, "cos", "sin"),
         "output", _fixed(1.0), "measuring chain", "output encoder or coupling, once a turn",
         acts="reading", in_drives=True,
+        equation=r"$\delta = c\cos\theta + s\sin\theta$",
     ),
     Source(
         "sensor.encoder_ellipticity", encoder_ellipticity, (), angles(100, "cos", "sin"),
         "output", _fixed(2.0), "measuring chain", "output encoder, twice a turn",
         acts="reading", in_drives=True,
+        equation=r"$\delta = c\cos 2\theta + s\sin 2\theta$",
     ),
     Source(
         "sensor.input_coupling", input_coupling, (harmonics(1, 2),), angles(7200, "cos", "sin"),
         "sun", _coupling_orders, "measuring chain", "input coupling or encoder, an angle of the input shaft",
         acts="reading", in_drives=True,
+        equation=r"$\delta = (c\cos hR\theta + s\sin hR\theta)/R$",
     ),
     MARKS,
     Source(
         "sensor.ratio_error", ratio_error, (), (Parameter("slope", "slope", 0.1),),
         "output", constant, "measuring chain", "error that grows with the output angle", periodic=False,
         acts="reading", in_drives=True,
+        equation=r"$\delta = e\,\theta$",
     ),
     Source(
         "sensor.drift", drift, (), angles(600, "total"),
         "output", constant, "measuring chain", "slow drift of a run, first to last sample", periodic=False,
         acts="reading", in_drives=True, follows="time",
+        equation=r"$\delta = e\,(t - t_0)/(t_1 - t_0)$ over the time $t$ of a run",
     ),
     Source(
         "sensor.time_offset", time_offset, (), (Parameter("offset", "time", 0.1),),
         "output", constant, "measuring chain", "delay between the two encoders", periodic=False,
         acts="reading", in_drives=True, follows="speed", needs=("time",),
+        equation=r"$\delta = e\,\dot\theta$",
+        hidden="at constant speed the reading lags by a constant angle, each way",
     ),
 )  # fmt: skip

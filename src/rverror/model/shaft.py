@@ -44,5 +44,6 @@ SOURCES = (
         "shaft.eccentricity", eccentricity, (Index("shaft", _names, _names), harmonics(1, 4)),
         angles(36000, "cos", "sin"), "shaft", _orders, "any drive", "a named shaft of a [drive] model",
         acts="output", in_reducers=False, in_drives=True,
+        equation=r"$\delta = c\cos ho\theta + s\sin ho\theta$, the shaft turning $o$ times a turn",
     ),
 )  # fmt: skip

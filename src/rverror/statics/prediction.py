@@ -125,7 +125,7 @@ class Predictor:
             matrix = effect_matrix(*self.contact_state(model), model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
         repeats = all(source(e.key).repeats_with_crank(self.mechanism, e.indices) for e in gears)
-        start = self._starts(near) if near and not repeats else near.poses if near and near.repeats else None
+        start = self.starts(near) if near and not repeats else near.poses if near and near.repeats else None
         loaded = replace(_loaded(self._repeat if repeats else self._whole, gears, start), repeats=repeats)
         return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
 
@@ -171,7 +171,7 @@ class Predictor:
         Pose, mapping of str to ndarray
         """
         if uses_equilibrium(model, self.conditions):
-            forces = self._whole.forces(model.effects, self._starts(near) if near else None)
+            forces = self._whole.forces(model.effects, self.starts(near) if near else None)
             return self._motion, forces
         where = motion(self.mechanism, self.conditions)
         return where, closed_form_forces(where)
@@ -231,7 +231,7 @@ class Predictor:
     def _statics(self, theta: Array) -> Statics:
         return statics_of(self.mechanism, replace(self.conditions, theta=theta, time=None))
 
-    def _starts(self, near: Prediction) -> Array | None:
+    def starts(self, near: Prediction) -> Array | None:
         """Poses at all samples that those of a similar model come near to.
 
         After each repeat the gear train stands as it did, turned with the carrier.

@@ -45,7 +45,7 @@ SIZES = ("peak_to_peak", "max", "rms")
 _FEWEST = 16  # units that a correction needs
 _COARSEST = 64  # angles
 _BLOCK = 4  # units of a task
-_CHUNK = 2**32 - 1  # seeds the sample: no chunk of virtual units has this number
+SAMPLE_CHUNK = 2**32 - 1  # seeds the sample: no chunk of virtual units has this number
 _KNOTS = 128  # of the ranks between 0 and 1
 _NEIGHBOURHOOD = 0.35  # of ranks, for one unit; falls with the fifth root of their number
 _KNOT_RANKS = np.linspace(0, 1, _KNOTS + 1)
@@ -417,7 +417,7 @@ def contact_correction(
     if stack.theta is None:
         raise InputError("the stack has no angles; make it with `rverror.tolerances.stacking.stack`")
 
-    blocks = uniforms(count, stack.dimensions, seed=seed, index=_CHUNK, draws="random")
+    blocks = uniforms(count, stack.dimensions, seed=seed, index=SAMPLE_CHUNK, draws="random")
     drawn = np.concatenate([stack.standard(block) for block in blocks]) * stack.width[stack.entry]
     even = _is_even(mechanism, stack.theta)
     job = _Job(
@@ -510,9 +510,9 @@ class _Job:
         except NotConvergedError as problem:
             return f"unit {number}: {problem}"
         read = added(effects, self._read)
-        full = (_between(loaded, self._read.theta.size) if self.even else loaded) + read
+        full = (between(loaded, self._read.theta.size) if self.even else loaded) + read
         halves = self.even and loaded.size % 2 == 0
-        thinned = _between(loaded[::2], self._read.theta.size) + read if halves else full[::2]
+        thinned = between(loaded[::2], self._read.theta.size) + read if halves else full[::2]
         return (*_sizes_of(full), float(np.ptp(thinned)))
 
     @cached_property
@@ -526,7 +526,7 @@ class _Job:
         return Predictor(self.model.mechanism, self.conditions.at(gears.theta[:: self.stride]))
 
 
-def _between(row: Array, angles: int) -> Array:
+def between(row: Array, angles: int) -> Array:
     """Row at more even angles of the same periods, by its Fourier series."""
     if row.size == angles:
         return row

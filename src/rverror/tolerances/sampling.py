@@ -41,7 +41,7 @@ _LONGEST_CHUNK = 2**14
 _REPLICATES = 12  # chunks that a job has at least, where it has enough units: their scatter makes intervals
 _STEP = 1024  # units drawn at a time
 _CELL = 2.0**-30  # distance of neighbouring Sobol points
-_IN_FLIGHT = 64  # chunks handed to an executor at a time
+IN_FLIGHT = 64  # chunks handed to an executor at a time
 _SIZES = ("peak_to_peak", "max", "rms", "offset")
 _FORMAT = 1  # of the chunk files
 
@@ -339,7 +339,7 @@ def virtual_units(
     if seed < 0:
         raise InputError(f"seed = {seed}: must be 0 or more")
     _check_draws(draws, stack.dimensions)
-    job = _Chunks(sampler(stack, tolerance), int(count), _chunk_length(count), int(seed), draws)
+    job = _Chunks(sampler(stack, tolerance), int(count), chunk_length(count), int(seed), draws)
     store = None if folder is None else _Store(Path(folder), _digest(stack, job, tolerance), job)
     results = np.empty((len(_SIZES), job.count))
     bound = 0.0
@@ -428,7 +428,7 @@ def _check_share(name: str, value: float) -> None:
         raise InputError(f"{name} = {value:g}: must lie between 0 and 1, such as 0.95")
 
 
-def _chunk_length(count: int) -> int:
+def chunk_length(count: int) -> int:
     """Largest power of two that leaves enough chunks, within limits."""
     return min(_LONGEST_CHUNK, 1 << max(4, (max(1, count // _REPLICATES)).bit_length() - 1))
 
@@ -466,7 +466,7 @@ def computed(
         while True:
             for index in waiting:
                 pending[executor.submit(task, index)] = index
-                if len(pending) >= _IN_FLIGHT:
+                if len(pending) >= IN_FLIGHT:
                     break
             if not pending:
                 return

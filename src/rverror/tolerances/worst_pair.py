@@ -58,7 +58,7 @@ class GroupWaves:
 
     def farthest(self) -> tuple[float, int, int]:
         """Largest distance of two angles, exact, and their places."""
-        best, first, second = self._walk()
+        best, first, second = self.walk()
         if best == 0:
             return 0.0, first, second
         features = self._features()
@@ -77,7 +77,7 @@ class GroupWaves:
                     best, first, second = float(found[at]), int(i[pairs][at]), int(j[pairs][at])
         return best, first, second
 
-    def _walk(self) -> tuple[float, int, int]:
+    def walk(self) -> tuple[float, int, int]:
         """Good pair: from some angles to the farthest one, and on from there as long as that helps."""
         every = np.arange(self.count)
         best = (0.0, 0, 0)

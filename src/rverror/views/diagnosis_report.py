@@ -122,7 +122,7 @@ def _label(trace: Trace, at: int) -> str:
     return f"{at + 1} {way(trace.direction)}"
 
 
-def _bench(diagnosis: Diagnosis) -> Bench:
+def bench_of(diagnosis: Diagnosis) -> Bench:
     """What the runs of a diagnosis cover."""
     torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
     longest = max(diagnosis.traces, key=turns_of, default=None)
@@ -143,7 +143,7 @@ def _bench(diagnosis: Diagnosis) -> Bench:
 
 def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
     """What to measure next, with the addition that each measurement is about."""
-    bench, unit = _bench(diagnosis), diagnosis.declared.mechanism
+    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []
     for addition in diagnosis.added:
         if all(key in CATALOGUE for key in (addition.effect.key, *(key for key, _ in addition.indistinguishable))):

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.drive_runs import RunData, highest_order, influence_rows
-from rverror.diagnosis.result import describe
+from rverror.base.text import describe
+from rverror.diagnosis.samples.runs import RunData, highest_order, influence_rows
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE, source
@@ -66,16 +66,7 @@ class Term:
 
 
 def offset_terms(data: RunData) -> list[Term]:
-    """Constant of each run.
-
-    Parameters
-    ----------
-    data : RunData
-
-    Returns
-    -------
-    list of Term
-    """
+    """Constant of each run."""
     return [
         Term(OFFSET, f"offset of {name}", _own(data, at, np.ones((1, at.stop - at.start))))
         for name, at in zip(data.names, data.slices, strict=True)
@@ -84,12 +75,6 @@ def offset_terms(data: RunData) -> list[Term]:
 
 def declared_terms(model: Model, runs: Sequence[Run], data: RunData) -> list[Term]:
     """Declared effects that were measured with an uncertainty, which the fit may change within it.
-
-    Parameters
-    ----------
-    model : Model
-    runs : sequence of Run
-    data : RunData
 
     Returns
     -------
@@ -125,7 +110,7 @@ def candidate_terms(model: Model, runs: Sequence[Run], data: RunData) -> list[Te
     unit = model.mechanism
     result = []
     for key, entry in CATALOGUE.items():
-        if not entry.applies_to(unit) or not entry.tried:
+        if not entry.applies_to(unit) or not data.policy.tries(entry):
             continue
         if data.quantity == "torque" and entry.acts == "reading":
             continue  # no encoder's error makes torque
@@ -141,16 +126,7 @@ def candidate_terms(model: Model, runs: Sequence[Run], data: RunData) -> list[Te
 
 
 def nuisance_terms(data: RunData) -> list[Term]:
-    """What the catalogue has no key for: a bow of a run over time or angle, lost motion between directions.
-
-    Parameters
-    ----------
-    data : RunData
-
-    Returns
-    -------
-    list of Term
-    """
+    """What the catalogue has no key for: a bow of a run over time or angle, lost motion between directions."""
     terms = []
     bow = {BOW: data.clock}
     if data.turns < 1:
@@ -184,17 +160,7 @@ def line_term(data: RunData, order: float) -> Term:
 
 
 def prior_sum(declared: Sequence[Term], data: RunData) -> Array:
-    """What declared terms of an uncertain size predict, as declared.
-
-    Parameters
-    ----------
-    declared : sequence of Term
-    data : RunData
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """What declared terms of an uncertain size predict, as declared."""
     total = np.zeros_like(data.signal)
     for term in declared:
         total += np.array(term.means) @ term.rows

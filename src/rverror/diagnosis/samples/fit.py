@@ -1,4 +1,4 @@
-"""Joint least squares of a drive's terms under coloured noise, and what a term takes off samples left out."""
+"""Joint least squares of terms under coloured noise, and what a term takes off samples left out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
-from rverror.diagnosis.coloured import (
+from rverror.diagnosis.samples.coloured import (
     Labels,
     distance,
     kept_share,
@@ -20,18 +20,12 @@ from rverror.diagnosis.coloured import (
     solve,
     spectrum_freedom,
 )
-from rverror.diagnosis.drive_runs import RunData
-from rverror.diagnosis.drive_terms import DECLARED, EFFECT, LINE, NUISANCE, Term, implausible
-
-#: Chance that any candidate passes by luck.
-FALSE_ALARM = 3e-3
-_LEAST_SAMPLES = 4.0
-_APART = 1e-4  # a candidate keeps this share of its power beside what is there, or is not tried
-_APART_IMPLAUSIBLE = 0.05
+from rverror.diagnosis.samples.regressors import DECLARED, Term, implausible
+from rverror.diagnosis.samples.runs import RunData
 
 
 @dataclass(frozen=True, eq=False)
-class DriveFit:
+class SampleFit:
     """Terms and their joint fit.
 
     Attributes
@@ -46,6 +40,8 @@ class DriveFit:
         Of each run's squares.
     samples : ndarray, shape (k,)
         Number of independent samples, as each value sees the noise.
+    confidence : float
+        Of intervals.
     """
 
     terms: tuple[Term, ...]
@@ -54,6 +50,7 @@ class DriveFit:
     residual: Array
     weights: Array
     samples: Array
+    confidence: float
 
     def at(self, term: Term) -> slice:
         """Place of a term's values."""
@@ -77,27 +74,25 @@ class DriveFit:
         return significant(self.values(term), self.own_spread(term), accepted, self.own_samples(term))
 
     def reach(self, term: Term, spread: Array) -> Array:
-        """Half width of the 95 % interval of a value, or a sum of a term's values, with a variance."""
-        return np.asarray(np.sqrt(spread) * student(0.025, self.own_samples(term)), dtype=np.float64)
+        """Half width of the interval of a value, or a sum of a term's values, with a variance."""
+        return np.asarray(
+            np.sqrt(spread) * student((1 - self.confidence) / 2, self.own_samples(term)), dtype=np.float64
+        )
 
     def distance(self, term: Term) -> float:
         """Squared distance of a term from 0 in standard deviations."""
         return distance(self.values(term), self.own_spread(term))
 
 
-def fitted(data: RunData, terms: Sequence[Term], *, noise: DriveFit | None = None) -> DriveFit:
+def fitted(data: RunData, terms: Sequence[Term], *, noise: SampleFit | None = None) -> SampleFit:
     """Fit terms to all runs by least squares.
 
     Parameters
     ----------
     data : RunData
     terms : sequence of Term
-    noise : DriveFit, optional
+    noise : SampleFit, optional
         Fit whose residual is the noise and whose weights the runs have; left out, those of this fit itself.
-
-    Returns
-    -------
-    DriveFit
     """
     rows, signal = np.concatenate([t.rows for t in terms]), data.signal
     scale = lengths(rows)
@@ -117,51 +112,56 @@ def fitted(data: RunData, terms: Sequence[Term], *, noise: DriveFit | None = Non
     left = signal - values @ rows
     squares = float((_root_weights(data, weights) * residual) @ (_root_weights(data, weights) * residual))
     most = sum(spectrum_freedom(at.stop - at.start) for at in data.slices)
-    samples = np.clip(squares / np.maximum(equations.seen, 1e-300), _LEAST_SAMPLES, most)
-    return DriveFit(tuple(terms), values, equations.covariance(sigmas), left, weights, samples)
+    samples = np.clip(squares / np.maximum(equations.seen, 1e-300), data.policy.least_samples, most)
+    return SampleFit(tuple(terms), values, equations.covariance(sigmas), left, weights, samples, data.policy.confidence)
 
 
-def screened(data: RunData, fit: DriveFit, pool: Sequence[Term]) -> list[tuple[Term, float, list[str]]]:
-    """Terms that the runs can tell from what is there, with what each would take off.
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """A term that the runs can tell from what is there.
 
-    Parameters
+    Attributes
     ----------
-    data : RunData
-    fit : DriveFit
-    pool : sequence of Term
-
-    Returns
-    -------
-    list of (Term, float, list of str)
-        Share of the residual's squares that it takes off, and its parameters that would be implausible; the most
-        telling first.
+    term : Term
+    gain : float
+        Share of the residual's squares that it would take off.
+    too_large : list of str
+        Its parameters that would be larger than a workshop makes.
     """
+
+    term: Term
+    gain: float
+    too_large: list[str]
+
+
+def screened(data: RunData, fit: SampleFit, pool: Sequence[Term]) -> tuple[list[Screened], list[Term]]:
+    """Terms with what each would take off, the most telling first; and those that what is there makes up."""
     root = _root_weights(data, fit.weights)
     # a declared size that was measured wrong is missing too, so declared terms do not bar one of their waveform
     free = orthonormal(root * np.concatenate([t.rows for t in fit.terms if t.kind != DECLARED]))
     every = orthonormal(root * np.concatenate([t.rows for t in fit.terms]))
-    found = []
+    found, barred = [], []
     for term in pool:
         rows, rest = root * term.rows, root * fit.residual
-        if term in fit.terms or kept_share(free, rows) < _APART:
+        if term in fit.terms:
+            continue
+        if kept_share(free, rows) < data.policy.apart:
+            barred.append(term)
             continue
         left = rows - (rows @ free) @ free.T
         values = np.linalg.lstsq(left.T, rest - free @ (free.T @ rest), rcond=None)[0]
         gain = 1 - float(np.mean((rest - values @ left) ** 2)) / max(float(np.mean(rest**2)), 1e-300)
         too_large = implausible(term, np.asarray(values, dtype=np.float64), data.quantity)
-        if not too_large or kept_share(every, rows) > _APART_IMPLAUSIBLE:
-            found.append((term, gain, too_large))
+        if not too_large or kept_share(every, rows) > data.policy.apart_implausible:
+            found.append(Screened(term, gain, too_large))
+        else:
+            barred.append(term)
     # rounded, so that of equal ones the first goes first
-    return sorted(found, key=lambda s: -round(s[1], 9))
+    return sorted(found, key=lambda s: -round(s.gain, 9)), barred
 
 
-def held_out_gain(data: RunData, fit: DriveFit, trial: DriveFit) -> float:
+def held_out_gain(data: RunData, fit: SampleFit, trial: SampleFit) -> float:
     """What a trial takes off the squares of blocks of samples that its fit did not see.
-
-    Parameters
-    ----------
-    data : RunData
-    fit, trial : DriveFit
 
     Returns
     -------
@@ -173,19 +173,15 @@ def held_out_gain(data: RunData, fit: DriveFit, trial: DriveFit) -> float:
     return (before - after) / variance
 
 
-def held_out_squares(data: RunData, terms: Sequence[Term], noise: DriveFit) -> float:
+def held_out_squares(data: RunData, terms: Sequence[Term], noise: SampleFit) -> float:
     """Sum of squares of all blocks of samples, each left out of the fit that predicts it.
 
     Parameters
     ----------
     data : RunData
     terms : sequence of Term
-    noise : DriveFit
+    noise : SampleFit
         As in `fitted`.
-
-    Returns
-    -------
-    float
     """
     rows = np.concatenate([t.rows for t in terms])
     means, sigmas = _priors(terms)
@@ -201,28 +197,6 @@ def held_out_squares(data: RunData, terms: Sequence[Term], noise: DriveFit) -> f
         values = solve(gram - own, moment - seen)
         squares += float(((data.signal[part] - values @ unit[:, part]) ** 2).sum())
     return squares
-
-
-def pruned(data: RunData, fit: DriveFit, accepted: float) -> DriveFit:
-    """Fit without the terms that later ones have made needless.
-
-    Parameters
-    ----------
-    data : RunData
-    fit : DriveFit
-    accepted : float
-        Chance at which a term that is none may stay.
-
-    Returns
-    -------
-    DriveFit
-    """
-    while True:
-        free = [t for t in fit.terms[:-1] if t.kind in (EFFECT, NUISANCE, LINE)]
-        weak = [t for t in free if not fit.significant(t, accepted)]
-        if not weak:
-            return fit
-        fit = fitted(data, [t for t in fit.terms if t is not weak[0]])
 
 
 def _sums(data: RunData, rows: Array, weights: Array, used: Labels | None = None) -> tuple[Array, Array]:

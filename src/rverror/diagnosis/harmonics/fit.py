@@ -11,151 +11,36 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.geartrain.kinematics import Conditions
+from rverror.diagnosis.harmonics.runs import FitRun, whitened
+from rverror.diagnosis.policy import POLICY, Policy
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_values
 from rverror.model.effects import Effect, Model
-from rverror.runs.spectrum import harmonics, noise_spectrum
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.statics.prediction import Prediction, Predictor
+from rverror.statics.prediction import Prediction
 
 _LONGEST_STEP = 0.5  # of the size that a workshop can make
-_CHANCE = 5.0  # standard deviations of the noise's sum of squares
 _REWEIGHTED = 6
-_SEEN = 1e-3  # standard deviations of the data that a plausible size changes at least
 _NO_GAIN = 0.02  # of the sum of squares: a seventh of a standard deviation
 _NO_STEP = 2e-4  # that one more step promises
 
 
 @dataclass(frozen=True)
-class FitRun:
-    """One run, cut into whole periods.
-
-    Attributes
-    ----------
-    name : str
-    predictor : Predictor
-        At the samples of one period.
-    values : ndarray, shape (periods, n)
-        Measured transmission error of each period, rad.
-    noise : ndarray, shape (m,)
-        Variance of one harmonic coefficient of one period, rad^2.
-    zero : str
-        Label of the index; runs of one label share their zero, so the difference of their means counts.
-    mean_variance : float
-        Variance of the mean of one period against another run's of the same zero, rad^2.
-    """
-
-    name: str
-    predictor: Predictor
-    values: Array
-    noise: Array
-    zero: str = ""
-    mean_variance: float = np.inf
-
-    @property
-    def conditions(self) -> Conditions:
-        """Where and how the run was measured."""
-        return self.predictor.conditions
-
-    @property
-    def periods(self) -> int:
-        """Number of whole periods."""
-        return len(self.values)
-
-    def weight(self, periods: int) -> Array:
-        """Inverse standard deviation of a coefficient of the mean of that many periods, shape (m,)."""
-        return np.asarray(np.sqrt(periods / self.noise), dtype=np.float64)
-
-    def whiten(self, values: Array, periods: int) -> Array:
-        """Harmonics of rows over one period, in standard deviations of a mean of that many, shape (..., 2 m)."""
-        scaled = harmonics(values) * self.weight(periods)
-        return scaled.reshape(*scaled.shape[:-2], 2 * scaled.shape[-1])
-
-
-def whitened(runs: Sequence[FitRun], rows: Sequence[Array], periods: Sequence[int]) -> Array:
-    """What runs tell, in standard deviations: the harmonics of each, then differences of means that share a zero.
-
-    Parameters
-    ----------
-    runs : sequence of FitRun
-    rows : sequence of ndarray, shape (..., n)
-        Of each run, over one period.
-    periods : sequence of int
-        Of whose mean the rows are known.
-
-    Returns
-    -------
-    ndarray, shape (..., values)
-    """
-    parts = [run.whiten(row, count) for run, row, count in zip(runs, rows, periods, strict=True)]
-    for label in sorted({run.zero for run in runs if run.zero}):
-        group = [i for i, run in enumerate(runs) if run.zero == label]
-        if len(group) < 2:
-            continue
-        means = np.stack([rows[i].mean(axis=-1) for i in group], axis=-1)
-        variance = np.array([runs[i].mean_variance / periods[i] for i in group])
-        against_first = np.diag(variance[1:]) + variance[0]
-        parts.append(_divided(means[..., 1:] - means[..., :1], against_first))
-    return np.concatenate(parts, axis=-1)
-
-
-def _divided(rows: Array, covariance: Array) -> Array:
-    """Rows (..., k) in standard deviations."""
-    root = np.linalg.cholesky(covariance)
-    return np.asarray(np.linalg.solve(root, rows[..., None])[..., 0], dtype=np.float64)
-
-
-def coarse(run: FitRun, points: int) -> FitRun:
-    """The run on fewer angles, without the harmonics that they could not hold.
-
-    Parameters
-    ----------
-    run : FitRun
-    points : int
-        Angles a period to keep; the run itself where it has no more.
-
-    Returns
-    -------
-    FitRun
-    """
-    n = run.conditions.theta.size
-    stride = n // points
-    if stride < 2 or n % stride:
-        return run
-    kept = n // stride
-    lines = np.fft.rfft(run.values, axis=1)[:, : kept // 2 + 1] / stride
-    values = np.fft.irfft(lines, kept, axis=1)
-    time = run.conditions.time
-    conditions = replace(
-        run.conditions,
-        theta=run.conditions.theta[::stride],
-        time=None if time is None else time[::stride],
-        folds=False,
-    )
-    predictor = Predictor(run.predictor.mechanism, conditions)
-    return replace(run, predictor=predictor, values=values, noise=run.noise[: (kept - 1) // 2] / stride)
-
-
-def fit_run(name: str, predictor: Predictor, values: Array) -> FitRun:
-    """Make a `FitRun` and take its noise from what differs between the periods."""
-    noise = noise_spectrum(values)
-    least = max(float(noise.mean()) * 1e-6, 1e-30)  # noise-free simulated runs have no spread at all
-    return FitRun(name, predictor, values, np.maximum(noise, least))
-
-
-@dataclass(frozen=True)
 class Misfit:
-    """Weighted squares of the residual harmonics and of the declared sizes' changes, and the number of harmonics."""
+    """Weighted squares of the residual harmonics and of the declared sizes' changes, and the number of harmonics.
+
+    `chance` is the policy's `by_chance`.
+    """
 
     data: float
     prior: float
     count: int
+    chance: float = POLICY.by_chance
 
     @property
     def by_chance(self) -> float:
         """Sum of squares that noise alone hardly exceeds."""
-        return self.count + _CHANCE * math.sqrt(2 * self.count)
+        return self.count + self.chance * math.sqrt(2 * self.count)
 
     @property
     def scale(self) -> float:
@@ -231,6 +116,7 @@ def joint_fit(
     near: Sequence[Prediction | None] = (),
     vary_last: int | None = None,
     most_steps: int = 25,
+    policy: Policy = POLICY,
 ) -> Fit:
     """Fit added effects freely, and declared ones within their uncertainty, to all runs at once.
 
@@ -255,10 +141,8 @@ def joint_fit(
         not.  It is then held to sizes that a workshop can make, as by a measurement of that uncertainty.
     most_steps : int
         Steps after which the fit gives up as not converged.
-
-    Returns
-    -------
-    Fit
+    policy : Policy
+        `by_chance` and `seen`.
     """
     effects = (*model.effects, *added)
     sigma = priors(model.effects, added)
@@ -281,7 +165,7 @@ def joint_fit(
         predictions = tuple(run.predictor.predict(trial, start) for run, start in zip(runs, near, strict=True))
         residual = measured - whitened(runs, [p.transmission_error for p in predictions], periods)
         matrix = whitened(runs, [p.matrix for p in predictions], periods).T
-        return _State(predictions, residual, matrix, declared - values, prior_weight, plausible)
+        return _State(predictions, residual, matrix, declared - values, prior_weight, plausible, policy)
 
     values, damping, converged = (effect_values(effects) if start is None else start).copy(), 0.0, not varied.any()
     now = state(values, near or [None] * len(runs))
@@ -308,7 +192,7 @@ def joint_fit(
     covariance = np.zeros((values.size, values.size))
     if free.any():
         matrix, _ = now.weighted(now.misfit.scale)
-        covariance[np.ix_(free, free)] = covariance_of(matrix[:, free], reach[free] / _LONGEST_STEP)
+        covariance[np.ix_(free, free)] = covariance_of(matrix[:, free], plausible[free], seen=policy.seen)
     fitted = replace(model, effects=with_values(effects, values))
     prospect = now.after(now.step(free, 0.0))
     return Fit(fitted, free, covariance, now.misfit, prospect, now.predictions, converged)
@@ -324,6 +208,7 @@ class _State:
     change: Array  # of each parameter from where it was declared
     weight: Array  # of it
     plausible: Array  # size of each parameter
+    policy: Policy
 
     @cached_property
     def misfit(self) -> Misfit:
@@ -332,13 +217,13 @@ class _State:
     def after(self, step: Array) -> Misfit:
         """Misfit that a step leaves, as far as the predictions are linear."""
         left, change = self.residual - self.matrix @ step, (self.change - step) * self.weight
-        return Misfit(float(left @ left), float(change @ change), self.residual.size)
+        return Misfit(float(left @ left), float(change @ change), self.residual.size, self.policy.by_chance)
 
     def step(self, varied: npt.NDArray[np.bool_], damping: float) -> Array:
         """Change of the varied parameters that lowers the objective most, as far as the predictions are linear."""
         step, scale = np.zeros(self.change.size), self.misfit.scale
         # what shows in nothing would take any size
-        seen = np.hypot(np.linalg.norm(self.matrix, axis=0), self.weight) * self.plausible > _SEEN
+        seen = np.hypot(np.linalg.norm(self.matrix, axis=0), self.weight) * self.plausible > self.policy.seen
         varied = varied & seen
         if not varied.any():
             return step
@@ -367,13 +252,13 @@ def _damped_step(matrix: Array, residual: Array, damping: float) -> Array:
     return np.asarray(step, dtype=np.float64)
 
 
-def covariance_of(matrix: Array, plausible: Array | float = 1.0) -> Array:
+def covariance_of(matrix: Array, plausible: Array | float = 1.0, *, seen: float = POLICY.seen) -> Array:
     """Covariance of least-squares parameters; infinite variance where the data hold nothing of a parameter.
 
-    That is where a size that a workshop can make changes the data by less than a thousandth of their noise.
+    That is where a size that a workshop can make changes the data by no more than `seen` of their noise.
     """
     scale = np.linalg.norm(matrix, axis=0)
-    known = scale * plausible > _SEEN
+    known = scale * plausible > seen
     covariance = np.zeros((scale.size, scale.size))
     covariance[~known, ~known] = np.inf
     if known.any():

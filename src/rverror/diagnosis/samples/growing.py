@@ -6,7 +6,7 @@ grows, so that is found and taken off first, whatever else is missing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,24 +15,19 @@ from scipy.linalg import helmert
 
 from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
-from rverror.base.units import ARCSEC
-from rverror.diagnosis.coloured import kept_share, orthonormal
-from rverror.diagnosis.drive_fit import DriveFit, fitted, held_out_gain
-from rverror.diagnosis.drive_result import addition_of
-from rverror.diagnosis.drive_runs import RunData, influence_rows
-from rverror.diagnosis.drive_terms import DECLARED, EFFECT, OFFSET, Term
+from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition
+from rverror.diagnosis.samples.account import addition_of
+from rverror.diagnosis.samples.coloured import kept_share, orthonormal
+from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain
+from rverror.diagnosis.samples.regressors import DECLARED, EFFECT, OFFSET, Term
+from rverror.diagnosis.samples.runs import RunData, influence_rows
+from rverror.diagnosis.search import Journal, Likelihood, Name, find_missing
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import Revolutions
-
-_FALSE_ALARM = 3e-4  # chance that any of them passes by luck
-_WANDER = 0.01  # chance that the means of the turns wander by as much
-_FLOOR = 1e-3 * ARCSEC
-_APART = 1e-4  # a source keeps this share of its power beside what is there, or is not tried
-_NOTHING = 1e-6  # share of a row that must differ between turns
 
 
 @dataclass(frozen=True)
@@ -93,7 +88,13 @@ def growth_rows(unit: Reducer, run: Run, theta: Array, cut: Callable[[Array], Re
 
 
 def growing_errors(
-    model: Model, names: Sequence[str], values: Sequence[Array], rows: Sequence[Mapping[str, Array]]
+    model: Model,
+    names: Sequence[str],
+    values: Sequence[Array],
+    rows: Sequence[Mapping[str, Array]],
+    *,
+    journal: Journal | None = None,
+    policy: Policy = POLICY,
 ) -> Growth:
     """Find what grows along the runs, and refit what was declared of it within its uncertainty.
 
@@ -107,34 +108,33 @@ def growing_errors(
         Measured error of each run, rad.
     rows : sequence of mapping of str to ndarray, shape (periods, n)
         From `growth_rows`.
-
-    Returns
-    -------
-    Growth
+    journal : Journal, optional
+    policy : Policy
     """
     declared = [e for e in model.effects if not source(e.key).periodic]
-    keys = [key for key in rows[0] if all(key in run for run in rows)]
-    rows = [{key: run[key] for key in keys} for run in rows]
-    between = {key: _joined([_contrasts(run[key]) for run in rows]) for key in keys}
+    told = [key for key in rows[0] if all(key in run for run in rows)]
+    rows = [{key: run[key] for key in told} for run in rows]
+    between = {key: _joined([_contrasts(run[key]) for run in rows]) for key in told}
     exact = [e for e in declared if not e.uncertainty]
     contrasts = [_contrasts(run) for run in values]
     signal = _joined(contrasts)
     signal = signal - sum((e.values[0] * between[e.key] for e in exact), np.zeros_like(signal))
-    data = _data(model, names, contrasts, signal)
+    data = _data(model, names, contrasts, signal, policy)
     # no offsets: contrasts hold none
     base = [Term(OFFSET, "nothing", np.zeros((1, signal.size)))] + [
         Term(DECLARED, e.key, between[e.key][None], {}, (), float(e.uncertainty), e.values)
         for e in declared
         if e.uncertainty
     ]
-    pool = [
+    pool = tuple(
         Term(EFFECT, key, row[None])
         for key, row in between.items()
-        if np.linalg.norm(row) > _NOTHING * np.linalg.norm(_joined([run[key] for run in rows]))
-    ]
-    fit = fitted(data, base)
-    while (more := _winner(data, fit, pool)) is not None:
-        fit = more
+        if policy.tries(source(key))
+        if np.linalg.norm(row) > policy.differs * np.linalg.norm(_joined([run[key] for run in rows]))
+    )
+    likelihood = GrowthLikelihood(data, pool, policy, journal or Journal(lambda text: None))
+    _, outcome = find_missing(likelihood, likelihood.fitted(base))
+    fit = outcome.found
     added = tuple(addition_of(data, fit, t, pool, fit.terms[: fit.terms.index(t) + 1]) for t in fit.terms if t in pool)
     sizes = {t.name: float(fit.values(t)[0]) for t in fit.terms if t.kind == DECLARED}
     refitted = tuple(replace(e, values=(sizes.get(e.key, e.values[0]),)) for e in declared)
@@ -150,7 +150,7 @@ def _joined(parts: Sequence[Array]) -> Array:
     return np.concatenate([part.ravel() for part in parts])
 
 
-def _data(model: Model, names: Sequence[str], values: Sequence[Array], signal: Array) -> RunData:
+def _data(model: Model, names: Sequence[str], values: Sequence[Array], signal: Array, policy: Policy) -> RunData:
     ends = np.cumsum([0, *(run.size for run in values)])
     turns = np.repeat(np.arange(sum(len(run) for run in values)), [run.shape[1] for run in values for _ in run])
     return RunData(
@@ -163,53 +163,79 @@ def _data(model: Model, names: Sequence[str], values: Sequence[Array], signal: A
         signal=signal,
         labels=turns,
         quantity="angle",
-        floor=_FLOOR,
+        floor=policy.floor,
+        policy=policy,
     )
 
 
-def _winner(data: RunData, fit: DriveFit, pool: Sequence[Term]) -> DriveFit | None:
-    """Fit with one more source: the one that leaves least, if it is significant and helps on left-out turns.
+@dataclass(frozen=True, eq=False)
+class GrowthLikelihood(Likelihood[SampleFit, Term]):
+    """Likelihood of what differs between the periods of runs; nothing is dropped, and lines do not compete.
 
-    Alone, or beside all others: two that are missing at once count as noise for each other.
+    Attributes
+    ----------
+    data : RunData
+        Contrasts between periods.
+    candidates : tuple of Term
+    policy : Policy
+    journal : Journal
     """
-    apart = _apart(fit.terms, [term for term in pool if term not in fit.terms])
-    trials = []
-    for term in apart:
-        trial = fitted(data, [*fit.terms, term])
-        others = [*fit.terms, *(t for t in apart if t is not term)]
-        beside = len(others) > len(fit.terms) and _apart(others, [term])
-        if _settles(data, fit, trial) or (
-            beside and _settles(data, fitted(data, others), fitted(data, [*others, term]))
-        ):
-            trials.append(trial)
-    return min(trials, key=lambda trial: float(trial.residual @ trial.residual), default=None)
 
+    data: RunData
+    candidates: tuple[Term, ...]
+    policy: Policy
+    journal: Journal
 
-def _apart(known: Sequence[Term], terms: Sequence[Term]) -> list[Term]:
-    """Terms whose waveform those that are known do not make up."""
-    basis = orthonormal(np.concatenate([t.rows for t in known]))
-    return [term for term in terms if kept_share(basis, term.rows) > _APART]
+    def fitted(self, terms: Sequence[Term]) -> SampleFit:
+        """Joint fit of terms."""
+        return fitted(self.data, terms)
 
+    def added(self, found: SampleFit) -> Sequence[Name]:
+        """Name what was added, in order."""
+        return [(t.name, t.indices) for t in found.terms if t.kind == EFFECT]
 
-def _settles(data: RunData, fit: DriveFit, trial: DriveFit) -> bool:
-    term = trial.terms[-1]
-    return (
-        trial.significant(term, _FALSE_ALARM)
-        and held_out_gain(data, fit, trial) > 0
-        and _beyond_wander(data, fit, trial)
-    )
+    def rank(self, found: SampleFit) -> list[Term]:
+        """Sources whose waveform those that were found do not make up."""
+        return self._apart(found.terms, [term for term in self.candidates if term not in found.terms])
 
+    def refit(self, found: SampleFit, ranking: Sequence[Term]) -> Iterator[SampleFit]:
+        """Refit with one source more, the one that leaves least first."""
+        trials = [self.fitted([*found.terms, term]) for term in ranking]
+        yield from sorted(trials, key=lambda trial: float(trial.residual @ trial.residual))
 
-def _beyond_wander(data: RunData, fit: DriveFit, trial: DriveFit) -> bool:
-    """Tell whether the means of the turns lie nearer to the trial than their own scatter about it explains.
+    def fails(self, found: SampleFit, trial: SampleFit) -> str:
+        """Tell why the last source does not hold, alone or beside all others; empty where it does.
 
-    Noise with a long memory moves whole turns, which the spectrum within a turn does not show.
-    """
-    count = int(data.labels.max()) + 1
-    size = np.bincount(data.labels, minlength=count)
-    before, after = (np.bincount(data.labels, f.residual, count) / size for f in (fit, trial))
-    left = count - sum(t.kind == EFFECT for t in trial.terms)
-    if left < 1:
-        return False
-    gain = float(before @ before - after @ after)
-    return gain > float(after @ after) / left * variance_ratio(_WANDER, 1, left)
+        Two that are missing at once count as noise for each other.
+        """
+        last, others = trial.terms[-1], [*found.terms, *(t for t in self.rank(found) if t is not trial.terms[-1])]
+        why = self._doubt(found, trial)
+        if why and len(others) > len(found.terms) and self._apart(others, [last]):
+            return self._doubt(self.fitted(others), self.fitted([*others, last]))
+        return why
+
+    def _apart(self, known: Sequence[Term], terms: Sequence[Term]) -> list[Term]:
+        basis = orthonormal(np.concatenate([t.rows for t in known]))
+        return [term for term in terms if kept_share(basis, term.rows) > self.policy.apart]
+
+    def _doubt(self, found: SampleFit, trial: SampleFit) -> str:
+        if not trial.significant(trial.terms[-1], self.policy.false_alarm / len(self.candidates)):
+            return "not significant under the noise between periods"
+        if held_out_gain(self.data, found, trial) <= 0:
+            return "left-out periods fit worse with it"
+        return "" if self._beyond_wander(found, trial) else "periods that wander at random may look like it"
+
+    def _beyond_wander(self, found: SampleFit, trial: SampleFit) -> bool:
+        """Tell whether the means of the periods lie nearer to the trial than their own scatter about it explains.
+
+        Noise with a long memory moves whole turns, which the spectrum within a turn does not show.
+        """
+        labels = self.data.labels
+        count = int(labels.max()) + 1
+        size = np.bincount(labels, minlength=count)
+        before, after = (np.bincount(labels, f.residual, count) / size for f in (found, trial))
+        left = count - sum(t.kind == EFFECT for t in trial.terms)
+        if left < 1:
+            return False
+        gain = float(before @ before - after @ after)
+        return gain > float(after @ after) / left * variance_ratio(self.policy.wander, 1, left)

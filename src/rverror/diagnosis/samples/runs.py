@@ -11,8 +11,8 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.units import ARCSEC
-from rverror.diagnosis.coloured import Labels
+from rverror.diagnosis.policy import POLICY, Policy
+from rverror.diagnosis.samples.coloured import Labels
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import true_period
 from rverror.geartrain.mechanism import Drive, Mechanism
@@ -23,7 +23,6 @@ from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, torque_column
 
 _TURN = 2 * np.pi
-_FLOOR = 1e-3 * ARCSEC  # white noise that every reading has: a perfect fit is no certainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +48,7 @@ class RunData:
         Dimension of the signal, ``angle`` or ``torque``.
     floor : float
         White noise that every reading has.
+    policy : Policy
     """
 
     drive: Drive
@@ -61,6 +61,7 @@ class RunData:
     labels: Labels
     quantity: str
     floor: float
+    policy: Policy = POLICY
 
     @property
     def turns(self) -> float:
@@ -68,7 +69,7 @@ class RunData:
         return max(float(np.ptp(self.theta[at])) for at in self.slices) / _TURN
 
 
-def gather(model: Model, runs: Sequence[Run]) -> tuple[RunData, list[str]]:
+def gather(model: Model, runs: Sequence[Run], *, policy: Policy = POLICY) -> tuple[RunData, list[str]]:
     """Put the runs one after another, with their blocks, and note what was noticed.
 
     Parameters
@@ -76,11 +77,7 @@ def gather(model: Model, runs: Sequence[Run]) -> tuple[RunData, list[str]]:
     model : Model
         Of a `Drive`.
     runs : sequence of Run
-
-    Returns
-    -------
-    data : RunData
-    notes : list of str
+    policy : Policy
 
     Raises
     ------
@@ -131,7 +128,8 @@ def gather(model: Model, runs: Sequence[Run]) -> tuple[RunData, list[str]]:
         signal=signal,
         labels=np.concatenate([part[4] for part in parts]),
         quantity=quantity,
-        floor=_FLOOR if quantity == "angle" else 1e-6 * float(np.std(signal)),
+        floor=policy.floor if quantity == "angle" else policy.torque_floor * float(np.std(signal)),
+        policy=policy,
     )
     return data, notes
 
@@ -175,10 +173,6 @@ def influence_rows(run: Run, mechanism: Mechanism, theta: Array, key: str, indic
         Nominal output angle, rad.
     key : str
     indices : mapping
-
-    Returns
-    -------
-    ndarray, shape (terms, n)
     """
     motion = pose(mechanism, theta, direction=run.direction, time=run.time)
     return source_matrix(motion, {"output": np.ones((1, theta.size))}, key, indices)
@@ -221,14 +215,10 @@ def _tidy(labels: Labels) -> Labels:
 def highest_order(data: RunData) -> float:
     """Order up to which every run has two samples a wave, also where it turns fastest.
 
-    Parameters
-    ----------
-    data : RunData
-
     Returns
     -------
     float
         Per output turn.
     """
     steps = [np.abs(np.diff(data.theta[at])) for at in data.slices]
-    return 0.95 * min(np.pi / float(np.quantile(s[s > 0], 0.9)) for s in steps)
+    return data.policy.sampled * min(np.pi / float(np.quantile(s[s > 0], 0.9)) for s in steps)

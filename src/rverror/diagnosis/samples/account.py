@@ -1,4 +1,4 @@
-"""What is said of a drive's fit: sizes, what fits as well, lines that remain, waveforms and notes."""
+"""What is said of a fit of samples: sizes, what fits as well, lines that remain, waveforms and notes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.diagnosis.coloured import burg, kept_share, orthonormal
-from rverror.diagnosis.drive_fit import DriveFit, fitted, held_out_squares
-from rverror.diagnosis.drive_runs import RunData
-from rverror.diagnosis.drive_terms import (
+from rverror.diagnosis.result import Addition, Alike, Candidate, Diagnosis, Estimate, Fate, Line, Residual, Trace
+from rverror.diagnosis.samples.coloured import burg, kept_share, orthonormal
+from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_squares
+from rverror.diagnosis.samples.regressors import (
     BESIDE,
     DECLARED,
     EFFECT,
@@ -23,14 +23,13 @@ from rverror.diagnosis.drive_terms import (
     implausible,
     prior_sum,
 )
-from rverror.diagnosis.result import Addition, Alike, Candidate, Diagnosis, Estimate, Line, Residual, Trace
+from rverror.diagnosis.samples.runs import RunData
 from rverror.geartrain.kinematics import true_period
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.spectrum import frames_of_order
 
 _TURN = 2 * np.pi
-_ALIKE = 0.01  # chance that what fits worse by so much is the true one
 _TRACE_POINTS = 2048
 
 
@@ -39,9 +38,10 @@ def result_of(
     data: RunData,
     base: Sequence[Term],
     candidates: Sequence[Term],
-    fit: DriveFit,
+    fit: SampleFit,
     ranking: Sequence[Candidate],
     notes: Sequence[str],
+    history: tuple[Fate, ...],
 ) -> Diagnosis:
     """Put the outcome of a search into words and numbers.
 
@@ -53,16 +53,14 @@ def result_of(
     base : sequence of Term
         Offsets and declared effects, with which the search began.
     candidates : sequence of Term
-    fit : DriveFit
+    fit : SampleFit
         Final fit, lines included.
     ranking : sequence of Candidate
         Of the last round.
     notes : sequence of str
         From reading the runs.
-
-    Returns
-    -------
-    Diagnosis
+    history : tuple of Fate
+        Of the search.
     """
     added = _in_order([t for t in fit.terms if t.kind == EFFECT])
     declared = [t for t in base if t.kind == DECLARED]
@@ -90,6 +88,7 @@ def result_of(
         traces=_traces(data, base, fit),
         notes=(*notes, *_told(data, fit)),
         quantity=data.quantity,
+        history=history,
     )
 
 
@@ -98,7 +97,7 @@ def _in_order(terms: Sequence[Term]) -> list[Term]:
     return sorted(terms, key=lambda t: source(t.name).periodic)
 
 
-def _residual(data: RunData, terms: Sequence[Term], noise: DriveFit) -> Residual:
+def _residual(data: RunData, terms: Sequence[Term], noise: SampleFit) -> Residual:
     """Size of the residual, and of blocks that the fit did not see."""
     rest = fitted(data, terms, noise=noise).residual
     rest = np.concatenate([rest[at] - rest[at].mean() for at in data.slices])
@@ -110,7 +109,7 @@ def _residual(data: RunData, terms: Sequence[Term], noise: DriveFit) -> Residual
 
 def addition_of(
     data: RunData,
-    fit: DriveFit,
+    fit: SampleFit,
     term: Term,
     candidates: Sequence[Term],
     so_far: Sequence[Term],
@@ -120,17 +119,13 @@ def addition_of(
     Parameters
     ----------
     data : RunData
-    fit : DriveFit
+    fit : SampleFit
     term : Term
         Of the fit.
     candidates : sequence of Term
         That may explain the same.
     so_far : sequence of Term
         Of the fit up to this one, for the held-out residual.
-
-    Returns
-    -------
-    Addition
     """
     values, reaches = fit.values(term), fit.reach(term, np.diag(fit.own_spread(term)))
     estimates = tuple(
@@ -169,7 +164,7 @@ def addition_of(
     return Addition(effect, estimates, names, term.orders, residual.heldout_rms, tuple(notes))
 
 
-def _alike(data: RunData, fit: DriveFit, term: Term, candidates: Sequence[Term]) -> list[tuple[Term, DriveFit]]:
+def _alike(data: RunData, fit: SampleFit, term: Term, candidates: Sequence[Term]) -> list[tuple[Term, SampleFit]]:
     """Candidates beside which a term is not needed any more, and the fit with each of them in its place."""
     without = [t for t in fit.terms if t is not term]
     found = []
@@ -181,13 +176,13 @@ def _alike(data: RunData, fit: DriveFit, term: Term, candidates: Sequence[Term])
         needless = kept_share(orthonormal(beside), term.rows) < 1e-9
         if not needless:
             both = fitted(data, [*without, other, term], noise=fit)
-            needless = not both.significant(term, _ALIKE)
+            needless = not both.significant(term, data.policy.alike)
         if needless:
             found.append((other, fitted(data, [*without, other], noise=fit)))
     return found
 
 
-def _lines(data: RunData, fit: DriveFit) -> list[Line]:
+def _lines(data: RunData, fit: SampleFit) -> list[Line]:
     lines = []
     for term in fit.terms:
         if term.kind != LINE:
@@ -198,19 +193,22 @@ def _lines(data: RunData, fit: DriveFit) -> list[Line]:
         reach = float(fit.reach(term, toward @ fit.own_spread(term) @ toward))
         size = float(sizes.mean())
         order = _told_order(data, term.orders[0])
-        frames = frames_of_order(data.drive, order, tolerance=max(0.02, 0.25 / data.turns))
+        frames = frames_of_order(
+            data.drive, order, tolerance=max(data.policy.order_tolerance, data.policy.same_order / data.turns)
+        )
         lines.append(Line(order, size, max(size - reach, 0.0), size + reach, tuple(frames)))
     return lines
 
 
 def _told_order(data: RunData, order: float) -> float:
     """Order with the digits that the travel gives it; whole where it is that near to a whole one."""
-    unit = 10.0 ** np.floor(np.log10(0.05 / data.turns))
+    apart = data.policy.told_order / data.turns
+    unit = 10.0 ** np.floor(np.log10(apart))
     near = round(order)
-    return float(near) if abs(order - near) < 0.05 / data.turns else float(round(order / unit) * unit)
+    return float(near) if abs(order - near) < apart else float(round(order / unit) * unit)
 
 
-def _told(data: RunData, fit: DriveFit) -> list[str]:
+def _told(data: RunData, fit: SampleFit) -> list[str]:
     """What was found that the catalogue has no key for, and what the noise is like."""
     notes = []
     unit = units.DISPLAY_UNITS[data.quantity]
@@ -220,10 +218,11 @@ def _told(data: RunData, fit: DriveFit) -> list[str]:
         if term.name == "lost motion":
             size, half = float(fit.values(term)[0]), float(fit.reach(term, fit.own_spread(term)[0, 0]))
             value, reach = (units.to_display(x, data.quantity) for x in (size, half))
+            interval = f"{100 * fit.confidence:g} % [{value - reach:.4g}, {value + reach:.4g}]"
             notes.append(
-                f"the output leads by {value:.4g} {unit} more, 95 % [{value - reach:.4g}, {value + reach:.4g}], in "
-                "forward than in reverse motion: lost motion or friction, a constant for each direction; no key of "
-                "the catalogue, so it is taken off and not added to the model"
+                f"the output leads by {value:.4g} {unit} more, {interval}, in forward than in reverse motion: lost "
+                "motion or friction, a constant for each direction; no key of the catalogue, so it is taken off and "
+                "not added to the model"
             )
             continue
         for name, at in zip(data.names, data.slices, strict=True):
@@ -240,7 +239,7 @@ def _told(data: RunData, fit: DriveFit) -> list[str]:
     return notes
 
 
-def _fitted_model(model: Model, data: RunData, fit: DriveFit, additions: Sequence[Addition]) -> Model:
+def _fitted_model(model: Model, data: RunData, fit: SampleFit, additions: Sequence[Addition]) -> Model:
     if data.quantity != "angle":
         return model
     sizes = iter([tuple(map(float, fit.values(t))) for t in fit.terms if t.kind == DECLARED])
@@ -248,7 +247,7 @@ def _fitted_model(model: Model, data: RunData, fit: DriveFit, additions: Sequenc
     return replace(model, effects=(*effects, *(a.effect for a in additions)))
 
 
-def _traces(data: RunData, base: Sequence[Term], fit: DriveFit) -> tuple[Trace, ...]:
+def _traces(data: RunData, base: Sequence[Term], fit: SampleFit) -> tuple[Trace, ...]:
     """Waveform of each run and direction on even angles: the mean of its turns, or the travel of a short run."""
     explained = fitted(data, [t for t in fit.terms if t.kind != LINE], noise=fit)
     after = data.signal - explained.residual

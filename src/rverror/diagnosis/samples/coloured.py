@@ -46,10 +46,6 @@ def burg(residual: Array, *, floor: float = 0.0) -> Noise:
     floor : float
         Standard deviation of white noise that is there in any case, so that a perfect fit is no certainty.
 
-    Returns
-    -------
-    Noise
-
     Examples
     --------
     >>> from scipy.signal import lfilter
@@ -140,10 +136,6 @@ def normal(rows: Array, residual: Array, slices: Sequence[slice], weights: Array
     floor : float
         White noise that is there in any case.
 
-    Returns
-    -------
-    NormalEquations
-
     Notes
     -----
     S is that of an autoregressive model times the smoothed spectrum of what the model leaves, but at least 1: a model
@@ -221,10 +213,6 @@ def kept_share(basis: Array, rows: Array) -> float:
     basis : ndarray, shape (n, k)
         From `orthonormal`.
     rows : ndarray, shape (m, n)
-
-    Returns
-    -------
-    float
 
     Examples
     --------

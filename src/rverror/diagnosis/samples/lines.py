@@ -1,4 +1,4 @@
-"""Lines of any order in the residual of a drive, which compete with the catalogue."""
+"""Lines of any order in a residual of samples, which compete with the catalogue."""
 
 from __future__ import annotations
 
@@ -8,22 +8,15 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.base.units import ARCSEC
-from rverror.diagnosis.coloured import Noise, burg
-from rverror.diagnosis.drive_fit import FALSE_ALARM, DriveFit, fitted, held_out_gain, screened
-from rverror.diagnosis.drive_runs import RunData, highest_order
-from rverror.diagnosis.drive_terms import EFFECT, LINE, line_term
+from rverror.diagnosis.samples.coloured import Noise, burg
+from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
+from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
+from rverror.diagnosis.samples.runs import RunData, highest_order
 
 _TURN = 2 * np.pi
-_FALSE_LINE = 1e-3  # chance that any order passes by luck
-_ACCURACY = 0.03 * ARCSEC  # lines below are not reported: the prediction does not claim to be better
-_MOST_LINES = 12
-_PEAKS = 6
-_SMEARED = 6.0  # cycles a run between a strong line and what it may be mistaken for
-_LEAST_CYCLES = 1.5  # less of a wave is no line but a slope or a bow
 
 
-def line_spectrum(theta: Array, residual: Array, noise: Noise, highest: float) -> tuple[Array, Array]:
+def line_spectrum(theta: Array, residual: Array, noise: Noise, lowest: float, highest: float) -> tuple[Array, Array]:
     """Power of a wave of each order in a residual, as the squared distance from 0 in standard deviations.
 
     Parameters
@@ -32,7 +25,7 @@ def line_spectrum(theta: Array, residual: Array, noise: Noise, highest: float) -
         rad; any order of samples.
     residual : ndarray, shape (n,)
     noise : Noise
-    highest : float
+    lowest, highest : float
         Order.
 
     Returns
@@ -49,80 +42,71 @@ def line_spectrum(theta: Array, residual: Array, noise: Noise, highest: float) -
     grid = np.bincount(low, residual * (1 - part), count) + np.bincount(low + 1, residual * part, count)
     lines = np.abs(np.fft.rfft(grid)) ** 2
     order = _TURN / (count * step) * np.arange(lines.size)
-    used = (order >= _LEAST_CYCLES * _TURN / span) & (order <= highest)
+    used = (order >= lowest) & (order <= highest)
     order, lines = order[used], lines[used]
     moves = np.quantile(np.abs(np.diff(theta)), (np.arange(16) + 0.5) / 16)
     variance = np.mean([noise.spectrum(order * move) for move in moves], axis=0) * theta.size / 2
     return np.asarray(order, dtype=np.float64), np.asarray(lines / variance, dtype=np.float64)
 
 
-def best_line(data: RunData, fit: DriveFit) -> DriveFit | None:
+def best_line(data: RunData, fit: SampleFit) -> SampleFit | None:
     """Fit with the most significant line of any order.
-
-    Parameters
-    ----------
-    data : RunData
-    fit : DriveFit
 
     Returns
     -------
-    DriveFit or None
+    SampleFit or None
         None where no line is significant.
     """
     highest = highest_order(data)
     orders: list[float] = []
     cells = 1.0
     for at in data.slices:
+        lowest = data.policy.least_cycles * _TURN / float(np.ptp(data.theta[at]))
         noise = burg(fit.residual[at], floor=data.floor)
-        order, power = line_spectrum(data.theta[at], fit.residual[at], noise, highest)
+        order, power = line_spectrum(data.theta[at], fit.residual[at], noise, lowest, highest)
         if order.size < 3:
             continue
         cells = max(cells, order.size / 2)
-        likely = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (power[1:-1] > chi_square(0.05, 2))
+        likely = (
+            (power[1:-1] >= power[:-2])
+            & (power[1:-1] > power[2:])
+            & (power[1:-1] > chi_square(data.policy.likely_line, 2))
+        )
         peaks = np.flatnonzero(likely) + 1
-        orders += [_sharpened(data, fit, float(order[i])) for i in peaks[np.argsort(-power[peaks])][:_PEAKS]]
-    free = [order for order in _distinct(orders, 0.25 / data.turns) if not _is_taken(data, fit, order)]
-    accepted = _FALSE_LINE / cells
-    for term, _, _ in screened(data, fit, [line_term(data, order) for order in free])[:3]:
-        trial = fitted(data, [*fit.terms, term])
+        orders += [
+            _sharpened(data, fit, float(order[i])) for i in peaks[np.argsort(-power[peaks])][: data.policy.peaks]
+        ]
+    free = [
+        order for order in _distinct(orders, data.policy.same_order / data.turns) if not _is_taken(data, fit, order)
+    ]
+    accepted = data.policy.false_alarm / cells
+    telling, _ = screened(data, fit, [line_term(data, order) for order in free])
+    for one in telling[: data.policy.fitted_peaks]:
+        trial = fitted(data, [*fit.terms, one.term])
         if _is_line(data, trial, accepted) and held_out_gain(data, fit, trial) > 0:
             return trial
     return None
 
 
-def beats(data: RunData, line: DriveFit, winner: DriveFit) -> bool:
+def beats(data: RunData, line: SampleFit, winner: SampleFit) -> bool:
     """Tell whether a cause only looks telling beside a stronger line, which a short run smears over its neighbours.
 
     Parameters
     ----------
     data : RunData
-    line, winner : DriveFit
+    line, winner : SampleFit
         With the line, and with the cause, as their last terms.
-
-    Returns
-    -------
-    bool
     """
     own, cause = line.terms[-1], winner.terms[-1]
     apart = [abs(own.orders[0] - order) * data.turns for order in cause.orders or (0.0,)]
-    if min(apart) < 1 or min(apart) > _SMEARED:
+    if min(apart) < 1 or min(apart) > data.policy.smeared:
         return False
-    return line.distance(own) > winner.distance(cause) + float(chi_square(FALSE_ALARM, 1))
+    return line.distance(own) > winner.distance(cause) + float(chi_square(data.policy.false_alarm, 1))
 
 
-def add_lines(data: RunData, fit: DriveFit) -> DriveFit:
-    """Put in the lines that remain, the strongest first.
-
-    Parameters
-    ----------
-    data : RunData
-    fit : DriveFit
-
-    Returns
-    -------
-    DriveFit
-    """
-    for _ in range(_MOST_LINES):
+def add_lines(data: RunData, fit: SampleFit) -> SampleFit:
+    """Put in the lines that remain, the strongest first."""
+    for _ in range(data.policy.most_lines):
         more = best_line(data, fit)
         if more is None:
             return fit
@@ -130,9 +114,9 @@ def add_lines(data: RunData, fit: DriveFit) -> DriveFit:
     return fit
 
 
-def _is_line(data: RunData, trial: DriveFit, accepted: float) -> bool:
+def _is_line(data: RunData, trial: SampleFit, accepted: float) -> bool:
     line = trial.terms[-1]
-    large = data.quantity != "angle" or np.hypot(*trial.values(line)[:2]) > _ACCURACY
+    large = data.quantity != "angle" or np.hypot(*trial.values(line)[:2]) > data.policy.accuracy
     return bool(large and trial.significant(line, accepted))
 
 
@@ -144,13 +128,13 @@ def _distinct(orders: Sequence[float], apart: float) -> list[float]:
     return found
 
 
-def _is_taken(data: RunData, fit: DriveFit, order: float) -> bool:
+def _is_taken(data: RunData, fit: SampleFit, order: float) -> bool:
     """Tell whether the runs are too short to tell an order from one that is in the fit."""
     there = [o for t in fit.terms for o in t.orders if t.kind in (EFFECT, LINE)]
-    return any(abs(order - other) < 0.7 / data.turns for other in there)
+    return any(abs(order - other) < data.policy.taken / data.turns for other in there)
 
 
-def _sharpened(data: RunData, fit: DriveFit, order: float) -> float:
+def _sharpened(data: RunData, fit: SampleFit, order: float) -> float:
     """Order of the highest power near one, over all runs."""
     near = order + np.linspace(-0.5, 0.5, 41) / data.turns
     power = np.zeros(near.size)
