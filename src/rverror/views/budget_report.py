@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, in_arcsec, interval, rounded, way, with_unit
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.tolerances.allocation import Allocation, Rate, Verification
-from rverror.tolerances.closed_form import Budget, Contribution
+from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import IntervalEstimate, Size, VirtualUnits
@@ -23,6 +22,8 @@ from rverror.tolerances.sobol import SobolIndices
 from rverror.tolerances.stacking import Stack
 from rverror.views.contact_report import contact_content, contact_lines
 from rverror.views.envelope import InputFile, enveloped
+from rverror.views.kinds import described
+from rverror.views.variables import columns
 
 _ROUNDING = 1e-9 * ARCSEC
 #: Sizes of an output error: name in the code, for people, and key in JSON.
@@ -63,55 +64,48 @@ def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> s
     >>> print(budget_text(found.closed).splitlines()[0])
     Budget in closed form: 1 tolerance, 8 components
     """
+    closed, drawn, indices = _parts(found)
     if isinstance(found, Budget):
-        return _closed_text(found, limit)
-    closed, drawn = found.closed, found.units
-    bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
-    lines = [
-        f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
-        f"{_counts(closed)}, {way(found.direction)}",
-        f"Closed form{bearings}; {closed.mean.size} angles; {drawn.count} virtual units, "
-        f"seed {drawn.seed}. All in arcsec.",
-        "",
-        f"{'':20s} {'nominal':>9s} " + " ".join(f"{f'P{level * 100:g}':>9s}" for level in LEVELS) + f" {'worst':>9s}",
-    ]
+        _check_no_limit(limit)
+        lines = [f"Budget in closed form: {_counts(closed)}", f"{closed.mean.size} angles. All in arcsec.", ""]
+    else:
+        bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
+        lines = [
+            f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
+            f"{_counts(closed)}, {way(found.direction)}",
+            f"Closed form{bearings}; {closed.mean.size} angles; {found.units.count} virtual units, "
+            f"seed {found.units.seed}. All in arcsec.",
+            "",
+        ]
+    levels = LEVELS if drawn else ()
+    heads = ("nominal", *(f"P{level * 100:g}" for level in levels), "worst")
+    lines.append(f"{'':20s} " + " ".join(f"{head:>9s}" for head in heads))
     for size, name, _ in SIZES:
-        at = [drawn.quantile(level, size).value for level in LEVELS]
-        lines.append(
-            f"{name:20s} " + " ".join(_cell(value) for value in (_nominal(closed, size), *at, worst_of(closed, size)))
-        )
-    p99 = drawn.quantile(0.99)
-    lines += [
-        "",
-        f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)}; {_sums(closed)}",
-    ]
-    if limit is not None:
+        at = [drawn.quantile(level, size).value for level in levels] if drawn else []
+        cells = map(_cell, (_nominal(closed, size), *at, worst_of(closed, size)))
+        lines.append(f"{name:20s} " + " ".join(cells))
+    p99 = drawn.quantile(0.99) if drawn else None
+    told = "" if p99 is None else f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)}; "
+    told += (
+        f"root sum of squares of the single peak-to-peaks: {closed.rss / ARCSEC:.4g}; "
+        f"expected rms {closed.rms / ARCSEC:.4g}"
+    )
+    lines += ["", told[0].upper() + told[1:]]
+    if drawn and limit is not None:
         share = drawn.yield_at(limit)
         lines.append(
             f"Yield at {limit / ARCSEC:g} arcsec peak-to-peak: {100 * share.value:.4g} % "
             f"[{100 * share.low:.4g}, {100 * share.high:.4g}]"
         )
-    lines += ["", *_contribution_lines(closed, found.indices)]
-    if found.contact is not None:
+    lines += ["", *_contribution_lines(closed, indices)]
+    if isinstance(found, ErrorBudget) and found.contact is not None:
         lines += ["", *contact_lines(found.contact, limit=limit)]
-    return joined([*lines, *_quiet_lines(closed)])
+    quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
+    return joined(lines + (["", "Moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []))
 
 
-def _closed_text(closed: Budget, limit: float | None) -> str:
-    _check_no_limit(limit)
-    lines = [
-        f"Budget in closed form: {_counts(closed)}",
-        f"{closed.mean.size} angles. All in arcsec.",
-        "",
-        f"{'':20s} {'nominal':>9s} {'worst':>9s}",
-        *(f"{name:20s} {_cell(_nominal(closed, size))} {_cell(worst_of(closed, size))}" for size, name, _ in SIZES),
-        "",
-        _sums(closed)[0].upper() + _sums(closed)[1:],
-        "",
-        *_contribution_lines(closed, None),
-        *_quiet_lines(closed),
-    ]
-    return joined(lines)
+def _parts(found: ErrorBudget | Budget) -> tuple[Budget, VirtualUnits | None, SobolIndices | None]:
+    return (found, None, None) if isinstance(found, Budget) else (found.closed, found.units, found.indices)
 
 
 def _check_no_limit(limit: float | None) -> None:
@@ -124,21 +118,8 @@ def _counts(closed: Budget) -> str:
     return f"{count_of(len(entries), 'tolerance')}, {count_of(sum(e.components for e in entries), 'component')}"
 
 
-def _sums(closed: Budget) -> str:
-    return (
-        f"root sum of squares of the single peak-to-peaks: {closed.rss / ARCSEC:.4g}; "
-        f"expected rms {closed.rms / ARCSEC:.4g}"
-    )
-
-
-def _quiet_lines(closed: Budget) -> list[str]:
-    quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
-    return ["", "Moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []
-
-
 def _contribution_lines(closed: Budget, indices: SobolIndices | None) -> list[str]:
     entries = closed.contributions
-    order = sorted(range(len(entries)), key=lambda e: -entries[e].share)
     width = max(len(entry.label) for entry in entries)
     heads = (
         ("tolerance", "width", "share of", "p-p", "alone", "part of", "Sobol index", "of the p-p"),
@@ -148,10 +129,9 @@ def _contribution_lines(closed: Budget, indices: SobolIndices | None) -> list[st
         f"{name:{width}s} {size:>12s} {share:>9s} {mean:>9s} {worst:>9s} {part:>8s} {first:>13s} {total:>13s}".rstrip()
         for name, size, share, mean, worst, part, first, total in heads
     ]
-    for e in order:
-        entry, waves = entries[e], entries[e].effect == "wave"
+    for e, entry in sorted(enumerate(entries), key=lambda each: -each[1].share):
         size = with_unit(entry.width, entry.dimension)
-        first, total = (_share(indices, which, e, waves=waves) for which in ("first", "total"))
+        first, total = (_share(indices, which, e, waves=entry.effect == "wave") for which in ("first", "total"))
         lines.append(
             f"{entry.label:{width}s} {size:>12s} {100 * entry.share:8.1f}% {_cell(entry.mean_peak_to_peak)} "
             f"{_cell(entry.worst_peak_to_peak)} {_cell(entry.worst_part, 8)} {first:>13s} {total:>13s}"
@@ -228,8 +208,7 @@ def budget_json(
     >>> round(budget_json(found)["peak_to_peak_arcsec"]["worst_case"], 2)
     18.51
     """
-    closed = found if isinstance(found, Budget) else found.closed
-    drawn = None if isinstance(found, Budget) else found.units
+    closed, drawn, indices = _parts(found)
     sizes = {
         key: {
             "nominal": in_arcsec(_nominal(closed, size)),
@@ -240,9 +219,11 @@ def budget_json(
     }
     sizes["peak_to_peak_arcsec"]["root_sum_of_squares"] = in_arcsec(closed.rss)
     sizes["rms_arcsec"]["root_of_expected_mean_square"] = in_arcsec(closed.rms)
+    entries = _entries(closed, _CONTRIBUTION)
+    for at, entry in enumerate(entries):
+        entry |= {f"sobol_{which}": _sobol_json(indices, which, at) for which in ("first", "total")}
     if isinstance(found, Budget):
         _check_no_limit(limit)
-        entries = [_contribution_json(entry, None, e) for e, entry in enumerate(closed.contributions)]
         return enveloped("Budget", {"angles": closed.mean.size, **sizes, "contributions": entries}, files)
     content = {
         "model": found.model.name or found.model.mechanism.name,
@@ -255,8 +236,8 @@ def budget_json(
         "limit_arcsec": in_arcsec(limit),
         "yield": None if limit is None else _interval(found.units.yield_at(limit), 1.0),
         "contributions": [
-            {"label": entry.label, "key": tolerance.key, **_contribution_json(entry, found.indices, e)}
-            for e, (tolerance, entry) in enumerate(zip(found.tolerances, closed.contributions, strict=True))
+            {"label": entry["label"], "key": tolerance.key, **entry}
+            for tolerance, entry in zip(found.tolerances, entries, strict=True)
         ],
         "contact": None if found.contact is None else contact_content(found.contact, limit=limit),
     }
@@ -270,37 +251,37 @@ def _drawn_json(drawn: VirtualUnits, size: Size) -> dict[str, Any]:
     }
 
 
-def _contribution_json(entry: Contribution, indices: SobolIndices | None, e: int) -> dict[str, Any]:
-    sobol = {
-        f"sobol_{which}": None
-        if indices is None
-        else {
-            name: rounded(float(getattr(indices, f"{which}{end}")[e]))
-            for name, end in (("value", ""), ("low", "_low"), ("high", "_high"))
-        }
-        for which in ("first", "total")
-    }
-    return {
-        "label": entry.label,
-        "width": rounded(units.to_display(entry.width, entry.dimension)),
-        "unit": units.DISPLAY_UNITS[entry.dimension],
-        "components": entry.components,
-        "effect": entry.effect,
-        "share_of_variance": rounded(entry.share),
-        "mean_peak_to_peak_alone_arcsec": in_arcsec(entry.mean_peak_to_peak),
-        "worst_peak_to_peak_alone_arcsec": in_arcsec(entry.worst_peak_to_peak),
-        "part_of_worst_case_arcsec": in_arcsec(entry.worst_part),
-        "offset_deviation_arcsec": in_arcsec(entry.offset_deviation),
-        "worst_offset_arcsec": in_arcsec(entry.worst_offset),
-        **sobol,
-    }
+def _sobol_json(indices: SobolIndices | None, which: str, at: int) -> dict[str, float | None] | None:
+    if indices is None:
+        return None
+    ends = (("value", ""), ("low", "_low"), ("high", "_high"))
+    return {name: rounded(float(getattr(indices, f"{which}{end}")[at])) for name, end in ends}
 
 
-_KIND_WORDS = {
-    "worst": "worst-case peak-to-peak",
-    "yield": "peak-to-peak",
-    "rms": "expected rms",
+#: Keys of a contribution, and the columns of its table.
+_CONTRIBUTION = {
+    "label": "tolerance",
+    "width": "width",
+    "unit": "unit",
+    "components": "components",
+    "effect": "effect",
+    "share_of_variance": "share",
+    "mean_peak_to_peak_alone_arcsec": "mean_peak_to_peak",
+    "worst_peak_to_peak_alone_arcsec": "worst_peak_to_peak",
+    "part_of_worst_case_arcsec": "worst_part",
+    "offset_deviation_arcsec": "offset_deviation",
+    "worst_offset_arcsec": "worst_offset",
 }
+
+
+def _entries(found: Budget | Allocation, names: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Rows of a result's table as people read them, columns under other names."""
+    shown, _ = columns(described(found), display=True)
+    rows = zip(*(np.asarray(shown[name]).tolist() for name in names.values()), strict=True)
+    return [
+        {key: rounded(value) if isinstance(value, float) else value for key, value in zip(names, row, strict=True)}
+        for row in rows
+    ]
 
 
 def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
@@ -329,7 +310,8 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     >>> print(allocation_text(found).splitlines()[0])
     Least cost for worst-case peak-to-peak within 37 arcsec
     """
-    what = f"P{100 * found.level:g} of the peak-to-peak" if found.kind == "yield" else _KIND_WORDS[found.kind]
+    quantile = f"P{100 * found.level:g} of the peak-to-peak"
+    what = {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms"}[found.kind]
     width = max(len(label) for label in found.labels)
     lines = [
         f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec",
@@ -399,24 +381,11 @@ def allocation_json(
     >>> [(entry["width_before"], entry["unit"]) for entry in allocation_json(found)["entries"]]
     [(5.0, 'um')]
     """
-    entries = []
-    for e, (label, dimension) in enumerate(zip(found.labels, found.dimensions, strict=True)):
-        rate = found.rates[e]
-        entries.append(
-            {
-                "label": label,
-                "key": found.keys[e],
-                "width_before": rounded(units.to_display(found.widths_before[e], dimension)),
-                "width": rounded(units.to_display(found.widths[e], dimension)),
-                "unit": units.DISPLAY_UNITS[dimension],
-                "grade": found.grades[e],
-                "fixed": found.fixed[e],
-                "cost_before": rounded(found.costs_before[e]),
-                "cost": rounded(found.costs[e]),
-                "saved_per_arcsec_given_up": rounded(rate.relax),
-                "cost_per_arcsec_gained": rounded(rate.tighten),
-            }
-        )
+    widths = ("width_before", "width", "unit", "grade", "fixed", "cost_before", "cost")
+    names = (*widths, "saved_per_arcsec_given_up", "cost_per_arcsec_gained")
+    shown = _entries(found, {name: name for name in names})
+    named = zip(found.labels, found.keys, found.grades, shown, strict=True)
+    entries = [{"label": label, "key": key, **entry, "grade": grade} for label, key, grade, entry in named]
     content = {
         "kind": found.kind,
         "level": found.level,

@@ -54,6 +54,12 @@ class OrderSize:
     runs: tuple[tuple[float, float], ...]
 
 
+def short_frame(frame: str) -> str:
+    """Name of a frame as a picture has room for it."""
+    short = frame.replace("carrier, disc or crank", "carrier/disc/crank")
+    return short.replace("output side (encoder, coupling)", "output side")
+
+
 def turns_of(trace: Trace) -> float:
     """Output turns that a trace spans, whole where it spans whole turns."""
     step = trace.theta[1] - trace.theta[0]
@@ -71,45 +77,20 @@ def samples_per_turn(diagnosis: Diagnosis) -> float:
 def residual_spectrum(trace: Trace) -> RunSpectrum:
     """Amplitude of each order of measured less predicted; mean of revolutions left out of the fit, where there are any.
 
-    Parameters
-    ----------
-    trace : Trace
-
-    Returns
-    -------
-    RunSpectrum
-
-    Notes
-    -----
     Over a part of a turn no order repeats: a parabola is taken off and a Hann window put on, so that what grows along
     the run does not spill over all orders.  Orders are then resolved no finer than two per travel.
     """
-    turns = turns_of(trace)
+    turns, n = turns_of(trace), trace.theta.size
     if turns != round(turns):
-        rest = [_windowed(values) for values in trace.residual]
-        n = trace.theta.size  # padded to twice that, bins lie half a travel's order apart
-        bins = np.arange(4, int(0.8 * n))
-        before, after = (np.abs(np.fft.rfft(values, 2 * n))[bins] for values in rest)
+        bins = np.arange(4, int(0.8 * n))  # padded to twice the travel, they lie half a travel's order apart
+        before, after = (np.abs(np.fft.rfft(_windowed(values), 2 * n))[bins] for values in trace.residual)
         return RunSpectrum(bins / (2 * turns), before, after)
-    n = trace.theta.size
     before, after = (amplitude(harmonics(values), n) for values in trace.residual)
-    order = np.arange(1, before.size + 1, dtype=np.float64) / turns_of(trace)
-    return RunSpectrum(order, before, after)
+    return RunSpectrum(np.arange(1, before.size + 1, dtype=np.float64) / turns, before, after)
 
 
 def windowed_amplitude(theta: Array, values: Array, order: Array) -> Array:
-    """Amplitudes at any orders of a signal over a part of a turn, parabola off and Hann window on.
-
-    Parameters
-    ----------
-    theta, values : ndarray, shape (n,)
-        Angles, rad, evenly spaced, and the signal.
-    order : ndarray, shape (m,)
-
-    Returns
-    -------
-    ndarray, shape (m,)
-    """
+    """Amplitudes at any orders of a signal over a part of a turn at even angles, parabola off and Hann window on."""
     rest = _windowed(values)
     return np.asarray([abs(np.sum(rest * np.exp(-1j * k * theta))) for k in order], dtype=np.float64)
 

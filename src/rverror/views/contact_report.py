@@ -14,19 +14,7 @@ from rverror.views.envelope import InputFile, enveloped
 
 
 def contact_text(found: ContactCorrection, *, limit: float | None = None) -> str:
-    """Contact correction as text.
-
-    Parameters
-    ----------
-    found : ContactCorrection
-    limit : float, optional
-        Of the peak-to-peak, rad: the yield is told at it.
-
-    Returns
-    -------
-    str
-        Angles in arcsec.
-    """
+    """Contact correction as text, angles in arcsec; the yield is told at a limit of the peak-to-peak, rad."""
     return joined(contact_lines(found, limit=limit))
 
 
@@ -69,21 +57,7 @@ def contact_lines(found: ContactCorrection, *, limit: float | None = None) -> li
 def contact_json(
     found: ContactCorrection, *, limit: float | None = None, files: Sequence[InputFile] = ()
 ) -> dict[str, Any]:
-    """Contact correction as plain data for `json.dump`; keys are only ever added.
-
-    Parameters
-    ----------
-    found : ContactCorrection
-    limit : float, optional
-        Of the peak-to-peak, rad: the yield is told at it.
-    files : sequence of InputFile, optional
-        What it was made from.
-
-    Returns
-    -------
-    dict
-        Angles in arcsec; numbers that are not determined are None.
-    """
+    """Contact correction as plain data for `json.dump`: angles in arcsec, None where not determined."""
     return enveloped("ContactCorrection", contact_content(found, limit=limit), files)
 
 

@@ -11,9 +11,11 @@ from rverror.views.html import document, escaped, escaped_lines, number, scrolle
 
 Data = Mapping[str, Any]
 
+AS_MEASURED = "To describe order {harmonic} as it was measured, which explains nothing, add to the model:"
+
 
 def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]]], text: str) -> str:
-    """The page.
+    """The page, as HTML.
 
     Parameters
     ----------
@@ -25,11 +27,6 @@ def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]
         Heading, and SVG elements: for a wide page, then for a narrow one.
     text : str
         The text report, shown at the end as it is.
-
-    Returns
-    -------
-    str
-        HTML.
     """
     title = f"rverror: {data['verdict'].replace('_', ' ')}"
     sections = [
@@ -58,12 +55,14 @@ def name_of(entry: Data) -> str:
 
 def _head(data: Data, title: str, summary: str) -> str:
     unit = escaped(data["unit"])
-    before, after = (_heldout(data, key) for key in ("before", "after"))
-    peaks = [_size(data, key, "peak_to_peak") for key in ("before", "after")]
+
+    def fall(what: str) -> str:
+        return " → ".join(number(_size(data, key, what)) for key in ("before", "after"))
+
     tiles = [
-        ("held-out rms, before → after", f"{number(before)} → {number(after)} {unit}"),
+        ("held-out rms, before → after", f"{fall('heldout_rms')} {unit}"),
         ("noise floor, rms", f"{number(data['noise_rms_' + data['suffix']])} {unit}"),
-        ("peak-to-peak, before → after", f"{number(peaks[0])} → {number(peaks[1])} {unit}"),
+        ("peak-to-peak, before → after", f"{fall('peak_to_peak')} {unit}"),
         ("added", f"{len(data['added'])} of {data['candidates_tried']} candidates"),
     ]
     boxes = "".join(f'<div class="tile"><span class="soft">{escaped(a)}</span><b>{b}</b></div>' for a, b in tiles)
@@ -78,10 +77,6 @@ def _head(data: Data, title: str, summary: str) -> str:
 def _size(data: Data, key: str, what: str) -> float | None:
     value: float | None = data[key][f"{what}_{data['suffix']}"]
     return value
-
-
-def _heldout(data: Data, key: str) -> float | None:
-    return _size(data, key, "heldout_rms")
 
 
 def _added(data: Data) -> str:
@@ -136,24 +131,11 @@ def _unexplained(data: Data) -> str:
 def _as_measured(effect: Data | None) -> str:
     if effect is None:
         return ""
-    return (
-        f"<p>To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:</p>\n"
-        f"<pre>{chr(10).join(map(escaped, effect_toml(effect)))}</pre>"
-    )
+    return f"<p>{AS_MEASURED.format(**effect)}</p>\n<pre>{chr(10).join(map(escaped, effect_toml(effect)))}</pre>"
 
 
-def effect_toml(effect: Mapping[str, Any]) -> list[str]:
-    """Lines of a model file that declare an effect.
-
-    Parameters
-    ----------
-    effect : mapping
-        Key, indices and parameters by name, sizes with their unit.
-
-    Returns
-    -------
-    list of str
-    """
+def effect_toml(effect: Data) -> list[str]:
+    """Lines of a model file that declare an effect: key, indices and parameters by name, sizes with their unit."""
     return ["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())]
 
 
@@ -246,16 +228,8 @@ def _candidates(data: Data) -> str:
     for heading, candidates in rounds:
         if not candidates:
             continue
-        rows = [
-            [
-                name_of(c),
-                number(c["heldout_gain"]),
-                number(c["standard_error"]),
-                number(c["behind_best"]),
-                number(c["behind_best_standard_error"]),
-            ]
-            for c in candidates[:10]
-        ]
+        scores = ("heldout_gain", "standard_error", "behind_best", "behind_best_standard_error")
+        rows = [[name_of(c), *(number(c[score]) for score in scores)] for c in candidates[:10]]
         heads = ["candidate", "held-out gain", "± (1 s.e.)", "behind the best", "± (1 s.e.)"]
         parts.append(f"<h3>{heading}</h3>\n" + scrolled(heads, rows, numbers=(1, 2, 3, 4)))
     return "\n".join(parts)
@@ -268,27 +242,12 @@ def _declared(data: Data) -> str:
         sigma = effect["uncertainty"]
         for at, (name, size) in enumerate(effect["parameters"].items()):
             spread = "exact" if sigma is None else f"± {number(sigma['value'])}"
-            rows.append(
-                [
-                    name_of(effect) if at == 0 else "",
-                    escaped(name),
-                    number(size["value"]),
-                    spread,
-                    number(size["refitted"]),
-                    escaped(size["unit"]),
-                ]
-            )
+            sizes = number(size["value"]), spread, number(size["refitted"]), escaped(size["unit"])
+            rows.append(["" if at else name_of(effect), escaped(name), *sizes])
     heads = ["effect", "parameter", "declared", "1 sigma", "refitted", "unit"]
     body = scrolled(heads, rows, numbers=(2, 3, 4)) if rows else "<p>No effect was declared.</p>"
-    runs = [
-        [
-            escaped(run["name"]),
-            escaped(run["direction"]),
-            escaped(run["torque"] or "–"),
-            number(run["samples_per_turn"]),
-        ]
-        for run in data["runs"]
-    ]
+    names = ("name", "direction", "torque")
+    runs = [[*(escaped(run[name] or "–") for name in names), number(run["samples_per_turn"])] for run in data["runs"]]
     return f"<h2>What was declared</h2>\n<p>{escaped(declared['mechanism'])}</p>\n{body}\n<h3>Runs</h3>\n" + scrolled(
         ["run", "direction", "output torque", "samples an output turn"], runs, numbers=(3,)
     )

@@ -22,8 +22,8 @@ from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
 from rverror.views import svg
-from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, turns_of
-from rverror.views.diagnosis_page import effect_toml, page
+from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
+from rverror.views.diagnosis_page import AS_MEASURED, effect_toml, page
 from rverror.views.envelope import InputFile, enveloped
 
 _VERDICTS = {
@@ -54,31 +54,32 @@ _SCALES = {"angle": _Scale("arcsec", "arcsec", ARCSEC), "torque": _Scale("N*m", 
 
 
 def _residual_json(residual: Residual, scale: _Scale) -> dict[str, float | None]:
-    return {
-        f"rms_{scale.suffix}": rounded(scale(residual.rms)),
-        f"peak_to_peak_{scale.suffix}": rounded(scale(residual.peak_to_peak)),
-        f"heldout_rms_{scale.suffix}": rounded(scale(residual.heldout_rms)),
-    }
+    names = ("rms", "peak_to_peak", "heldout_rms")
+    return {f"{name}_{scale.suffix}": rounded(scale(getattr(residual, name))) for name in names}
 
 
 def _cause_json(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
     return {"key": key, "indices": dict(indices)}
 
 
+def _size(value: float, dimension: str) -> float | None:
+    return rounded(units.to_display(value, dimension))
+
+
 def _addition_json(addition: Addition, scale: _Scale) -> dict[str, Any]:
-    parameters = {}
-    for estimate in addition.estimates:
-        parameters[estimate.name] = {
-            "value": rounded(units.to_display(estimate.value, estimate.dimension)),
-            "unit": units.DISPLAY_UNITS[estimate.dimension],
-            "low": rounded(units.to_display(estimate.low, estimate.dimension)),
-            "high": rounded(units.to_display(estimate.high, estimate.dimension)),
-        }
     entry = CATALOGUE.get(addition.effect.key)
     return {
         **_cause_json(addition.effect.key, addition.effect.indices),
-        "parameters": parameters,
-        "indistinguishable_from": [_cause_json(key, indices) for key, indices in addition.indistinguishable],
+        "parameters": {
+            estimate.name: {
+                "value": _size(estimate.value, estimate.dimension),
+                "unit": units.DISPLAY_UNITS[estimate.dimension],
+                "low": _size(estimate.low, estimate.dimension),
+                "high": _size(estimate.high, estimate.dimension),
+            }
+            for estimate in addition.estimates
+        },
+        "indistinguishable_from": [_cause_json(*cause) for cause in addition.indistinguishable],
         "orders": [rounded(order) for order in addition.orders],
         f"heldout_rms_{scale.suffix}": rounded(scale(addition.heldout_rms)),
         "notes": list(addition.notes),
@@ -92,30 +93,30 @@ def _candidates_json(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
     """Candidates with the differences of their scores; standard errors where the score of each fold is known."""
     rows = []
     for candidate in candidates:
-        behind = candidates[0].heldout_gain - candidate.heldout_gain
-        own, leader = (_folds_of(c) for c in (candidate, candidates[0]))
-        paired = leader - own if own.size == leader.size else np.zeros(0)
+        best = candidates[0]
+        behind = best.heldout_gain - candidate.heldout_gain
         rows.append(
             {
                 **_cause_json(candidate.key, candidate.indices),
                 "heldout_gain": rounded(candidate.heldout_gain),
-                "standard_error": _standard_error(own),
-                "behind_best": rounded(behind if behind > 1e-9 * abs(candidates[0].heldout_gain) else 0.0),
-                "behind_best_standard_error": _standard_error(paired) if candidate is not candidates[0] else None,
+                "standard_error": rounded(standard_error(candidate.fold_gains), 3),
+                "behind_best": rounded(behind if behind > 1e-9 * abs(best.heldout_gain) else 0.0),
+                "behind_best_standard_error": rounded(error_behind(candidate, best), 3),
             }
         )
     return rows
 
 
-def _folds_of(candidate: Candidate) -> Any:
-    return np.asarray(candidate.fold_gains, dtype=np.float64)
-
-
-def _standard_error(parts: Any) -> float | None:
+def standard_error(scores: Sequence[float]) -> float | None:
     """Of a sum of as many scores as there are folds."""
-    if parts.size < 2:
+    return float(np.sqrt(len(scores)) * np.std(scores, ddof=1)) if len(scores) > 1 else None
+
+
+def error_behind(candidate: Candidate, best: Candidate) -> float | None:
+    """Standard error of the difference to the best, from scores that belong together."""
+    if candidate is best or len(candidate.fold_gains) != len(best.fold_gains):
         return None
-    return rounded(float(np.sqrt(parts.size) * np.std(parts, ddof=1)), 3)
+    return standard_error([leader - own for leader, own in zip(best.fold_gains, candidate.fold_gains, strict=True)])
 
 
 def _label(trace: Trace, at: int) -> str:
@@ -178,32 +179,28 @@ def _declared_json(diagnosis: Diagnosis) -> dict[str, Any]:
         )
     else:
         what += "".join(f", {name} {turns:g}" for name, turns in unit.shafts.items())
-    fitted = diagnosis.model.effects[: len(declared.effects)]
+    fitted: Sequence[Effect | None] = diagnosis.model.effects[: len(declared.effects)]
+    if len(fitted) < len(declared.effects):
+        fitted = [None] * len(declared.effects)
     return {
-        "name": declared.name or declared.mechanism.name,
+        "name": declared.name or unit.name,
         "mechanism": what,
-        "effects": [_effect_json(*pair) for pair in zip(declared.effects, fitted, strict=True)]
-        if len(fitted) == len(declared.effects)
-        else [_effect_json(effect, None) for effect in declared.effects],
+        "effects": [_effect_json(*pair) for pair in zip(declared.effects, fitted, strict=True)],
     }
 
 
 def _effect_json(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
     parameters = CATALOGUE[effect.key].parameters
-
-    def size(value: float, dimension: str) -> float | None:
-        return rounded(units.to_display(value, dimension))
-
     sigma = None
     if effect.uncertainty:
         dimension = parameters[0].dimension
-        sigma = {"value": size(effect.uncertainty, dimension), "unit": units.DISPLAY_UNITS[dimension]}
+        sigma = {"value": _size(effect.uncertainty, dimension), "unit": units.DISPLAY_UNITS[dimension]}
     return {
         **_cause_json(effect.key, effect.indices),
         "parameters": {
             parameter.name: {
-                "value": size(value, parameter.dimension),
-                "refitted": size(fitted.values[at], parameter.dimension) if fitted else None,
+                "value": _size(value, parameter.dimension),
+                "refitted": _size(fitted.values[at], parameter.dimension) if fitted else None,
                 "unit": units.DISPLAY_UNITS[parameter.dimension],
             }
             for at, (parameter, value) in enumerate(zip(parameters, effect.values, strict=True))
@@ -213,32 +210,18 @@ def _effect_json(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
 
 
 def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """Diagnosis as plain data for `json.dump`; keys are only ever added.
+    """Diagnosis as plain data, as `to_json` tells it.
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    files : sequence of InputFile, optional
-        What it was made from: see `rverror.input_files`.
-
-    Returns
-    -------
-    dict
-        Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in
-        ``newton_metre`` instead of ``arcsec``.
-
-    Examples
-    --------
-    >>> import numpy as np, rverror
-    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
-    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
-    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
-    >>> diagnosis_json(found)["verdict"], diagnosis_json(found)["added"]
-    ('nothing_missing', [])
+    Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in ``newton_metre``
+    instead of ``arcsec``.
     """
     scale = _SCALES[diagnosis.quantity]
     unit = diagnosis.declared.mechanism
     sampling = samples_per_turn(diagnosis)
+
+    def before_and_after(before: float, after: float) -> dict[str, float | None]:
+        return {f"before_{scale.suffix}": rounded(scale(before)), f"after_{scale.suffix}": rounded(scale(after))}
+
     content = {
         "verdict": diagnosis.verdict,
         f"noise_rms_{scale.suffix}": rounded(scale(diagnosis.noise_rms)),
@@ -270,15 +253,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
                 "order": rounded(row.order),
                 "frames": list(row.frames),
                 "beside": list(row.beside),
-                f"before_{scale.suffix}": rounded(scale(row.before)),
-                f"after_{scale.suffix}": rounded(scale(row.after)),
-                "runs": [
-                    {
-                        f"before_{scale.suffix}": rounded(scale(before)),
-                        f"after_{scale.suffix}": rounded(scale(after)),
-                    }
-                    for before, after in row.runs
-                ],
+                **before_and_after(row.before, row.after),
+                "runs": [before_and_after(*run) for run in row.runs],
             }
             for row in leading_orders(diagnosis)
         ],
@@ -325,6 +301,8 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
     >>> print(diagnosis_text(found).splitlines()[0])
     Verdict: nothing missing: the declared model accounts for all that is significant
+    >>> diagnosis_json(found)["verdict"], diagnosis_json(found)["added"]
+    ('nothing_missing', [])
     """
     scale = _SCALES[diagnosis.quantity]
     lines = [f"Verdict: {_VERDICTS[diagnosis.verdict]}", ""]
@@ -394,20 +372,14 @@ def _unexplained_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
             lines.append(f"            could fold from {', '.join(above)}")
     if len(diagnosis.unexplained) > _LISTED:
         lines.append(f"  and {len(diagnosis.unexplained) - _LISTED} more")
+    effect = _as_measured(diagnosis.unexplained[0], unit)
     return [
         *lines,
         "",
         "The remaining lines fit no source of the catalogue.",
         "An effect of your own is one function and one catalogue entry: see docs/adding-an-effect.md.",
-        *_described(_as_measured(diagnosis.unexplained[0], unit)),
+        *([AS_MEASURED.format(**effect), *(f"  {line}" for line in effect_toml(effect))] if effect else ()),
     ]
-
-
-def _described(effect: Mapping[str, Any] | None) -> list[str]:
-    if effect is None:
-        return []
-    lead = f"To describe order {effect['harmonic']} as it was measured, which explains nothing, add to the model:"
-    return [lead, *(f"  {line}" for line in effect_toml(effect))]
 
 
 def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
@@ -423,8 +395,8 @@ def _candidate_lines(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.candidates:
         return []
     lines = ["", f"Best of {diagnosis.tried} candidates in the last round (held-out gain in chi-square, linear)"]
-    for candidate, row in zip(diagnosis.candidates[:5], _candidates_json(diagnosis.candidates), strict=False):
-        error = row["standard_error"]
+    for candidate in diagnosis.candidates[:5]:
+        error = standard_error(candidate.fold_gains)
         spread = "" if error is None else f" +- {error:<8.3g}"
         lines.append(f"  {candidate.heldout_gain:>10.1f}{spread}  {describe(candidate.key, candidate.indices)}")
     return lines
@@ -465,37 +437,18 @@ def _summary(diagnosis: Diagnosis) -> str:
 
 
 def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
-    """Diagnosis as one HTML page that needs nothing else: no script, no network, no library for its pictures.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    files : sequence of InputFile, optional
-        What it was made from: see `rverror.input_files`.
-
-    Returns
-    -------
-    str
-    """
+    """Diagnosis as one HTML page, as `to_html` tells it."""
     data = diagnosis_json(diagnosis, files=files)
-    pictures = [
-        *(
-            (f"Run {_label(t, i)}: {file_name(t.name)}", _waveform_pictures(diagnosis, t))
-            for i, t in enumerate(diagnosis.traces)
-        ),
-        *(
-            (f"Residual spectrum, run {_label(t, i)}", _spectrum_pictures(diagnosis, t))
-            for i, t in enumerate(diagnosis.traces)
-        ),
-    ]
-    text = diagnosis_text(diagnosis, files=files)
-    return page(data, summary=_summary(diagnosis), figures=pictures, text=text)
+    runs = [(_label(trace, at), trace) for at, trace in enumerate(diagnosis.traces)]
+    pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
+    pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
+    return page(data, summary=_summary(diagnosis), figures=pictures, text=diagnosis_text(diagnosis, files=files))
 
 
 def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
     scale = _SCALES[diagnosis.quantity]
     signal = "transmission error" if diagnosis.quantity == "angle" else "torque"
-    measured, before, after = (scale_all / scale.size for scale_all in (trace.measured, trace.before, trace.after))
+    measured, before, after = (values / scale.size for values in (trace.measured, trace.before, trace.after))
     angle = np.degrees(trace.theta)
     pictures = []
     for width, reach in zip(_WIDTHS, _ANGLES, strict=True):
@@ -521,16 +474,10 @@ def _spectrum_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
         if any(abs(row.order - peak.order) < highest / 40 for peak in peaks):
             continue  # the skirt of a larger line; the table has it
         at = int(np.argmin(np.abs(order - row.order)))
-        name = _short(row.frames[0]) if row.frames else "no frame"
+        name = short_frame(row.frames[0]) if row.frames else "no frame"
         peaks.append(svg.Peak(float(row.order), float(max(before[at], after[at])), name))
     title = f"order spectrum of the residual of {file_name(trace.name)}, {way(trace.direction)}, before and after"
     return [
         svg.spectrum(order, before, after, peaks[:most], width=width, title=title, unit=scale.unit)
         for width, most in zip(_WIDTHS, _NAMED, strict=True)
     ]
-
-
-def _short(frame: str) -> str:
-    return frame.replace("carrier, disc or crank", "carrier/disc/crank").replace(
-        "output side (encoder, coupling)", "output side"
-    )

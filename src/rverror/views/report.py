@@ -21,9 +21,9 @@ from rverror.views.contact_report import contact_json, contact_text
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
+from rverror.views.kinds import described
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, has_sheet, sheet
-from rverror.views.tables import described
 
 
 @singledispatch

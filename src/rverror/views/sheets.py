@@ -1,6 +1,7 @@
 """Every kind of result as a sheet: title, small tables, lines and notes, which a notebook shows, a terminal prints.
 
-One description a kind; `as_html` and `as_text` are the two ways to set it.  Every text is escaped there.
+Which columns of a result's table are shown, and under which words, is said here; their values and units come from
+`kinds`.  `as_html` and `as_text` are the two ways to set a sheet, and every text is escaped there.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
-from rverror.tolerances.sobol import SobolIndices
 from rverror.tolerances.stacking import Stack, Tolerance
 from rverror.views.budget_report import SIZES, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
-from rverror.views.tables import NUMBER, columns, described
+from rverror.views.kinds import described
+from rverror.views.variables import NUMBER, columns
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -123,6 +124,11 @@ def _grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
     return (Grid(tuple(heads), listed),) if listed else ()
 
 
+def _beside(columns: Mapping[str, Iterable[Any]]) -> Sheet:
+    """Grid of columns by their heads."""
+    return _grid(list(columns), zip(*columns.values(), strict=True))
+
+
 def _notes(notes: Sequence[str]) -> Sheet:
     return (Notes(tuple(notes)),) if notes else ()
 
@@ -150,46 +156,40 @@ def _number(value: float) -> str:
     return brief(float(value))
 
 
-def _arcsec(value: float) -> float:
-    return value / ARCSEC
-
-
-def _optional(value: float | None, dimension: str) -> str:
-    return "" if value is None else with_unit(value, dimension)
-
-
-def _columns(thing: Any, names: Sequence[str], heads: Sequence[str], **options: Any) -> Sheet:
-    """Columns of the result's table, in the units in which people read them."""
-    found, told = columns(described(thing, **options), display=True)
-    known = [_plain(told.get(name, "")) for name in names]
-    titles = [f"{head}, {unit}" if unit else head for head, unit in zip(heads, known, strict=True)]
-    found["unit"] = [_plain(unit) for unit in found["unit"]]
-    return _grid(titles, zip(*(np.asarray(found[name]).tolist() for name in names), strict=True))
+def _shown(thing: Any, rows: str = "") -> tuple[dict[str, list[Any]], dict[str, str]]:
+    """Columns of a result's table as people read them, and the unit of each; numbers have none."""
+    found, told = columns(described(thing), rows=rows, display=True)
+    listed = {name: np.asarray(values).tolist() for name, values in found.items()}
+    if "unit" in listed:
+        listed["unit"] = [_plain(unit) for unit in listed["unit"]]
+    return listed, {name: _plain(unit) for name, unit in told.items()}
 
 
 def _plain(unit: str) -> str:
-    """Unit for people: numbers have none."""
     return "" if unit == NUMBER.core else unit
 
 
-def _mechanism(unit: Reducer | Drive) -> str:
-    return f"{unit.name}, ratio {unit.ratio:.8g}"
+def _columns(thing: Any, *names: str) -> Sheet:
+    """Columns of a result's table under their own names, all where none is named."""
+    found, told = _shown(thing)
+    heads = {name: f"{name}, {unit}" if (unit := told.get(name, "")) else name for name in names or found}
+    return _beside({head.replace("_", " "): found[name] for name, head in heads.items()})
+
+
+def _effects(found: Mapping[str, list[Any]]) -> list[str]:
+    """Names of the effects in the rows of a table."""
+    return [f"{key} ({inside})" if inside else key for key, inside in zip(found["key"], found["indices"], strict=True)]
+
+
+def _intervals(low: Sequence[float], high: Sequence[float]) -> list[_Interval]:
+    return [_Interval(ends) for ends in zip(low, high, strict=True)]
 
 
 # --- the two ways to set a sheet --------------------------------------------------------------------------------------
 
 
 def as_html(blocks: Sheet) -> str:
-    """Sheet as HTML without script, links or colours of its own.
-
-    Parameters
-    ----------
-    blocks : tuple of Title, Sentence, Grid, Facts or Notes
-
-    Returns
-    -------
-    str
-    """
+    """Sheet as HTML without script, links or colours of its own."""
     return "\n".join(_html_of(block) for block in blocks)
 
 
@@ -222,17 +222,7 @@ def _soft(text: str) -> str:
 
 
 def as_text(blocks: Sheet) -> str:
-    """Sheet as text, its tables lined up.
-
-    Parameters
-    ----------
-    blocks : tuple of Title, Sentence, Grid, Facts or Notes
-
-    Returns
-    -------
-    str
-        Ends with a line end.
-    """
+    """Sheet as text that ends with a line end, its tables lined up."""
     lines: list[str] = []
     for block in blocks:
         if isinstance(block, Grid | Facts | Notes):
@@ -273,15 +263,6 @@ def _text_of(block: Block) -> Iterator[str]:
 def sheet(thing: Any) -> Sheet:
     """Sheet of one kind of result.
 
-    Parameters
-    ----------
-    thing : Model, Run, Influence, Equilibrium, TorsionCurve, Diagnosis, Budget, ErrorBudget, VirtualUnits, Allocation
-        Or a Reducer, Drive, Effect, Tolerance or Stack, or a list or tuple of which there is a table.
-
-    Returns
-    -------
-    tuple of Title, Sentence, Grid, Facts or Notes
-
     Raises
     ------
     InputError
@@ -297,56 +278,51 @@ def has_sheet(thing: Any) -> bool:
 
 @sheet.register
 def _of_reducer(thing: Reducer) -> Sheet:
-    grid = _columns(thing, ("parameter", "value", "unit"), ("parameter", "value", "unit"))
-    return _title("Reducer", thing.name, f"ratio {thing.ratio:.8g}") + grid
+    return _title("Reducer", thing.name, _ratio(thing)) + _columns(thing, "parameter", "value", "unit")
 
 
 @sheet.register
 def _of_drive(thing: Drive) -> Sheet:
-    rows = [(name, turns) for name, turns in thing.shafts.items()]
-    return _title("Drive", thing.name, f"ratio {thing.ratio:.8g}") + _grid(("shaft", "turns per output turn"), rows)
+    return _title("Drive", thing.name, _ratio(thing)) + _grid(("shaft", "turns per output turn"), thing.shafts.items())
+
+
+def _ratio(unit: Reducer | Drive) -> str:
+    return f"ratio {unit.ratio:.8g}"
 
 
 @sheet.register
 def _of_effect(thing: Effect) -> Sheet:
-    return _title("Effect", describe(thing.key, thing.indices), thing.origin) + _grid(_EFFECT[1:], _sizes(thing, 1))
+    return _title("Effect", describe(thing.key, thing.indices), thing.origin) + _sizes(thing, 1)
 
 
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
-    title = _title("Model", thing.name, _mechanism(thing.mechanism))
-    if not thing.effects:
-        return title + _line("no effect is declared")
-    return title + _grid(_EFFECT, _sizes(thing, 0))
+    title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
+    return title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared"))
 
 
-_EFFECT = ("effect", "parameter", "size", "1 sigma", "unit")
-
-
-def _sizes(thing: Model | Effect, first: int) -> Iterable[Sequence[Any]]:
-    """Parameters of effects, from the first cell of `_EFFECT` that is asked for."""
-    found, _ = columns(described(thing), display=True)
-    effects = thing.effects if isinstance(thing, Model) else (thing,)
-    names = (describe(effect.key, effect.indices) for effect in effects for _ in effect.values)
-    sigmas = ("exact" if math.isnan(sigma) else sigma for sigma in found["uncertainty"].tolist())
-    rows = zip(names, found["parameter"], found["value"].tolist(), sigmas, found["unit"], strict=True)
-    return (row[first:] for row in rows)
+def _sizes(thing: Model | Effect, first: int) -> Sheet:
+    """Parameters of effects, from a column on."""
+    found, _ = _shown(thing)
+    sigmas = ["exact" if math.isnan(sigma) else sigma for sigma in found["uncertainty"]]
+    rows = zip(_effects(found), found["parameter"], found["value"], sigmas, found["unit"], strict=True)
+    return _grid(("effect", "parameter", "size", "1 sigma", "unit")[first:], (row[first:] for row in rows))
 
 
 @sheet.register
 def _of_run(thing: Run) -> Sheet:
     table = described(thing)
-    angles = {name: getattr(thing, name) for name in ("input_angle", "output_angle")}
+    angles = {"input angle": thing.input_angle, "output angle": thing.output_angle}
     facts = {
         "samples": str(thing.size),
         "direction": str(table.about["direction"]),
         **{
-            name.replace("_", " "): f"{np.degrees(row.min()):.6g} to {np.degrees(row.max()):.6g} deg"
+            name: f"{np.degrees(row.min()):.6g} to {np.degrees(row.max()):.6g} deg"
             for name, row in angles.items()
             if row is not None
         },
-        "output torque": _optional(thing.torque, "torque"),
-        "temperature": _optional(thing.temperature, "temperature"),
+        "output torque": "" if thing.torque is None else with_unit(thing.torque, "torque"),
+        "temperature": "" if thing.temperature is None else with_unit(thing.temperature, "temperature"),
         "zero": {"": "aligned, offset of its own", "unknown": "not known"}.get(thing.index, f"shared, {thing.index}"),
         "columns": ", ".join(columns(table)[0]),
         **{f"# {key}": value for key, value in thing.metadata.items()},
@@ -367,8 +343,8 @@ def _of_influence(thing: Influence) -> Sheet:
 def _of_equilibrium(thing: Equilibrium) -> Sheet:
     error, pins = thing.transmission_error, thing.loaded_pins
     facts = {
-        "transmission error, mean": f"{brief(_arcsec(float(error.mean())))} arcsec, windup and lost motion included",
-        "transmission error, peak-to-peak": f"{brief(_arcsec(float(np.ptp(error))))} arcsec",
+        "transmission error, mean": f"{_angle(float(error.mean()))}, windup and lost motion included",
+        "transmission error, peak-to-peak": _angle(float(np.ptp(error))),
         **{f"pins that carry, disc {disc}": f"{row.min()} to {row.max()}" for disc, row in enumerate(pins)},
         **{
             f"largest {contact} force": f"{brief(float(np.sqrt((force**2).sum(axis=-2)).max()))} N"
@@ -381,65 +357,70 @@ def _of_equilibrium(thing: Equilibrium) -> Sheet:
     return _title("Equilibrium", count_of(error.size, "angle")) + _facts(facts)
 
 
+def _angle(value: float) -> str:
+    return with_unit(value, "angle")
+
+
 @sheet.register
 def _of_torsion(thing: TorsionCurve) -> Sheet:
-    angle = thing.angle / ARCSEC
-    rows = zip(
-        (thing.torque / 1e3).tolist(),
-        angle.mean(axis=1).tolist(),
-        map(_Interval, zip(angle.min(axis=1).tolist(), angle.max(axis=1).tolist(), strict=True)),
-        strict=True,
-    )
+    found, angle = described(thing).variables, thing.angle / ARCSEC
+    spread = _intervals(angle.min(axis=1).tolist(), angle.max(axis=1).tolist())
+    rows = zip(found["torque"].shown(display=True).tolist(), angle.mean(axis=1).tolist(), spread, strict=True)
     where = count_of(angle.shape[1], "angle") + " of the output"
     return _title("Torsion curve", where) + _grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
 
 
 @sheet.register
 def _of_diagnosis(thing: Diagnosis) -> Sheet:
-    declared, unit = thing.declared, units.DISPLAY_UNITS[thing.quantity]
-    stages = (
-        ("as declared", thing.before),
-        ("declared sizes refitted", thing.before_refitted),
-        *((("with what was added", thing.after),) if thing.added else ()),
+    unit = units.DISPLAY_UNITS[thing.quantity]
+    noise = units.to_display(thing.noise_rms, thing.quantity)
+    stages, _ = _shown(thing, "stage")
+    labels = ["as declared", "declared sizes refitted", *(["with what was added"] if thing.added else [])]
+    added, _ = _shown(thing, "added")
+    lines, _ = _shown(thing, "unexplained")
+    fits = (
+        frames or "; ".join(beside(thing.declared.mechanism, order)) or "no frame of this drive"
+        for order, frames in zip(lines["order"], lines["frames"], strict=True)
     )
-
-    def size(value: float) -> float:
-        return units.to_display(value, thing.quantity)
-
-    rows: list[tuple[Any, ...]] = [
-        (label, size(rest.rms), size(rest.peak_to_peak), size(rest.heldout_rms)) for label, rest in stages
-    ]
-    rows.append(("noise between revolutions", size(thing.noise_rms), math.nan, math.nan))
+    verdict, names = thing.verdict.replace("_", " "), dict.fromkeys(trace.name for trace in thing.traces)
     tried = f"{len(thing.added)} added of {count_of(thing.tried, 'candidate')}"
-    verdict = thing.verdict.replace("_", " ")
-    lines = (
-        (
-            line.order,
-            size(line.amplitude),
-            _Interval((size(line.low), size(line.high))),
-            "; ".join(line.frames or beside(declared.mechanism, line.order)) or "no frame of this drive",
-        )
-        for line in thing.unexplained
-    )
-    names = dict.fromkeys(trace.name for trace in thing.traces)
     return (
-        *_title("Diagnosis", declared.name or declared.mechanism.name),
+        *_title("Diagnosis", thing.declared.name or thing.declared.mechanism.name),
         Sentence(f"Verdict: {verdict}; {tried}", strong=verdict),
-        *_grid((f"residual, {unit}", "rms", "peak-to-peak", "held-out rms"), rows),
-        *_grid(("added", "parameter", "size", "95 % interval", "unit"), _added(thing)),
+        *_beside(
+            {
+                f"residual, {unit}": [*labels, "noise between revolutions"],
+                "rms": [*stages["rms"][: len(labels)], noise],
+                "peak-to-peak": [*stages["peak_to_peak"][: len(labels)], math.nan],
+                "held-out rms": [*stages["heldout_rms"][: len(labels)], math.nan],
+            }
+        ),
+        *_beside(
+            {
+                "added": _once(_effects(added), added["number"]),
+                "parameter": added["parameter"],
+                "size": added["value"],
+                "95 % interval": _intervals(added["low"], added["high"]),
+                "unit": added["unit"],
+            }
+        ),
         *map(Sentence, _about_added(thing)),
-        *_grid(("unexplained order", f"amplitude, {unit}", f"95 % interval, {unit}", "fits"), lines),
+        *_beside(
+            {
+                "unexplained order": lines["order"],
+                f"amplitude, {unit}": lines["amplitude"],
+                f"95 % interval, {unit}": _intervals(lines["low"], lines["high"]),
+                "fits": fits,
+            }
+        ),
         *(_line("Runs: " + ", ".join(names)) if names else ()),
         *_notes(thing.notes),
     )
 
 
-def _added(thing: Diagnosis) -> Iterable[tuple[Any, ...]]:
-    for added in thing.added:
-        for at, one in enumerate(added.estimates):
-            value, low, high = (units.to_display(x, one.dimension) for x in (one.value, one.low, one.high))
-            name = describe(added.effect.key, added.effect.indices) if at == 0 else ""
-            yield name, one.name, value, _Interval((low, high)), units.DISPLAY_UNITS[one.dimension]
+def _once(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
+    """Names, each only in the first of the rows of its number."""
+    return [name if at == 0 or numbers[at - 1] != numbers[at] else "" for at, name in enumerate(names)]
 
 
 def _about_added(thing: Diagnosis) -> Iterable[str]:
@@ -451,40 +432,37 @@ def _about_added(thing: Diagnosis) -> Iterable[str]:
         yield from (f"{name}: {note}" for note in added.notes)
 
 
-def _contributions(closed: Budget, indices: SobolIndices | None) -> Sheet:
+def _contributions(thing: Budget | ErrorBudget) -> Sheet:
     """Tolerances, the largest share first."""
-    entries = closed.contributions
-    heads = ["tolerance", "width", "unit", "share of variance, %"]
-    heads += [f"{what}, arcsec" for what in ("p-p alone, mean", "p-p alone, worst", "part of worst case")]
-    rows: list[list[Any]] = []
-    for at in sorted(range(len(entries)), key=lambda e: -entries[e].share):
-        entry = entries[at]
-        row: list[Any] = [
-            entry.label,
-            units.to_display(entry.width, entry.dimension),
-            units.DISPLAY_UNITS[entry.dimension],
-            100 * entry.share,
-            *map(_arcsec, (entry.mean_peak_to_peak, entry.worst_peak_to_peak, entry.worst_part)),
+    found, _ = _shown(thing)
+    shown = {
+        "tolerance": found["tolerance"],
+        "width": found["width"],
+        "unit": found["unit"],
+        "share of variance, %": [100 * share for share in found["share"]],
+        "p-p alone, mean, arcsec": found["mean_peak_to_peak"],
+        "p-p alone, worst, arcsec": found["worst_peak_to_peak"],
+        "part of worst case, arcsec": found["worst_part"],
+    }
+    if "sobol_total" in found:
+        shares = zip(*(found[f"sobol_total{end}"] for end in ("", "_low", "_high")), found["effect"], strict=True)
+        shown["Sobol total ± 95 %"] = [
+            f"{total:.2f} ± {(high - low) / 2:.2f}" if effect == "wave" else "" for total, low, high, effect in shares
         ]
-        if indices is not None:
-            half = (indices.total_high[at] - indices.total_low[at]) / 2
-            row.append(f"{indices.total[at]:.2f} ± {half:.2f}" if entry.effect == "wave" else "")
-        rows.append(row)
-    return _grid([*heads, *(["Sobol total ± 95 %"] if indices is not None else [])], rows)
+    rows = list(zip(*shown.values(), strict=True))
+    return _grid(list(shown), sorted(rows, key=lambda row: -row[3]))
 
 
 @sheet.register
 def _of_budget(thing: Budget) -> Sheet:
-    worst = thing.worst
     facts = {
-        "worst-case peak-to-peak": with_unit(worst.peak_to_peak, "angle"),
-        "root sum of squares of single peak-to-peaks": with_unit(thing.rss, "angle"),
-        "expected rms": with_unit(thing.rms, "angle"),
-        "offset": f"{with_unit(thing.offset_mean, 'angle')}, standard deviation "
-        f"{with_unit(thing.offset_deviation, 'angle')}",
+        "worst-case peak-to-peak": _angle(thing.worst.peak_to_peak),
+        "root sum of squares of single peak-to-peaks": _angle(thing.rss),
+        "expected rms": _angle(thing.rms),
+        "offset": f"{_angle(thing.offset_mean)}, standard deviation {_angle(thing.offset_deviation)}",
     }
     title = _title("Budget in closed form", count_of(len(thing.contributions), "tolerance"))
-    return title + _facts(facts) + _contributions(thing, None)
+    return title + _facts(facts) + _contributions(thing)
 
 
 def _quantiles(drawn: VirtualUnits, worst: Mapping[Size, float]) -> Sheet:
@@ -494,8 +472,8 @@ def _quantiles(drawn: VirtualUnits, worst: Mapping[Size, float]) -> Sheet:
         row: list[Any] = [name]
         for level in LEVELS:
             found = drawn.quantile(level, size)
-            row += [_arcsec(found.value), _Interval((_arcsec(found.low), _arcsec(found.high)))]
-        rows.append([*row, *([_arcsec(worst[size])] if worst else [])])
+            row += [found.value / ARCSEC, _Interval((found.low / ARCSEC, found.high / ARCSEC))]
+        rows.append([*row, *([worst[size] / ARCSEC] if worst else [])])
     heads = [text for level in LEVELS for text in (f"P{level * 100:g}", "95 % interval")]
     return _grid(["size, arcsec", *heads, *(["worst case"] if worst else [])], rows)
 
@@ -512,62 +490,59 @@ def _of_error_budget(thing: ErrorBudget) -> Sheet:
     at_load: Sheet = ()
     if thing.contact is not None:
         found = thing.contact.peak_to_peak.quantile(0.99)
-        value, low, high = (brief(_arcsec(x)) for x in (found.value, found.low, found.high))
+        value, low, high = (brief(x / ARCSEC) for x in (found.value, found.low, found.high))
         at_load = _line(
             f"At {with_unit(thing.contact.torque, 'torque')}, contacts that open included: P99 of the peak-to-peak "
             f"{value} arcsec, 95 % interval {low} to {high}"
         )
     title = _title("Error budget", thing.model.name or thing.model.mechanism.name, f"{way(thing.direction)}, {drawn}")
-    return title + _quantiles(thing.units, bounds) + at_load + _contributions(thing.closed, thing.indices)
+    return title + _quantiles(thing.units, bounds) + at_load + _contributions(thing)
 
 
 @sheet.register
 def _of_allocation(thing: Allocation) -> Sheet:
     what = {"worst": "worst-case peak-to-peak", "yield": f"P{100 * thing.level:g} of the peak-to-peak", "rms": "rms"}
-    rows = [
-        ("cost", thing.cost_before, thing.cost, ""),
-        (what[thing.kind], _arcsec(thing.value_before), _arcsec(thing.value), "arcsec"),
-    ]
-    shown = [map(units.to_display, widths, thing.dimensions) for widths in (thing.widths_before, thing.widths)]
-    entries = zip(
-        thing.labels,
-        *shown,
-        (units.DISPLAY_UNITS[dimension] for dimension in thing.dimensions),
-        (grade or ("fixed" if fixed else "") for grade, fixed in zip(thing.grades, thing.fixed, strict=True)),
-        thing.costs_before,
-        thing.costs,
-        strict=True,
-    )
-    heads = ("tolerance", "width before", "allocated", "unit", "grade", "cost before", "cost")
+    stages, _ = _shown(thing, "stage")
+    found, _ = _shown(thing)
+    grades = (grade or ("fixed" if fixed else "") for grade, fixed in zip(found["grade"], thing.fixed, strict=True))
     gap = "" if thing.gap is None else f"; the gap is {100 * thing.gap:.2g} % of the cost"
     return (
-        _title("Allocation", f"{what[thing.kind]} within {with_unit(thing.limit, 'angle')}")
-        + _grid(("", "before", "allocated", "unit"), rows)
-        + _grid(heads, entries)
+        _title("Allocation", f"{what[thing.kind]} within {_angle(thing.limit)}")
+        + _grid(
+            ("", "before", "allocated", "unit"),
+            [("cost", *stages["total_cost"], ""), (what[thing.kind], *stages["value"], "arcsec")],
+        )
+        + _beside(
+            {
+                "tolerance": found["tolerance"],
+                "width before": found["width_before"],
+                "allocated": found["width"],
+                "unit": found["unit"],
+                "grade": grades,
+                "cost before": found["cost_before"],
+                "cost": found["cost"],
+            }
+        )
         + _line(f"How good it is: {thing.proof}{gap}.")
     )
 
 
 @sheet.register
 def _of_stack(thing: Stack) -> Sheet:
-    names = ("tolerance", "width", "unit", "distribution", "correlation")
     title = _title("Stack", count_of(len(thing.labels), "tolerance"), count_of(len(thing.components), "component"))
-    return title + _columns(thing, names, names)
+    return title + _columns(thing, "tolerance", "width", "unit", "distribution", "correlation")
 
 
 @sheet.register
 def _of_tolerance(thing: Tolerance) -> Sheet:
     names = ("width", "unit", "distribution", "correlation", "random_phase", "fixed")
-    heads = [name.replace("_", " ") for name in names]
-    return _title("Tolerance", thing.label) + _columns(thing, names, heads)
+    return _title("Tolerance", thing.label) + _columns(thing, *names)
 
 
 @sheet.register(list)
 @sheet.register(tuple)
 def _of_row(thing: Sequence[Any]) -> Sheet:
     """Effects, tolerances or points of a front, as the columns of their table."""
-    table = described(thing)
-    found, told = columns(table, display=True)
-    heads = [f"{name}, {unit}" if (unit := _plain(told.get(name, ""))) else name for name in found]
-    rows = list(zip(*(np.asarray(values).tolist() for values in found.values()), strict=True))
-    return _title(table.kind, count_of(len(rows), "row")) + _grid([head.replace("_", " ") for head in heads], rows)
+    listed = _columns(thing)
+    count = sum(len(block.rows) for block in listed if isinstance(block, Grid))
+    return _title(described(thing).kind, count_of(count, "row")) + listed

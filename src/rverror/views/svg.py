@@ -18,6 +18,7 @@ from rverror.views.html import escaped
 
 _LETTER = 6.4  # px, mean width of a letter of 12 px
 _LEFT, _RIGHT = 52, 16
+_HEIGHT = 300  # of a spectrum
 
 Place = Callable[[Any], Any]
 
@@ -51,18 +52,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def thinned(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
-    """Lowest and highest point of each of so many columns: what a line of many points looks like.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    columns : int
-
-    Returns
-    -------
-    x, y : ndarray
-        At most two points a column, in order.
-    """
+    """Lowest and highest point of each of so many columns: what a line of many points looks like."""
     if x.size <= 2 * columns:
         return x, y
     parts = np.array_split(np.arange(x.size), columns)
@@ -78,7 +68,7 @@ def waveforms(
     title: str,
     panel_height: int = 150,
 ) -> str:
-    """Waveforms over the output angle, panels one above the other.
+    """Waveforms over the output angle, panels one above the other, as an ``svg`` element.
 
     Parameters
     ----------
@@ -90,12 +80,6 @@ def waveforms(
         Of the picture, px.
     title : str
         For those who cannot see it.
-    panel_height : int
-
-    Returns
-    -------
-    str
-        An ``svg`` element.
     """
     top, gap, bottom = 20, 30, 36
     height = top + len(panels) * panel_height + (len(panels) - 1) * gap + bottom
@@ -122,17 +106,9 @@ def waveforms(
 
 
 def spectrum(
-    order: Array,
-    before: Array,
-    after: Array,
-    peaks: Sequence[Peak],
-    *,
-    width: int,
-    title: str,
-    unit: str,
-    height: int = 300,
+    order: Array, before: Array, after: Array, peaks: Sequence[Peak], *, width: int, title: str, unit: str
 ) -> str:
-    """Order spectrum of a residual before and after, strong lines named.
+    """Order spectrum of a residual before and after, strong lines named, as an ``svg`` element.
 
     Parameters
     ----------
@@ -145,13 +121,6 @@ def spectrum(
     title : str
     unit : str
         Of the amplitudes.
-    height : int
-        px.
-
-    Returns
-    -------
-    str
-        An ``svg`` element.
     """
     inner = width - _LEFT - _RIGHT
     highest = float(order[-1]) if order.size else 1.0
@@ -159,7 +128,7 @@ def spectrum(
     placed = _places(peaks, across, width)
     rows = 1 + max((row for _, row, _ in placed), default=-1)
     top, bottom = 24 + 30 * rows, 36
-    base = height - bottom
+    base = _HEIGHT - bottom
     floor = max(float(np.median(after)) if after.size else 0.0, 1e-6 * max(float(before.max(initial=0)), 1e-9))
     ceiling = max(float(before.max(initial=0.0)), float(after.max(initial=0.0)), 10 * floor) * 1.2
     decades = math.log10(ceiling / floor)
@@ -179,17 +148,14 @@ def spectrum(
         y = 38 + 30 * row
         x = across(peak.order)
         parts.append(f'<path class="lead" d="M{middle:.1f} {y + 3}L{x:.1f} {max(up(peak.size) - 3, y + 4):.1f}"/>')
-        for line, text in enumerate((f"{peak.order:g}", peak.name)):
-            strong = "name strong" if line == 0 else "name"
-            parts.append(
-                f'<text class="{strong}" text-anchor="middle" x="{middle:.1f}" y="{y - 13 + 13 * line}">'
-                f"{escaped(text)}</text>"
-            )
+        for look, at, text in (("name strong", y - 13, f"{peak.order:g}"), ("name", y, peak.name)):
+            start = f'<text class="{look}" text-anchor="middle" x="{middle:.1f}" y="{at}">'
+            parts.append(f"{start}{escaped(text)}</text>")
     parts.append(f'<path class="axis" d="M{_LEFT} {base}H{width - _RIGHT}"/>')
     for value in ticks(0, highest, max(3, inner // 90)):
         parts.append(_below(across(value), base, f"{value:g}"))
-    parts.append(_caption(width, height, "order, per output turn"))
-    return _picture(width, height, title, parts)
+    parts.append(_caption(width, _HEIGHT, "order, per output turn"))
+    return _picture(width, _HEIGHT, title, parts)
 
 
 def _linear(low: float, high: float, start: float, end: float) -> Place:

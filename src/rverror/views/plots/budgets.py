@@ -1,9 +1,12 @@
-"""Plots of an error budget and of an allocation: axes in, axes out.  matplotlib comes with the extra ``plot``."""
+"""Plots of an error budget and of an allocation: axes in, axes out.  matplotlib comes with the extra ``plot``.
+
+Options that are not described here mean what `drawing.draw` says of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +16,18 @@ from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.views.plots.figure import BLACK, BLUE, GREY, ORANGE, axes_for, legend_below, new_figure, plain
+from rverror.views.plots.figure import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    axes_for,
+    legend_below,
+    new_figure,
+    over_angle,
+    plain,
+    signal_label,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,22 +35,13 @@ if TYPE_CHECKING:
 
 _DARK, _LIGHT, _LIMIT = BLUE, ORANGE, BLACK  # hatches tell areas apart in grey
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
+_HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
+_COST = "cost, unit of the cost curves"
 _SHOWN = 15  # bars for which there is room
 
 
 def budget_figure(found: ErrorBudget, *, limit: float | None = None) -> Figure:
-    """Contributions above the distribution of the peak-to-peak.
-
-    Parameters
-    ----------
-    found : ErrorBudget
-    limit : float, optional
-        Of the peak-to-peak, rad.
-
-    Returns
-    -------
-    Figure
-    """
+    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad."""
     figure, (upper, lower) = new_figure(2, height=3.6)
     contributions(found, ax=upper)
     distribution(found, limit=limit, ax=lower)
@@ -46,16 +51,7 @@ def budget_figure(found: ErrorBudget, *, limit: float | None = None) -> Figure:
 def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
     """Bars of what each tolerance contributes: share of the variance, and total Sobol index of the peak-to-peak.
 
-    Parameters
-    ----------
-    found : ErrorBudget or Budget
-        The closed form alone has no Sobol indices.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
+    The closed form alone has no Sobol indices.
     """
     closed, indices = (found, None) if isinstance(found, Budget) else (found.closed, found.indices)
     entries = closed.contributions
@@ -67,43 +63,19 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
     ax.barh(at + 0.2, shares, height=0.38, color=_DARK, label="share of the variance")
     if indices is not None:
         total, low, high = (100 * getattr(indices, f"total{end}")[order] for end in ("", "_low", "_high"))
-        ax.barh(
-            at - 0.2,
-            total,
-            height=0.38,
-            color=_LIGHT,
-            edgecolor="#000000",
-            linewidth=0.4,
-            hatch="///",
-            xerr=(total - low, high - total),
-            error_kw={"linewidth": 0.8, "capsize": 2},
-            label="total Sobol index of the peak-to-peak, 95 % interval",
-        )
+        label = "total Sobol index of the peak-to-peak, 95 % interval"
+        bars: dict[str, Any] = {"xerr": (total - low, high - total), "error_kw": {"linewidth": 0.8, "capsize": 2}}
+        ax.barh(at - 0.2, total, label=label, **bars, **_HATCHED)
     ax.set_yticks(at, [plain(entries[e].label) for e in order], fontsize=8)
     hidden = len(moving) - len(order)
-    ax.set(
-        xlabel="contribution, %",
-        title="What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""),
-    )
+    title = "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else "")
+    ax.set(xlabel="contribution, %", title=title)
     legend_below(ax)
     return ax
 
 
 def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = None, ax: Axes | None = None) -> Axes:
-    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit.
-
-    Parameters
-    ----------
-    found : ErrorBudget or VirtualUnits
-    limit : float, optional
-        rad.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
+    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit, rad."""
     ax = axes_for(ax)
     drawn = found if isinstance(found, VirtualUnits) else found.units
     sizes = drawn.peak_to_peak / ARCSEC
@@ -113,12 +85,8 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
         ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
         share = drawn.yield_at(limit)
-        ax.axvline(
-            limit / ARCSEC,
-            color=_LIMIT,
-            lw=1.8,
-            label=f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass",
-        )
+        label = f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass"
+        ax.axvline(limit / ARCSEC, color=_LIMIT, lw=1.8, label=label)
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",
         ylabel="share of the units per arcsec",
@@ -129,52 +97,27 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
 
 
 def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
-    """Expected transmission error over the output angle, one standard deviation about it, and the worst case.
-
-    Parameters
-    ----------
-    found : ErrorBudget or Budget
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
+    """Expected transmission error over the output angle, one standard deviation about it, and the worst case."""
     closed = found if isinstance(found, Budget) else found.closed
-    count = closed.mean.size
-    angle = np.arange(count) if closed.theta is None else np.degrees(closed.theta)
+    angle = np.arange(closed.mean.size) if closed.theta is None else np.degrees(closed.theta)
     mean, spread = closed.mean / ARCSEC, closed.standard_deviation / ARCSEC
     ax = axes_for(ax)
     ax.fill_between(angle, mean - spread, mean + spread, color=GREY, alpha=0.5, lw=0, label="one standard deviation")
     for edge, label in ((closed.worst.lower, "worst case"), (closed.worst.upper, None)):
         ax.plot(angle, edge / ARCSEC, color=_LIGHT, ls="--", lw=1.1, label=label)
     ax.plot(angle, mean, color=_DARK, lw=1.2, label="expected")
-    ax.set(
-        xlabel="sample, number" if closed.theta is None else "output angle, deg",
-        ylabel="transmission error, arcsec",
-        title="Expected error and what tolerances make of it",
-    )
-    ax.margins(x=0)
+    over_angle(ax, ylabel=signal_label("angle"), title="Expected error and what tolerances make of it")
+    if closed.theta is None:
+        ax.set_xlabel("sample, number")
     legend_below(ax)
     return ax
 
 
 def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
-    """Each tolerance over what it was: tighter to the left, wider to the right.
-
-    Parameters
-    ----------
-    found : Allocation
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
-    order = np.argsort(np.divide(found.widths, found.widths_before), kind="stable")[::-1]
-    ratio = np.divide(found.widths, found.widths_before)[order]
+    """Each tolerance over what it was: tighter to the left, wider to the right."""
+    ratio = np.divide(found.widths, found.widths_before)
+    order = np.argsort(ratio, kind="stable")[::-1]
+    ratio = ratio[order]
     at, held = np.arange(order.size), np.array(found.fixed, dtype=np.bool_)[order]
     ax = axes_for(ax, height=1.3 + 0.3 * max(order.size, 4))
     ax.hlines(at, 1.0, ratio, color=GREY, lw=1.5)
@@ -189,58 +132,29 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.set_xticks(marks, [f"{m:g}" for m in marks])
     ax.minorticks_off()
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    ax.set(
-        xlabel="tolerance found over tolerance as given (a number)",
-        title=f"Widths of least cost for {found.limit / ARCSEC:g} arcsec, {found.kind}",
-    )
+    title = f"Widths of least cost for {found.limit / ARCSEC:g} arcsec, {found.kind}"
+    ax.set(xlabel="tolerance found over tolerance as given (a number)", title=title)
     if held.any():
         legend_below(ax)
     return ax
 
 
 def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
-    """Cost of each tolerance as given and as found.
-
-    Parameters
-    ----------
-    found : Allocation
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
+    """Cost of each tolerance as given and as found."""
     before, after = np.array(found.costs_before), np.array(found.costs)
     order = np.argsort(after, kind="stable")
     at = np.arange(order.size)
     ax = axes_for(ax, height=1.3 + 0.32 * max(order.size, 4))
-    ax.barh(at + 0.2, np.nan_to_num(before[order]), height=0.38, color=_LIGHT, edgecolor=_LIMIT, linewidth=0.4,
-            hatch="///", label=f"as given, {found.cost_before:.4g} in all")  # fmt: skip
+    ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
     ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    ax.set(
-        xlabel="cost, unit of the cost curves",
-        title=f"Cost of each tolerance for {found.limit / ARCSEC:g} arcsec, {found.kind}",
-    )
+    ax.set(xlabel=_COST, title=f"Cost of each tolerance for {found.limit / ARCSEC:g} arcsec, {found.kind}")
     legend_below(ax)
     return ax
 
 
 def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | None = None) -> Axes:
-    """`cost_against_limit` with an allocation marked.
-
-    Parameters
-    ----------
-    found : Allocation
-    front : sequence of FrontPoint
-        From `cost_front`.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
+    """`cost_against_limit` with an allocation marked; the front is that of `cost_front`.
 
     Raises
     ------
@@ -253,18 +167,7 @@ def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | 
 
 
 def front_figure(front: Sequence[FrontPoint], chosen: Allocation | None = None) -> Figure:
-    """Least cost against the limit.
-
-    Parameters
-    ----------
-    front : sequence of FrontPoint
-    chosen : Allocation, optional
-        The one to mark.
-
-    Returns
-    -------
-    Figure
-    """
+    """`cost_against_limit` in a figure of its own."""
     figure, (ax,) = new_figure(1, height=4.0)
     cost_against_limit(front, chosen, ax=ax)
     return figure
@@ -273,37 +176,18 @@ def front_figure(front: Sequence[FrontPoint], chosen: Allocation | None = None) 
 def cost_against_limit(
     front: Sequence[FrontPoint], chosen: Allocation | None = None, *, ax: Axes | None = None
 ) -> Axes:
-    """Line of least cost against the limit; limits that cannot be met are marked at the bottom.
-
-    Parameters
-    ----------
-    front : sequence of FrontPoint
-    chosen : Allocation, optional
-        The one to mark.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
+    """Least cost against the limit; limits that cannot be met are marked at the bottom, one allocation where chosen."""
     ax = axes_for(ax)
     met = [(point.limit / ARCSEC, point.allocation) for point in front if point.allocation is not None]
-    ax.plot(
-        [limit for limit, _ in met], [found.cost for _, found in met], color=_DARK, marker="o", ms=4, label="least cost"
-    )
+    limits, least = [limit for limit, _ in met], [found.cost for _, found in met]
+    ax.plot(limits, least, color=_DARK, marker="o", ms=4, label="least cost")
     missed = [point.limit / ARCSEC for point in front if point.allocation is None]
     if missed:
-        ax.plot(
-            missed, [0.02] * len(missed), "x", color=_LIMIT, transform=ax.get_xaxis_transform(), label="cannot be met"
-        )
+        bottom = ax.get_xaxis_transform()
+        ax.plot(missed, [0.02] * len(missed), "x", color=_LIMIT, transform=bottom, label="cannot be met")
     if chosen is not None:
         ax.plot(chosen.limit / ARCSEC, chosen.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
         ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
-    ax.set(
-        xlabel="limit, arcsec",
-        ylabel="cost, unit of the cost curves",
-        title="Least cost of the tolerances against the limit",
-    )
+    ax.set(xlabel="limit, arcsec", ylabel=_COST, title="Least cost of the tolerances against the limit")
     ax.legend(fontsize=8, frameon=False)
     return ax

@@ -1,8 +1,12 @@
-"""Plots of a diagnosis: waveform, residual, spectrum, runs and candidates; axes in, axes out."""
+"""Plots of a diagnosis: waveform, residual, spectrum, runs and candidates; axes in, axes out.
+
+Options that are not described here mean what `drawing.draw` says of them.
+"""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,22 +15,27 @@ from scipy.ndimage import median_filter
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import describe, file_name
-from rverror.diagnosis.result import Candidate, Diagnosis, Trace
+from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import residual_spectrum
+from rverror.views.diagnosis_report import error_behind
 from rverror.views.plots.figure import (
     BLACK,
     BLUE,
+    DASHED,
+    DASHES,
     GREY,
     ORANGE,
+    ORDER,
     axes_for,
     in_shown_unit,
     legend_below,
     new_figure,
+    over_angle,
     plain,
     shown_unit,
+    signal_label,
 )
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
-from rverror.views.plots.waveforms import signal_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,114 +47,46 @@ _NEIGHBOURS = 25  # lines whose median stands for what noise leaves
 _STANDS_OUT = 8.0  # times that median, of all lines
 _SAME_ORDER = 1e-6
 _RANKED = 10  # candidates for which there is room
-_DASHED = (0, (5.0, 2.0))
 
 
 def waveform(trace: Trace, *, quantity: str = "angle", ax: Axes | None = None) -> Axes:
-    """Measured against predicted error of one run over a turn, before and after.
-
-    Parameters
-    ----------
-    trace : Trace
-        One of `Diagnosis.traces`.
-    quantity : {"angle", "torque"}
-        Dimension of the signal, `Diagnosis.quantity`.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-    """
+    """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's."""
     ax = axes_for(ax)
     angle = np.degrees(trace.theta)
     measured, before, after = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
     ax.plot(angle, measured, color=GREY, lw=2.0, label="measured, mean of revolutions")
-    ax.plot(angle, before, color=_BEFORE, lw=1.0, ls=_DASHED, label="declared model")
+    ax.plot(angle, before, color=_BEFORE, lw=1.0, ls=DASHED, label="declared model")
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=1.0, label="with what was added")
-    ax.set(xlabel="output angle, deg", ylabel=signal_label(quantity), title=_trace_name(trace))
-    ax.margins(x=0)
+    over_angle(ax, ylabel=signal_label(quantity), title=_trace_name(trace))
     legend_below(ax)
     return ax
 
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
-    """`waveform` of one run of a diagnosis.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    run : int
-        Which run.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If there is no such run.
-    """
+    """`waveform` of one run of a diagnosis."""
     return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, ax=ax)
 
 
 def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
-    """Residual of one run before and after, over a turn; of revolutions left out of the fit, where there are any.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    run : int
-        Which run.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If there is no such run.
-    """
+    """Residual of one run before and after, over a turn; of revolutions left out of the fit, where there are any."""
     trace = _trace(diagnosis, run)
     ax = axes_for(ax)
     unit = shown_unit(diagnosis.quantity)
-    rows = [in_shown_unit(values - values.mean(), diagnosis.quantity) for values in trace.residual]
-    looks = (("before", _BEFORE, _DASHED, 1.2), ("after", _AFTER, "solid", 0.9))
-    for (word, colour, dashes, width), values in zip(looks, rows, strict=True):
-        rms = float(np.sqrt(np.mean(values**2)))
-        ax.plot(
-            np.degrees(trace.theta),
-            values,
-            color=colour,
-            ls=dashes,
-            lw=width,
-            label=f"{word}, rms {brief(rms, 3)} {unit}",
-        )
+    looks = (("before", _BEFORE, DASHED, 1.2), ("after", _AFTER, "solid", 0.9))
+    for (word, colour, dashes, width), rest in zip(looks, trace.residual, strict=True):
+        values = in_shown_unit(rest - rest.mean(), diagnosis.quantity)
+        label = f"{word}, rms {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit}"
+        ax.plot(np.degrees(trace.theta), values, color=colour, ls=dashes, lw=width, label=label)
     ax.axhline(0, color=BLACK, lw=0.4)
     what = "residual, left-out revolutions" if trace.left_out else "residual"
-    ax.set(xlabel="output angle, deg", ylabel=f"measured less model, {unit}", title=f"{what}, {_trace_name(trace)}")
-    ax.margins(x=0)
+    over_angle(ax, ylabel=f"measured less model, {unit}", title=f"{what}, {_trace_name(trace)}")
     legend_below(ax)
     return ax
 
 
 def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Rms of the residual of each run before and after; of revolutions left out of the fit, where there are any.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-    """
+    """Rms of the residual of each run before and after; of revolutions left out of the fit, where there are any."""
     ax = axes_for(ax, height=1.5 + 0.4 * max(len(diagnosis.traces), 2))
     unit = shown_unit(diagnosis.quantity)
     pairs = np.array([[np.std(values) for values in trace.residual] for trace in diagnosis.traces]).reshape(-1, 2)
@@ -155,16 +96,12 @@ def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     ax.plot(before, at, "s", color=_BEFORE, mec=BLACK, ms=8, label="before")
     ax.plot(after, at, "o", color=_AFTER, mec=BLACK, ms=6, label="after")
     noise = float(in_shown_unit(np.array([diagnosis.noise_rms]), diagnosis.quantity)[0])
-    ax.axvline(
-        noise, color=BLACK, ls=(0, (1.2, 1.5)), lw=1.0, label=f"noise of a single reading, {brief(noise, 3)} {unit}"
-    )
+    label = f"noise of a single reading, {brief(noise, 3)} {unit}"
+    ax.axvline(noise, color=BLACK, ls=DASHES[2], lw=1.0, label=label)
     ax.set_yticks(at, [_trace_name(trace) + _load(trace) for trace in diagnosis.traces], fontsize="small")
     held = all(trace.left_out for trace in diagnosis.traces) and bool(diagnosis.traces)
-    ax.set(
-        xlabel=f"rms of the residual, {unit}",
-        title="residual of each run" + (", left-out revolutions" if held else ""),
-        ylim=(len(pairs) - 0.5, -0.5),
-    )
+    title = "residual of each run" + (", left-out revolutions" if held else "")
+    ax.set(xlabel=f"rms of the residual, {unit}", title=title, ylim=(len(pairs) - 0.5, -0.5))
     ax.set_xlim(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0)
     legend_below(ax)
     return ax
@@ -178,11 +115,6 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     diagnosis : Diagnosis
     round : int
         Rounds count from 1; the last one added nothing, or had no room for more.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------
@@ -200,15 +132,13 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     ranking, addition = rounds[round - 1]
     shown = ranking[:_RANKED]
     ax = axes_for(ax, height=1.4 + 0.24 * max(len(shown), 4))
-    alike = {(key, tuple(indices.items())) for key, indices in (addition.indistinguishable if addition else ())}
-    if addition:  # fits at the load choose, not these scores of linear waveforms
-        alike.add((addition.effect.key, tuple(addition.effect.indices.items())))
+    # fits at the load choose, not these scores of linear waveforms
+    alike = [(addition.effect.key, addition.effect.indices), *addition.indistinguishable] if addition else []
     behind = [ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown]
-    errors = [_error_behind(candidate, ranking[0]) for candidate in shown]
+    errors = [error_behind(candidate, ranking[0]) for candidate in shown]
     for at, (candidate, difference, error) in enumerate(zip(shown, behind, errors, strict=True)):
-        full = (candidate.key, tuple(candidate.indices.items())) in alike
         bar = None if error is None else [error]
-        face = _AFTER if full else "white"
+        face = _AFTER if (candidate.key, candidate.indices) in alike else "white"
         ax.errorbar([difference], [at], xerr=bar, fmt="o", color=_AFTER, mfc=face, ms=5, capsize=2.5, lw=1.0)
     ax.set_yticks(range(len(shown)), [plain(describe(c.key, c.indices)) for c in shown], fontsize="small")
     gain = f"the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "none was scored"
@@ -217,11 +147,8 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
         title = f"candidates of round {round}: {gain}\nadded: {added}"
     else:
         title = f"candidates of the last round: {gain}; nothing more added"
-    ax.set(
-        xlabel="score behind the best, chi-square of left-out revolutions (a number)",
-        title=title,
-        ylim=(max(len(shown), 1) - 0.5, -0.5),
-    )
+    xlabel = "score behind the best, chi-square of left-out revolutions (a number)"
+    ax.set(xlabel=xlabel, title=title, ylim=(max(len(shown), 1) - 0.5, -0.5))
     ax.title.set_fontsize("medium")
     if not ranking:
         ax.set_xlim(0, 1)
@@ -229,22 +156,12 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     _spread(ax, behind)
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], marker="o", ls="", color=_AFTER, label="added at the load, and what cannot be told from it"),
-        Line2D(
-            [], [], marker="o", ls="", color=_AFTER, mfc="white", label="others; bars: standard error of the difference"
-        ),
-    ]
-    legend_below(ax, columns=2, handles=handles if addition else handles[1:])
+    marks = [("white", "others; bars: standard error of the difference")]
+    if addition:
+        marks.insert(0, (_AFTER, "added at the load, and what cannot be told from it"))
+    handles = [Line2D([], [], marker="o", ls="", color=_AFTER, mfc=face, label=label) for face, label in marks]
+    legend_below(ax, columns=2, handles=handles)
     return ax
-
-
-def _error_behind(candidate: Candidate, best: Candidate) -> float | None:
-    """Standard error of the difference to the best, from scores that belong together."""
-    if candidate is best or len(candidate.fold_gains) != len(best.fold_gains) or len(best.fold_gains) < 2:
-        return None
-    paired = np.subtract(best.fold_gains, candidate.fold_gains)
-    return float(np.sqrt(paired.size) * np.std(paired, ddof=1))
 
 
 def _spread(ax: Axes, behind: list[float]) -> None:
@@ -259,27 +176,8 @@ def _spread(ax: Axes, behind: list[float]) -> None:
 def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None = None, ax: Axes | None = None) -> Axes:
     """Order spectrum of the residual of one run before and after, with the strongest peaks named by their frames.
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    run : int
-        Which run.
-    highest : float, optional
-        Highest order to show; where left out 260, what was found above it, or what the run holds.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If there is no such run.
-
-    Notes
-    -----
-    The floor is the median of 25 neighbouring lines of the residual after: what noise leaves, as lines are few.
+    Where `highest` is left out, orders up to 260 are shown, what was found above it, or what the run holds.  The floor
+    is the median of 25 neighbouring lines of the residual after: what noise leaves, as lines are few.
     """
     trace = _trace(diagnosis, run)
     ax = axes_for(ax)
@@ -291,7 +189,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")
     ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
     floor = median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
-    ax.plot(order[shown], np.maximum(floor, bottom)[shown], color=BLACK, lw=1.0, ls=_DASHED, label="noise floor")
+    ax.plot(order[shown], np.maximum(floor, bottom)[shown], color=BLACK, lw=1.0, ls=DASHED, label="noise floor")
     within = resolution(order)
     apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)
     size = np.where(shown, before, 0.0)
@@ -301,19 +199,11 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
         least[np.abs(order - line.order) <= max(within, _SAME_ORDER)] = bottom
     chosen = strongest(size, floor=least, apart=apart)
     ax.margins(x=0.01)
-    name_peaks(
-        ax,
-        [float(order[i]) for i in chosen],
-        [float(before[i]) for i in chosen],
-        lambda place: frame_name(diagnosis.declared.mechanism, place, within=within),
-        bottom=bottom,
-        top=max(float(size.max(initial=0.0)), float(after[shown].max(initial=0.0)), 10 * bottom),
-    )
-    ax.set(
-        xlabel="order, per output turn",
-        ylabel=f"amplitude, {shown_unit(diagnosis.quantity)}",
-        title=f"residual spectrum, {plain(file_name(trace.name))}",
-    )
+    top = max(float(size.max(initial=0.0)), float(after[shown].max(initial=0.0)), 10 * bottom)
+    name = partial(frame_name, diagnosis.declared.mechanism, within=within)
+    name_peaks(ax, order[chosen], before[chosen], name, bottom=bottom, top=top)
+    title = f"residual spectrum, {plain(file_name(trace.name))}"
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit(diagnosis.quantity)}", title=title)
     legend_below(ax)
     return ax
 
@@ -324,16 +214,7 @@ def _last_found(diagnosis: Diagnosis) -> float:
 
 
 def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
-    """Waveform of each run and the residual spectrum of the first, in one figure.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-
-    Returns
-    -------
-    Figure
-    """
+    """Waveform of each run and the residual spectrum of the first, in one figure."""
     figure, axes = new_figure(len(diagnosis.traces) + 1)
     for trace, ax in zip(diagnosis.traces, axes[:-1], strict=True):
         waveform(trace, quantity=diagnosis.quantity, ax=ax)

@@ -110,7 +110,15 @@ def draw(thing: Any, *, ax: Axes | None = None, kind: str | None = None, **optio
     kind : str, optional
         Which of its plots; the usual one where left out.
     **options
-        What that plot takes.
+        What that plot takes.  Options of one name mean the same in all of them:
+
+        - `theta`: nominal output angles, rad, which the plot chooses where left out.
+        - `direction`: +1 forward, -1 reverse.
+        - `time`, `torque`: as `transmission_error` takes them.
+        - `ratio`: Reducer, Drive, Model or input turns per output turn; needed of a run that holds input angles.
+        - `highest`: highest order to show.
+        - `run`: which run of a diagnosis, counted from 0.
+        - `limit`: of the peak-to-peak, rad.
 
     Returns
     -------

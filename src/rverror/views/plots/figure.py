@@ -20,15 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, which stay apart in print and for colour-blind eyes.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-)
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#A0A0A0"
 
 #: Dash patterns, in points: what tells lines apart where a page is printed in grey.
@@ -40,11 +33,15 @@ DASHES = (
     (0, (3.0, 1.2, 3.0, 3.5)),
     (0, (7.0, 1.5, 1.2, 1.5, 1.2, 1.5)),
 )
+DASHED = DASHES[1]
 _LINE_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 _HATCHES = ("", "///", "...", "\\\\\\", "xx", "--")
 
 #: Below so many arcsec or N*m there is nothing to be seen.
 NOTHING = 1e-6
+
+OUTPUT_ANGLE = "output angle, deg"
+ORDER = "order, per output turn"
 
 Projection = Literal["rectilinear", "polar"]
 
@@ -68,10 +65,7 @@ def line_style(number: int) -> dict[str, Any]:
     {'color': '#0072B2', 'linestyle': 'solid'}
     """
     count = len(_LINE_COLOURS)
-    return {
-        "color": _LINE_COLOURS[number % count],
-        "linestyle": DASHES[(number + number // count) % count],
-    }
+    return {"color": _LINE_COLOURS[number % count], "linestyle": DASHES[(number + number // count) % count]}
 
 
 def fill_style(number: int) -> dict[str, Any]:
@@ -105,8 +99,7 @@ def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tup
     2
     """
     figure = _figure(width, height * rows)
-    axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
-    return figure, list(axes)
+    return figure, list(figure.subplots(rows, 1, squeeze=False)[:, 0])
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -120,24 +113,7 @@ def _figure(width: float, height: float) -> Figure:
 def axes_for(
     ax: Axes | None, *, projection: Projection = "rectilinear", width: float = 9.0, height: float = 3.2
 ) -> Axes:
-    """Axes to draw on: those given, if they are of the right sort, else those of a new figure.
-
-    Parameters
-    ----------
-    ax : Axes, optional
-    projection : {"rectilinear", "polar"}
-    width, height : float
-        Of a new figure, inches.
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If `ax` is no axes or of another sort, or matplotlib is not installed.
-    """
+    """Axes to draw on: those given, if `check_axes` lets them pass, else those of a new figure of a size in inches."""
     if ax is None:
         return _figure(width, height).add_subplot(projection=projection)
     check_axes(ax, projection=projection)
@@ -146,11 +122,6 @@ def axes_for(
 
 def check_axes(ax: Axes | None, *, projection: Projection = "rectilinear") -> None:
     """Refuse axes of the wrong sort, before anything is computed for them.
-
-    Parameters
-    ----------
-    ax : Axes, optional
-    projection : {"rectilinear", "polar"}
 
     Raises
     ------
@@ -189,6 +160,17 @@ def span_of(largest: float) -> float:
     return largest if largest > NOTHING else 1.0
 
 
+def signal_label(quantity: str) -> str:
+    """Name and unit of what a model, a run or a diagnosis draws."""
+    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
+
+
+def over_angle(ax: Axes, *, ylabel: str, title: str) -> None:
+    """Label axes over the output angle, from end to end of what is drawn."""
+    ax.set(xlabel=OUTPUT_ANGLE, ylabel=ylabel, title=title)
+    ax.margins(x=0)
+
+
 def legend_below(ax: Axes, *, columns: int = 3, **options: Any) -> None:
     """Legend under the axes and their label, where it hides no line."""
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
@@ -199,15 +181,8 @@ def legend_below(ax: Axes, *, columns: int = 3, **options: Any) -> None:
 
 def legend_beside(ax: Axes, *, title: str | None = None) -> None:
     """Legend right of the axes, for long names."""
-    ax.legend(
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1),
-        frameon=False,
-        fontsize="x-small",
-        title=title,
-        title_fontsize="x-small",
-        handlelength=4,
-    )
+    look = {"frameon": False, "fontsize": "x-small", "title_fontsize": "x-small", "handlelength": 4}
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), title=title, **look)
 
 
 def to_bytes(figure: Figure, kind: str) -> bytes:

@@ -73,19 +73,8 @@ class Places:
 
 
 def places(motion: Contacts) -> Places:
-    """Where the parts stand in the first sample of a nominal motion.
+    """Where the parts stand in the first sample of a nominal motion, as `pose` has it.
 
-    Parameters
-    ----------
-    motion : Contacts
-        From `pose`.
-
-    Returns
-    -------
-    Places
-
-    Notes
-    -----
     A pin at the angle g lies (E - g) / z_c from a root on a disc whose eccentric points along E; with g = 2 pi i / z_p
     all pins agree that the disc's roots lie a whole number of lobes from -E / z_c.
     """
@@ -139,39 +128,21 @@ def forces_at(model: Model, motion: Contacts, *, theta: float, torque: Any | Non
         As the bench reads it, rad.
     torque : float or quantity, optional
         With one the loaded equilibrium; the closed form at the rated torque where left out.
-
-    Returns
-    -------
-    dict of str to ndarray, float
     """
-    direction = float(motion.direction[0])
+    direction, contacts = float(motion.direction[0]), [key for key in CONTACT_AXES if key != "output"]
     if torque is not None:
         state = equilibrium(model, [theta], torque=torque, direction=direction)
-        return {key: state.contact_forces[key][..., 0] for key in CONTACT_AXES if key != "output"}, units.to_core(
-            torque, "torque"
-        )
+        return {key: state.contact_forces[key][..., 0] for key in contacts}, units.to_core(torque, "torque")
     load = motion.reducer.rated_torque or _LIGHT_TORQUE
     per_torque = closed_form_forces(motion)
-    return {key: direction * load * per_torque[key][..., 0] for key in CONTACT_AXES if key != "output"}, load
+    return {key: direction * load * per_torque[key][..., 0] for key in contacts}, load
 
 
 def error_vectors(model: Model, motion: Contacts, forces: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
     """Sum of the errors of a model at each contact, mm, and the keys of those that are angles and have no vector.
 
-    Of a gear mesh it is the driving flank's.
-
-    Parameters
-    ----------
-    model : Model
-    motion : Contacts
-        Of one sample.
-    forces : mapping of str to ndarray
-        From `forces_at`: a journal lies off centre along its force.
-
-    Returns
-    -------
-    dict of str to ndarray, list of str
-        Displacement of the driving surface less that of the driven one, as `ErrorVector` has it.
+    Displacement of the driving surface less that of the driven one, as `ErrorVector` has it; of a gear mesh it is the
+    driving flank's.  A journal lies off centre along its force, from `forces_at`.
     """
     total = {key: np.zeros_like(force) for key, force in forces.items() if force.shape[-1] == 2}
     angles = []
@@ -260,13 +231,13 @@ def mechanism(
         scale = given or _round_scale(longest, 0.32 * unit.pin_circle_radius)
         for key in contacts:
             _arrows(ax, where.contact[key], forces[key], scale, key=key, discs=discs)
-        keys.append((f"{group}: {_newton(_KEY / scale)}" if longest else f"{group}: none", scale, BLACK, "full"))
+        keys.append((f"{group}: {_newton(_KEY / scale)}" if longest else f"{group}: none", BLACK))
     longest = max(float(np.linalg.norm(vector, axis=-1).max(initial=0.0)) for vector in errors.values())
     if longest:
         scale = error_scale or _round_scale(longest, 0.25 * unit.pin_circle_radius)
         for key, vector in errors.items():
             _arrows(ax, where.contact[key], vector, scale, key=key, discs=discs, error=True)
-        keys.append((f"errors, driving less driven surface: {1e3 * _KEY / scale:.3g} um", scale, VERMILLION, "none"))
+        keys.append((f"errors, driving less driven surface: {1e3 * _KEY / scale:.3g} um", VERMILLION))
     _finish(ax, unit, keys, unseen)
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
@@ -341,48 +312,30 @@ def _arrows(ax: Axes, at: Array, vector: Array, scale: float, *, key: str, discs
         _quiver(ax, x[seen], y[seen], u[seen], v[seen], colour=VERMILLION if error else colour, hollow=error, gid=name)
 
 
+_FULL = {"width": 0.017, "headwidth": 3.6, "headlength": 5.0, "headaxislength": 4.5, "linewidth": 0.2, "zorder": 5}
+_HOLLOW = {"width": 0.032, "headwidth": 3.0, "headlength": 4.0, "headaxislength": 3.6, "linewidth": 0.9, "zorder": 6}
+
+
 def _quiver(ax: Axes, x: Any, y: Any, u: Any, v: Any, *, colour: str, hollow: bool, gid: str) -> None:
     """Arrows in data units, so that their lengths are to scale; hollow ones are told apart in grey too."""
-    ax.quiver(
-        x,
-        y,
-        u,
-        v,
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        units="inches",
-        width=0.032 if hollow else 0.017,
-        headwidth=3.0 if hollow else 3.6,
-        headlength=4.0 if hollow else 5.0,
-        headaxislength=3.6 if hollow else 4.5,
-        minlength=0,
-        facecolor="white" if hollow else colour,
-        edgecolor=colour,
-        linewidth=0.9 if hollow else 0.2,
-        zorder=6 if hollow else 5,
-        gid=gid,
-    )
+    look: dict[str, Any] = {**(_HOLLOW if hollow else _FULL), "facecolor": "white" if hollow else colour}
+    to_scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "units": "inches", "minlength": 0}
+    ax.quiver(x, y, u, v, edgecolor=colour, gid=gid, **to_scale, **look)
 
 
-def _finish(ax: Axes, unit: Reducer, keys: list[tuple[str, float, str, str]], unseen: list[str]) -> None:
+def _finish(ax: Axes, unit: Reducer, keys: list[tuple[str, str]], unseen: list[str]) -> None:
     """Equal aspect, scales as arrows under the drawing, what is not drawn, units."""
     reach = unit.pin_circle_radius + 2.5 * unit.pin_radius
     step = 0.13 * reach
     low = -reach - 0.6 * step
-    for number, (text, _, colour, fill) in enumerate(keys):
+    for number, (text, colour) in enumerate(keys):
         y = low - (number + 0.5) * step
-        _quiver(ax, [-reach], [y], [_KEY], [0.0], colour=colour, hollow=fill == "none", gid="scale")
+        _quiver(ax, [-reach], [y], [_KEY], [0.0], colour=colour, hollow=colour == VERMILLION, gid="scale")
         ax.text(-reach + _KEY + 0.4 * step, y, text, va="center", fontsize="small")
     bottom = low - len(keys) * step
     if unseen:
-        ax.text(
-            -reach,
-            bottom - 0.5 * step,
-            "not drawn, angles: " + plain(", ".join(unseen)),
-            va="center",
-            fontsize="x-small",
-        )
+        text = "not drawn, angles: " + plain(", ".join(unseen))
+        ax.text(-reach, bottom - 0.5 * step, text, va="center", fontsize="x-small")
         bottom -= step
     ax.set_aspect("equal")
     ax.set(xlabel="x, mm", ylabel="y, mm", xlim=(-1.06 * reach, 1.06 * reach), ylim=(bottom - 0.4 * step, 1.06 * reach))

@@ -1,4 +1,7 @@
-"""Order maps: amplitude against order and load or temperature, over runs, over a diagnosis, over torques of a model."""
+"""Order maps: amplitude against order and load or temperature, over runs, over a diagnosis, over torques of a model.
+
+Options that are not described here mean what `drawing.draw` says of them.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +23,7 @@ from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.statics.loaded_state import equilibrium
 from rverror.views.by_order import residual_spectrum
-from rverror.views.plots.figure import (
-    axes_for,
-    check_axes,
-    in_shown_unit,
-    plain,
-    shown_unit,
-    span_of,
-)
+from rverror.views.plots.figure import ORDER, axes_for, check_axes, in_shown_unit, plain, shown_unit, span_of
 from rverror.views.plots.spectra import lines_of, mechanism_of, run_lines
 from rverror.views.plots.waveforms import signals_of
 
@@ -122,18 +118,8 @@ def diagnosis_map(
     which : {"before", "after"}
         Residual against the declared model, or with what was added.
     highest : float
-        Highest order to show.
     ax : Axes, optional
-        The colour bar takes its place from it.
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If `which` is neither.
+        The colour bar takes its place from it, as in `order_map`.
     """
     if which not in ("before", "after"):
         raise InputError(f"which = {which!r}: must be 'before' or 'after'")
@@ -143,18 +129,10 @@ def diagnosis_map(
         found = residual_spectrum(trace)
         size = in_shown_unit(getattr(found, which), diagnosis.quantity)
         at = units.to_display(trace.torque, "torque") if loads and trace.torque is not None else float(-number)
-        label = (
-            f"{at:.4g} {way(trace.direction)}" if loads else f"{plain(file_name(trace.name))}\n{way(trace.direction)}"
-        )
-        rows.append(_Row(at, label, found.order, size))
-    return _map(
-        rows,
-        ylabel=_BY["torque"] if loads and rows else "",
-        unit=shown_unit(diagnosis.quantity),
-        title=f"order map of the residual {which}",
-        highest=highest,
-        ax=ax,
-    )
+        label = f"{at:.4g} " if loads else f"{plain(file_name(trace.name))}\n"
+        rows.append(_Row(at, label + way(trace.direction), found.order, size))
+    ylabel, unit = _BY["torque"] if loads and rows else "", shown_unit(diagnosis.quantity)
+    return _map(rows, ylabel=ylabel, unit=unit, title=f"order map of the residual {which}", highest=highest, ax=ax)
 
 
 def model_map(
@@ -175,17 +153,11 @@ def model_map(
     torques : sequence of float or quantity, optional
         Sizes of the output torque, N*mm; 5, 10, 25, 50 and 100 % of the rated torque where left out.
     direction : float
-        +1 forward, -1 reverse.
     points : int
         Angles of a turn at which the equilibrium is solved; orders above half of them fold.
     highest : float
-        Highest order to show.
     ax : Axes, optional
-        The colour bar takes its place from it.
-
-    Returns
-    -------
-    Axes
+        The colour bar takes its place from it, as in `order_map`.
 
     Raises
     ------
@@ -238,7 +210,7 @@ def _map(rows: Sequence[_Row], *, ylabel: str, unit: str, title: str, highest: f
         drawn = ax.pcolormesh(edges, [place - 0.46, place + 0.46], heights[None], norm=scale, cmap="YlGnBu")
     ax.set_yticks(range(len(ordered)), [row.label for row in ordered], fontsize="small")
     last = min(highest, max(float(row.order[-1]) for row in ordered))
-    ax.set(xlabel="order, per output turn", ylabel=ylabel, title=title, xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
+    ax.set(xlabel=ORDER, ylabel=ylabel, title=title, xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
     if drawn is not None:
         largest_of = f", largest of {columns} lines" if columns > 1 else ""
         ax.figure.colorbar(drawn, ax=ax, label=f"amplitude, {unit}{largest_of}", extend="min")

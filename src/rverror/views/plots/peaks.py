@@ -12,6 +12,7 @@ from rverror.base.arrays import Array
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.runs.spectrum import frames_of_order
+from rverror.views.by_order import short_frame
 from rverror.views.plots.figure import plain
 
 if TYPE_CHECKING:
@@ -73,10 +74,7 @@ def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> st
         if len(near) > 1 or abs(exact - order) > within:
             return told
     frames = frames_of_order(mechanism, exact)
-    if not frames:
-        return f"{told}\nno frame"
-    short = frames[0].replace("carrier, disc or crank", "carrier/disc/crank")
-    return f"{told}\n" + short.replace("output side (encoder, coupling)", "output side")
+    return f"{told}\n{short_frame(frames[0]) if frames else 'no frame'}"
 
 
 def _bases(mechanism: Mechanism) -> set[float]:
@@ -108,9 +106,7 @@ def strongest(size: Array, *, floor: float | Array, apart: int = 1, most: int = 
     return chosen
 
 
-def name_peaks(
-    ax: Axes, order: Sequence[float], size: Sequence[float], name: Callable[[float], str], *, bottom: float, top: float
-) -> None:
+def name_peaks(ax: Axes, order: Array, size: Array, name: Callable[[float], str], *, bottom: float, top: float) -> None:
     """Write the names of peaks in rows over a logarithmic spectrum and set the limits of its ordinate.
 
     A name that finds no room in three rows is left out, so the most important come first.
@@ -119,7 +115,7 @@ def name_peaks(
     ----------
     ax : Axes
         With its abscissa's limits set.
-    order, size : sequence of float
+    order, size : ndarray
         Of the peaks.
     name : callable
         Text for an order, lines apart by newlines.

@@ -1,4 +1,7 @@
-"""Order spectra of models, runs and loaded states, with named peaks and, where there is noise, its floor."""
+"""Order spectra of models, runs and loaded states, with named peaks and, where there is noise, its floor.
+
+Options that are not described here mean what `drawing.draw` says of them.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,9 @@ from rverror.views.by_order import residual_spectrum
 from rverror.views.plots.figure import (
     BLACK,
     BLUE,
+    DASHED,
     ORANGE,
+    ORDER,
     axes_for,
     in_shown_unit,
     legend_below,
@@ -49,7 +54,7 @@ _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
-_ROWS = ((BLUE, "solid", 1.6), (ORANGE, (0, (5.0, 2.0)), 0.8))
+_ROWS = ((BLUE, "solid", 1.6), (ORANGE, DASHED, 0.8))
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -64,17 +69,7 @@ class Lines:
 
 
 def lines_of(theta: Array, values: Array) -> Lines:
-    """Order spectrum of one row at even angles, of whole turns or of a part of one.
-
-    Parameters
-    ----------
-    theta, values : ndarray, shape (n,)
-        rad, and core units.
-
-    Returns
-    -------
-    Lines
-    """
+    """Order spectrum of one row at even angles, rad, of whole turns or of a part of one."""
     nothing = np.zeros_like(values)
     found = residual_spectrum(Trace("", 1.0, theta, values, nothing, nothing))
     return Lines(found.order, found.before)
@@ -83,16 +78,7 @@ def lines_of(theta: Array, values: Array) -> Lines:
 def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
     """Order spectrum of one direction of a run: of the mean of its periods, or of its travel where that is shorter.
 
-    Parameters
-    ----------
-    signal : Signal
-    mechanism : Reducer or Drive
-        For the period.
-
-    Returns
-    -------
-    Lines
-        With the floor where there are two periods or more.
+    The mechanism gives the period; where there are two periods or more, they give the floor.
     """
     try:
         cut = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
@@ -128,38 +114,17 @@ def _lines_of_travel(signal: Signal) -> Lines:
 
 
 def model_spectrum(
-    model: Model,
-    *,
-    direction: float = 1.0,
-    torque: Any | None = None,
-    highest: float | None = None,
-    ax: Axes | None = None,
+    model: Model, *, direction: float = 1.0, torque: Any = None, highest: float | None = None, ax: Axes | None = None
 ) -> Axes:
     """Order spectrum of a model's transmission error in closed form, with the effects that make its strongest lines.
 
-    Parameters
-    ----------
-    model : Model
-    direction : float
-        +1 forward, -1 reverse.
-    torque : optional
-        As in `transmission_error`.
-    highest : float, optional
-        Highest order to show; where left out, that of the last line of 3 % of the strongest.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
+    Where `highest` is left out, the last line of 3 % of the strongest is the last to be shown.  An exact waveform
+    has no noise, so there is no floor.  A drive that repeats after many turns is windowed.
 
     Raises
     ------
     ValueError
         If an effect needs a torque or a time.
-
-    Notes
-    -----
-    An exact waveform has no noise, so there is no floor.  A drive that repeats after many turns is windowed.
     """
     turn, turns = whole_turn(model.mechanism), true_period(model.mechanism)
     span = float(turns) if turns <= MOST_TURNS else MOST_TURNS - 0.5  # no whole number of turns: windowed
@@ -187,49 +152,23 @@ def run_spectrum(
 ) -> Axes:
     """Order spectrum of a run, of each direction that it holds, with the noise floor and the frames of its peaks.
 
-    Parameters
-    ----------
-    run : Run
-    ratio : Reducer, Drive, Model or float
-        Input turns per output turn; a bare number names no frames.
-    highest : float, optional
-        Highest order to show; where left out, that of the last line that stands out.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If the ratio is missing or contradicts the run.
+    A ratio that is a bare number names no frames.  Where `highest` is left out, the last line that stands out is shown.
     """
     mechanism = mechanism_of(run, ratio)
     signals = signals_of(run, ratio)
     rows = []
     for signal in signals:
         found = run_lines(signal, mechanism)
-        size, floor = (in_shown_unit(values, signal.quantity) for values in (found.size, _known(found.floor)))
-        shown = Lines(found.order, size, None if found.floor is None else floor, found.floor_name)
-        rows.append((way(signal.direction), shown))
-    known = not isinstance(ratio, int | float)
-    return _draw(
-        rows,
-        _namer(mechanism if known else None, rows[0][1]),
-        title=f"order spectrum, {run_name(run)}",
-        unit=shown_unit(signals[0].quantity),
-        highest=highest,
-        ax=ax,
-    )
+        floor = None if found.floor is None else in_shown_unit(found.floor, signal.quantity)
+        size = in_shown_unit(found.size, signal.quantity)
+        rows.append((way(signal.direction), Lines(found.order, size, floor, found.floor_name)))
+    name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
+    unit, title = shown_unit(signals[0].quantity), f"order spectrum, {run_name(run)}"
+    return _draw(rows, name, title=title, unit=unit, highest=highest, ax=ax)
 
 
 def state_spectrum(
-    state: Equilibrium,
-    *,
-    mechanism: Mechanism | None = None,
-    highest: float | None = None,
-    ax: Axes | None = None,
+    state: Equilibrium, *, mechanism: Mechanism | None = None, highest: float | None = None, ax: Axes | None = None
 ) -> Axes:
     """Order spectrum of the transmission error of a loaded state at even angles.
 
@@ -240,11 +179,6 @@ def state_spectrum(
         For the frames of the peaks.
     highest : float, optional
         As in `model_spectrum`.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------
@@ -256,8 +190,8 @@ def state_spectrum(
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
-    rows = [("loaded equilibrium", found)]
-    return _draw(rows, _namer(mechanism, found), title="loaded equilibrium", highest=highest, ax=ax)
+    name = "loaded equilibrium"
+    return _draw([(name, found)], _namer(mechanism, found), title=name, highest=highest, ax=ax)
 
 
 def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mechanism:
@@ -282,10 +216,6 @@ def _namer(mechanism: Mechanism | None, lines: Lines) -> Callable[[float], str]:
     return partial(frame_name, mechanism, within=resolution(lines.order))
 
 
-def _known(floor: Array | None) -> Array:
-    return np.zeros(0) if floor is None else floor
-
-
 def _draw(
     rows: Sequence[tuple[str, Lines]],
     name: Callable[[float], str],
@@ -308,17 +238,13 @@ def _draw(
         shown = (found.order <= last) & (found.size > bottom)
         ax.vlines(found.order[shown], bottom, found.size[shown], color=colour, lw=width, label=label)
         if found.floor is not None:
-            at = found.order <= last
-            ax.plot(
-                found.order[at], found.floor[at], color=BLACK, ls=dashes, lw=1.0, label=f"{label}: {found.floor_name}"
-            )
+            at, name_of = found.order <= last, f"{label}: {found.floor_name}"
+            ax.plot(found.order[at], found.floor[at], color=BLACK, ls=dashes, lw=1.0, label=name_of)
     ax.set_xlim(0, last)
     size = np.where(lines.order <= last, lines.size, 0.0)
     chosen = strongest(size, floor=out, apart=LOBE if resolution(lines.order) else 1)
-    name_peaks(
-        ax, [float(lines.order[i]) for i in chosen], [float(size[i]) for i in chosen], name, bottom=bottom, top=top
-    )
-    ax.set(xlabel="order, per output turn", ylabel=f"amplitude, {unit}", title=title)
+    name_peaks(ax, lines.order[chosen], size[chosen], name, bottom=bottom, top=top)
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {unit}", title=title)
     legend_below(ax)
     return ax
 

@@ -10,7 +10,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.statics.rigidity import TorsionCurve
-from rverror.views.plots.figure import BLACK, BLUE, VERMILLION, axes_for, in_shown_unit, legend_below
+from rverror.views.plots.figure import BLACK, BLUE, DASHED, VERMILLION, axes_for, in_shown_unit, legend_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,25 +21,18 @@ _PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
 def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes | None = None) -> Axes:
     """Turn of the output over the torque on it, mean of the angles at which the input was held, and its spread.
 
+    The branches of either sense are drawn apart: between them lies the play, which torques other than zero do not show.
+
     Parameters
     ----------
     curve : TorsionCurve
     rated : float or str or quantity, optional
         Rated torque, N*mm: marks the lost motion between +-3 % of it.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------
     InputError
         If the curve does not reach +-3 % of the rated torque.
-
-    Notes
-    -----
-    The branches of either sense are drawn apart: between them lies the play, which torques other than zero do not show.
     """
     order = np.argsort(curve.torque, kind="stable")
     torque, angle = curve.torque[order], in_shown_unit(curve.angle[order], "angle")
@@ -53,7 +46,7 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
             continue
         if angle.shape[1] > 1:
             ax.fill_between(shown[at], angle[at].min(axis=1), angle[at].max(axis=1), color=colour, alpha=0.25, lw=0)
-        dashes = "solid" if sign > 0 else (0, (5, 2))
+        dashes = "solid" if sign > 0 else DASHED
         ax.plot(shown[at], mean[at], color=colour, ls=dashes, marker=mark, ms=4, lw=1.2, label=f"torque {word}")
     if (torque == 0).any():
         ax.plot([0.0], [0.0], "o", color=BLACK, mfc="white", ms=5, label="no torque: middle of the play")

@@ -1,4 +1,7 @@
-"""Plots of the transmission error over the output angle: by source, stacked, polar; of models, runs and states."""
+"""Plots of the transmission error over the output angle: by source, stacked, polar; of models, runs and states.
+
+Options that are not described here mean what `drawing.draw` says of them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ from rverror.statics.loaded_state import Equilibrium
 from rverror.views.plots.figure import (
     BLACK,
     BLUE,
+    DASHED,
     GREY,
+    OUTPUT_ANGLE,
     VERMILLION,
     axes_for,
     fill_style,
@@ -33,8 +38,10 @@ from rverror.views.plots.figure import (
     legend_below,
     legend_beside,
     line_style,
+    over_angle,
     plain,
     shown_unit,
+    signal_label,
     span_of,
 )
 
@@ -49,8 +56,7 @@ _HARMONICS = 4  # of a shaft that its sources know
 _TURN = 2 * np.pi
 _LABELS_AT = np.radians(22.5)  # of the circles
 _HATCH = (0.0, 0.0, 0.0, 0.5)
-_ANGLE = "output angle, deg"
-_ERROR = "transmission error, arcsec"
+_STATE = "loaded equilibrium"
 
 
 def whole_turn(mechanism: Reducer | Drive) -> Array:
@@ -60,8 +66,7 @@ def whole_turn(mechanism: Reducer | Drive) -> Array:
     else:
         highest = _HARMONICS * max(abs(turns) for turns in (mechanism.ratio, *mechanism.shafts.values()))
         needed = 2 ** math.ceil(math.log2(2 * highest + 1))
-    points = max(_FEWEST, needed)
-    return np.linspace(0, _TURN, points, endpoint=False)
+    return np.linspace(0, _TURN, max(_FEWEST, needed), endpoint=False)
 
 
 @dataclass(frozen=True)
@@ -97,10 +102,10 @@ def parts_of(model: Model, theta: Any | None, **motion: Any) -> Parts:
 def model_waveform(
     model: Model,
     *,
-    theta: Any | None = None,
+    theta: Any = None,
     direction: float = 1.0,
-    time: Any | None = None,
-    torque: Any | None = None,
+    time: Any = None,
+    torque: Any = None,
     most: int | None = None,
     waves: int | None = None,
     ax: Axes | None = None,
@@ -110,22 +115,12 @@ def model_waveform(
     Parameters
     ----------
     model : Model
-    theta : array_like or quantity, shape (n,), optional
-        Nominal output angle, rad; a whole turn where left out.
-    direction : float
-        +1 forward, -1 reverse.
-    time, torque : optional
-        As in `transmission_error`.
+    theta, direction, time, torque : optional
+        As in `draw`; a whole turn where no angles are given.
     most : int, optional
         Effects that get a line of their own, the largest; the sum of the others is one more.  All where left out.
     waves : int, optional
         Where no angles are given, only so many waves of the strongest order are drawn, a whole turn at the most.
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------
@@ -146,7 +141,7 @@ def model_waveform(
             ax.plot(angle, row, lw=0.4, color=GREY)
     ax.plot(angle, parts.rows.sum(axis=0), color=BLACK, lw=1.3, label="total")
     more = len(shown.names) - len(named)
-    _finish(ax, model)
+    over_angle(ax, ylabel=signal_label("angle"), title=_title(model))
     legend_beside(ax, title=f"the largest, {more} more unnamed" if more else None)
     return ax
 
@@ -154,41 +149,17 @@ def model_waveform(
 def stacked(
     model: Model,
     *,
-    theta: Any | None = None,
+    theta: Any = None,
     direction: float = 1.0,
-    time: Any | None = None,
-    torque: Any | None = None,
+    time: Any = None,
+    torque: Any = None,
     most: int = 5,
     waves: int = 6,
     ax: Axes | None = None,
 ) -> Axes:
     """Transmission error of a model by effect, each on top of those before it; the last edge is the total.
 
-    An effect that is negative at an angle takes its height off there.
-
-    Parameters
-    ----------
-    model : Model
-    theta : array_like or quantity, shape (n,), optional
-        Nominal output angle, rad; a few waves of the strongest order where left out.
-    direction : float
-        +1 forward, -1 reverse.
-    time, torque : optional
-        As in `transmission_error`.
-    most : int
-        Effects that get an area of their own, the largest; the sum of the others is one more.
-    waves : int
-        Where no angles are given, so many waves of the strongest order are drawn, a whole turn at the most.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    ValueError
-        If an effect needs a time or a torque that is not given.
+    An effect that is negative at an angle takes its height off there.  Its options are those of `model_waveform`.
     """
     ax = axes_for(ax, height=3.8)
     parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
@@ -203,7 +174,7 @@ def stacked(
         ax.plot(angle, edges[i + 1], color=BLACK, lw=0.5)
     ax.axhline(0, color=BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=BLACK, lw=1.6, label="total")
-    _finish(ax, model)
+    over_angle(ax, ylabel=signal_label("angle"), title=_title(model))
     legend_beside(ax)
     return ax
 
@@ -222,31 +193,15 @@ def _first_waves(parts: Parts, waves: int) -> Parts:
 def model_polar(
     model: Model,
     *,
-    theta: Any | None = None,
+    theta: Any = None,
     direction: float = 1.0,
-    time: Any | None = None,
-    torque: Any | None = None,
+    time: Any = None,
+    torque: Any = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Total transmission error of a model about a base circle, over the output angle.
 
-    Parameters
-    ----------
-    model : Model
-    theta, direction, time, torque : optional
-        As in `model_waveform`; a drive that repeats after some turns is drawn over all of them.
-    ax : PolarAxes, optional
-
-    Returns
-    -------
-    PolarAxes
-
-    Raises
-    ------
-    InputError
-        If `ax` is not polar.
-    ValueError
-        If an effect needs a time or a torque that is not given.
+    A drive that repeats after some turns is drawn over all of them.
     """
     turns = true_period(model.mechanism)
     if theta is None and 1 < turns <= MOST_TURNS:
@@ -257,11 +212,6 @@ def model_polar(
 
 def _title(model: Model) -> str:
     return plain(model.name or "transmission error")
-
-
-def _finish(ax: Axes, model: Model) -> None:
-    ax.set(xlabel=_ANGLE, ylabel=_ERROR, title=_title(model))
-    ax.margins(x=0)
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------
@@ -309,67 +259,26 @@ def _broken(x: Array, y: Array, breaks: npt.NDArray[np.intp]) -> tuple[Array, Ar
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
-def signal_label(quantity: str) -> str:
-    """Name and unit of what a run or a diagnosis draws."""
-    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
-
-
 def run_name(run: Run) -> str:
     """Short name of a run for titles."""
     return plain(file_name(run.path) or "run")
 
 
 def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
-    """Transmission error of a run, or its torque, over the nominal output angle, its offset left in.
-
-    Parameters
-    ----------
-    run : Run
-    ratio : Reducer, Drive, Model or float, optional
-        Input turns per output turn; needed where the run holds input angles.
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If the ratio is missing or contradicts the run.
-    """
+    """Transmission error of a run, or its torque, over the nominal output angle, its offset left in."""
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
-    for number, (colour, dashes) in enumerate(((BLUE, "solid"), (VERMILLION, (0, (5, 2))))[: len(signals)]):
-        part = signals[number]
+    for part, (colour, dashes) in zip(signals, ((BLUE, "solid"), (VERMILLION, DASHED)), strict=False):
         angle, values = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
         ax.plot(angle, values, color=colour, ls=dashes, lw=0.9, label=way(part.direction))
-    ax.set(xlabel=_ANGLE, ylabel=signal_label(signals[0].quantity), title=run_name(run))
-    ax.margins(x=0)
+    over_angle(ax, ylabel=signal_label(signals[0].quantity), title=run_name(run))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
     legend_below(ax)
     return ax
 
 
 def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
-    """Transmission error of a run, or its torque, about a base circle; revolutions lie over one another.
-
-    Parameters
-    ----------
-    run : Run
-    ratio : Reducer, Drive, Model or float, optional
-        As in `run_waveform`.
-    ax : PolarAxes, optional
-
-    Returns
-    -------
-    PolarAxes
-
-    Raises
-    ------
-    InputError
-        If `ax` is not polar, or the ratio is missing or contradicts the run.
-    """
+    """Transmission error of a run, or its torque, about a base circle; revolutions lie over one another."""
     signals = signals_of(run, ratio)
     lines = [(way(s.direction), *_broken(s.theta, in_shown_unit(s.values, s.quantity), s.breaks)) for s in signals]
     return _polar(lines, title=run_name(run), quantity=signals[0].quantity, ax=ax)
@@ -379,68 +288,31 @@ def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None,
 
 
 def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
-    """Transmission error of a loaded state.
-
-    Parameters
-    ----------
-    state : Equilibrium
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-    """
+    """Transmission error of a loaded state."""
     values = in_shown_unit(state.transmission_error, "angle")
     ax = axes_for(ax)
-    ax.plot(np.degrees(state.theta), values, color=BLUE, lw=1.0, label="loaded equilibrium")
-    ax.set(xlabel=_ANGLE, ylabel=_ERROR, title="loaded equilibrium")
-    ax.margins(x=0)
+    ax.plot(np.degrees(state.theta), values, color=BLUE, lw=1.0, label=_STATE)
+    over_angle(ax, ylabel=signal_label("angle"), title=_STATE)
     return ax
 
 
 def state_polar(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
-    """Transmission error of a loaded state about a base circle.
-
-    Parameters
-    ----------
-    state : Equilibrium
-    ax : PolarAxes, optional
-
-    Returns
-    -------
-    PolarAxes
-
-    Raises
-    ------
-    InputError
-        If `ax` is not polar.
-    """
+    """Transmission error of a loaded state about a base circle."""
     values = in_shown_unit(state.transmission_error, "angle")
-    return _polar([("loaded equilibrium", state.theta, values)], title="loaded equilibrium", ax=ax)
+    return _polar([(_STATE, state.theta, values)], title=_STATE, ax=ax)
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
 
 
 def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
-    """Influence of each parameter of a source on the output.
-
-    Parameters
-    ----------
-    found : Influence
-    ax : Axes, optional
-
-    Returns
-    -------
-    Axes
-    """
+    """Influence of each parameter of a source on the output."""
     dimension = source(found.key).parameters[0].dimension
     scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
     ax = axes_for(ax)
     for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
         ax.plot(np.degrees(found.theta), scale * row, lw=1.1, label=label, **line_style(number))
-    ax.set(xlabel=_ANGLE, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=plain(found.key))
-    ax.margins(x=0)
+    over_angle(ax, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=plain(found.key))
     legend_below(ax, columns=4)
     return ax
 
@@ -460,14 +332,8 @@ def _polar(
     for number, (name, theta, values) in enumerate(lines):
         ax.plot(theta, values - mean, lw=0.9, label=name, **line_style(number))
     circle = np.linspace(0, _TURN, 361)
-    ax.plot(
-        circle,
-        np.zeros_like(circle),
-        color=BLACK,
-        lw=1.0,
-        ls=(0, (6, 3)),
-        label=f"base circle: mean, {mean:.4g} {unit}",
-    )
+    label = f"base circle: mean, {mean:.4g} {unit}"
+    ax.plot(circle, np.zeros_like(circle), color=BLACK, lw=1.0, ls=(0, (6, 3)), label=label)
     outer = step * np.ceil(reach / step - 1e-9)
     ax.set_rlim(-outer, outer)  # type: ignore[attr-defined]
     ax.set_rorigin(-4 * outer)  # type: ignore[attr-defined]
@@ -477,7 +343,7 @@ def _polar(
         box = {"fc": "white", "ec": "none", "pad": 0.8}
         ax.text(_LABELS_AT, place, word, ha="center", va="center", fontsize="x-small", bbox=box)
     ax.set_title(title)
-    ax.set_xlabel(f"{_ANGLE}; {step:g} {unit} from circle to circle")
+    ax.set_xlabel(f"{OUTPUT_ANGLE}; {step:g} {unit} from circle to circle")
     ax.set_ylabel(f"outwards: {signal_label(quantity).partition(',')[0]} above its mean, {unit}", labelpad=30)
     ax.legend(loc="center", frameon=False, fontsize="x-small", handlelength=3)
     return ax

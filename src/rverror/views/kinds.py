@@ -1,0 +1,606 @@
+"""Every kind of result described once, as variables along named dimensions.
+
+From here a result's tables, its JSON where it has none of its own, and the numbers of its notebook page are made.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import way
+from rverror.base.text import describe
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.result import Diagnosis
+from rverror.geartrain.mechanism import DIMENSIONS, Drive, Reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import Influence, transmission_error_by_effect
+from rverror.model.effects import Effect, Model
+from rverror.runs.measurement import Run
+from rverror.statics.loaded_state import Equilibrium
+from rverror.statics.rigidity import TorsionCurve
+from rverror.tolerances.allocation import Allocation, FrontPoint
+from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.control_variate import LEVELS, SIZES, ContactCorrection
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.sampling import VirtualUnits
+from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.views.variables import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    NUMBER,
+    PER_ARCSEC,
+    POSITION,
+    SIZE,
+    SQUARE,
+    STIFFNESS,
+    TEMPERATURE,
+    TIME,
+    TORQUE,
+    Each,
+    Table,
+    Unit,
+    Variable,
+    unit_of,
+)
+
+_SIGNAL = {"angle": ANGLE, "torque": TORQUE}
+_GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE}
+_CONTACTS = {
+    "pin": ("disc", "pin", "xy"),
+    "cam": ("disc", "crank", "xy"),
+    "carrier": ("crank", "xy"),
+    "mesh": ("crank", "flank", "xy"),
+}
+
+
+def described(result: Any, /, **options: Any) -> Table:
+    """Description of a result, from which every kind of table is made.
+
+    Parameters
+    ----------
+    result, **options
+        As for `to_xarray`.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    InputError
+        If no table is made of such a result, or an option is not one of its.
+    """
+    known = list(inspect.signature(_table.dispatch(type(result))).parameters)[1:]
+    for name in options:
+        if name not in known:
+            takes = f"it takes {', '.join(known)}" if known else "it takes none"
+            raise InputError(f"{type(result).__name__}: no option {name!r}; {takes}")
+    return _table(result, **options)
+
+
+# --- pieces -----------------------------------------------------------------------------------------------------------
+
+
+def _along(dim: str, prefix: str = "", /, **columns: Any) -> dict[str, Variable]:
+    """Variables along one dimension; each is values, or numbers with their unit, of which None is not determined."""
+    made = {}
+    for name, given in columns.items():
+        values, unit = given if isinstance(given, tuple) else (given, None)
+        if unit is not None and not isinstance(values, np.ndarray):
+            values = np.array(list(values), dtype=np.float64)
+        made[f"{prefix}{name}"] = Variable((dim,), values, unit)
+    return made
+
+
+def _fields(things: Iterable[Any], unit: Unit | Each, *names: str) -> dict[str, Any]:
+    """Attributes of things that stand in a row, for `_along`."""
+    listed = list(things)
+    return {name: ([getattr(thing, name) for thing in listed], unit) for name in names}
+
+
+def _single(**values: tuple[Any, Unit]) -> dict[str, Variable]:
+    """Variables of one value; those that are None are left out."""
+    return {name: Variable((), value, unit) for name, (value, unit) in values.items() if value is not None}
+
+
+def _each(name: str, dimensions: Iterable[str]) -> Each:
+    return Each(name, tuple(map(unit_of, dimensions)))
+
+
+def _influences(dimensions: Iterable[str]) -> Each:
+    """Units of the output error per unit of parameters."""
+
+    def per(unit: Unit) -> Unit:
+        core, shown = (f"({text})" if "/" in text or "*" in text else text for text in (unit.core, unit.shown))
+        return Unit(f"rad/{core}", f"arcsec/{shown}", ARCSEC / unit.size)
+
+    return Each("influence_unit", tuple(per(unit_of(dimension)) for dimension in dimensions))
+
+
+def _integers(values: Iterable[int]) -> tuple[Any, Unit]:
+    return np.array(list(values), dtype=int), NUMBER
+
+
+def _inside(indices: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in indices.items())
+
+
+def _name(model: Model) -> str:
+    return model.name or model.mechanism.name
+
+
+def _angles(theta: Any | None, count: int, *, dim: str = "theta") -> dict[str, Variable]:
+    """Nominal output angles of a result that does not hold them itself."""
+    if theta is None:
+        return {}
+    try:
+        row = units.to_core_array(theta, "angle")
+    except ValueError as error:
+        raise InputError(f"theta: {error}") from error
+    if row.shape != (count,):
+        raise InputError(f"theta has the shape {row.shape}; give the {count} angles that the result was made for")
+    return {"theta": Variable((dim,), row, POSITION)}
+
+
+def _load(torque: Any | None) -> dict[str, Variable]:
+    try:
+        return _single(torque=(None if torque is None else units.to_core(torque, "torque"), TORQUE))
+    except ValueError as error:
+        raise InputError(f"torque: {error}") from error
+
+
+# --- one entry a kind -------------------------------------------------------------------------------------------------
+
+
+@singledispatch
+def _table(result: Any) -> Table:
+    """Description of a result."""
+    kinds = sorted(kind.__name__ for kind in _table.registry if kind is not object)
+    raise InputError(f"{type(result).__name__}: no table is made of it; give one of {', '.join(kinds)}")
+
+
+@_table.register
+def _of_run(result: Run, *, ratio: Reducer | Drive | Model | float | None = None) -> Table:
+    given = {
+        "time": (result.time, TIME),
+        "input_angle": (result.input_angle, POSITION),
+        "output_angle": (result.output_angle, POSITION),
+        "te": (result.te_column, ANGLE),
+        "direction": (result.direction, NUMBER),
+    }
+    if ratio is not None:
+        given |= {"theta": (result.nominal_angle(ratio), POSITION), "transmission_error": (result.error(ratio), ANGLE)}
+    variables = _along("sample", **{name: pair for name, pair in given.items() if pair[0] is not None})
+    if result.extra:
+        tags = tuple(Unit(unit, unit) for unit in map(_bracket, result.extra))
+        variables |= _along("column", column=list(result.extra))
+        extra = np.array(list(result.extra.values()))
+        variables["extra"] = Variable(("column", "sample"), extra, Each("column_unit", tags), bare=True)
+    variables |= _single(torque=(result.torque, TORQUE), temperature=(result.temperature, TEMPERATURE))
+    about = {
+        "path": result.path,
+        "direction": {(1.0,): "forward", (-1.0,): "reverse"}.get(tuple(set(result.direction.tolist())), "mixed"),
+        "index": result.index,
+        "metadata": dict(result.metadata),
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Run", "sample", variables, about, frozenset({"theta", "time"}))
+
+
+def _bracket(name: str) -> str:
+    """Unit that a column's name ends with."""
+    return name[name.rindex("[") + 1 : -1] if name.endswith("]") and "[" in name else ""
+
+
+@_table.register
+def _of_reducer(result: Reducer) -> Table:
+    rows: list[tuple[str, float, Unit]] = []
+    for item in dataclasses.fields(result):
+        value = getattr(result, item.name)
+        if item.name in ("name", "stiffness") or value is None:
+            continue
+        rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
+    springs = dataclasses.asdict(result.stiffness)
+    rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
+    return _of_values(result, rows)
+
+
+@_table.register
+def _of_drive(result: Drive) -> Table:
+    shafts = ((f"shafts.{name}", turns, NUMBER) for name, turns in result.shafts.items())
+    return _of_values(result, [("ratio", result.ratio, NUMBER), *shafts])
+
+
+def _of_values(result: Reducer | Drive, rows: Sequence[tuple[str, float, Unit]]) -> Table:
+    names, values, own = zip(*rows, strict=True)
+    variables = _along("parameter", parameter=list(names), value=(list(values), Each("unit", own)))
+    return Table(type(result).__name__, "parameter", variables, {"name": result.name, "ratio": result.ratio})
+
+
+@_table.register
+def _of_effect(result: Effect) -> Table:
+    return Table("Effect", "parameter", _sizes([result]))
+
+
+@_table.register
+def _of_model(
+    result: Model, *, theta: Any = None, direction: Any = None, torque: Any = None, time: Any = None
+) -> Table:
+    variables = _sizes(result.effects)
+    if theta is not None:
+        parts = transmission_error_by_effect(result, theta, direction=direction, torque=torque, time=time)
+        variables |= _angles(theta, parts.shape[1])
+        variables |= _along("effect", effect=[describe(e.key, e.indices) for e in result.effects])
+        variables["transmission_error"] = Variable(("theta",), parts.sum(axis=0), ANGLE)
+        variables["by_effect"] = Variable(("effect", "theta"), parts, ANGLE)
+        variables |= _load(torque)
+    return Table("Model", "parameter", variables, {"model": _name(result), "mechanism": result.mechanism.name})
+
+
+def _sizes(effects: Sequence[Effect]) -> dict[str, Variable]:
+    """Every parameter of every effect."""
+    rows = [
+        (at, effect, parameter, value)
+        for at, effect in enumerate(effects)
+        for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True)
+    ]
+    own = _each("unit", (parameter.dimension for *_, parameter, _ in rows))
+    return _along(
+        "parameter",
+        number=_integers(at for at, *_ in rows),
+        key=[effect.key for _, effect, *_ in rows],
+        indices=[_inside(effect.indices) for _, effect, *_ in rows],
+        parameter=[parameter.name for *_, parameter, _ in rows],
+        value=([value for *_, value in rows], own),
+        uncertainty=([effect.uncertainty for _, effect, *_ in rows], own),
+        origin=[effect.origin for _, effect, *_ in rows],
+    )
+
+
+@_table.register
+def _of_influence(result: Influence) -> Table:
+    own = _influences(parameter.dimension for parameter in source(result.key).parameters)
+    variables = {
+        "theta": Variable(("theta",), result.theta, POSITION),
+        **_along("parameter", parameter=list(result.labels)),
+        "influence": Variable(("parameter", "theta"), result.matrix, own, bare=True),
+    }
+    return Table("Influence", "theta", variables, {"key": result.key})
+
+
+@_table.register
+def _of_equilibrium(result: Equilibrium, *, torque: Any | None = None, model: Model | None = None) -> Table:
+    variables = _along(
+        "theta",
+        theta=(result.theta, POSITION),
+        transmission_error=(result.transmission_error, ANGLE),
+        steps=(result.steps, NUMBER),
+        residual=(result.residual, NUMBER),
+    )
+    variables["loaded_pins"] = Variable(("disc", "theta"), result.loaded_pins, NUMBER)
+    for part, moved in result.pose.items():
+        own = ("disc",) if part == "disc" else ("crank",) if part == "crank" else ()
+        variables[f"{part}_displacement"] = Variable((*own, "xy", "theta"), moved[..., :2, :], LENGTH)
+        if moved.shape[-2] == 3:
+            variables[f"{part}_rotation"] = Variable((*own, "theta"), moved[..., 2, :], ANGLE)
+    for contact, axes in _CONTACTS.items():
+        variables[f"{contact}_force"] = Variable((*axes, "theta"), result.contact_forces[contact], FORCE)
+    spline = result.contact_forces["spline"][:, :, 0]
+    variables["spline_torque"] = Variable(("crank", "flank", "theta"), spline, TORQUE)
+    variables |= _along("xy", xy=["x", "y"]) | _load(torque)
+    return Table("Equilibrium", "theta", variables, {} if model is None else {"model": _name(model)})
+
+
+@_table.register
+def _of_torsion(result: TorsionCurve, *, theta: Any | None = None) -> Table:
+    variables = {
+        **_along("torque", torque=(result.torque, TORQUE)),
+        **_angles(theta, result.angle.shape[1], dim="place"),
+        "angle": Variable(("torque", "place"), result.angle, ANGLE),
+    }
+    return Table("TorsionCurve", "torque", variables, {}, frozenset({"theta"}))
+
+
+@_table.register
+def _of_diagnosis(result: Diagnosis) -> Table:
+    signal = _SIGNAL[result.quantity]
+    residuals = (result.before, result.before_refitted, result.after)
+    variables = {
+        **_added(result, signal),
+        **_along(
+            "stage",
+            stage=["declared", "refitted", "after"],
+            **_fields(residuals, signal, "rms", "peak_to_peak", "heldout_rms"),
+        ),
+        **_single(noise_rms=(result.noise_rms, signal)),
+        **_along(
+            "unexplained",
+            "unexplained_",
+            **_fields(result.unexplained, NUMBER, "order"),
+            **_fields(result.unexplained, signal, "amplitude", "low", "high", "cos", "sin"),
+            frames=["; ".join(line.frames) for line in result.unexplained],
+        ),
+        **_along(
+            "candidate",
+            "candidate_",
+            key=[candidate.key for candidate in result.candidates],
+            indices=[_inside(candidate.indices) for candidate in result.candidates],
+            **_fields(result.candidates, NUMBER, "heldout_gain"),
+        ),
+        **_traces(result, signal),
+    }
+    about = {
+        "model": _name(result.declared),
+        "verdict": result.verdict,
+        "quantity": result.quantity,
+        "candidates_tried": result.tried,
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Diagnosis", "added", variables, about, frozenset({"sample_run", "sample_theta"}))
+
+
+def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
+    rows = [(at, added, size) for at, added in enumerate(result.added) for size in added.estimates]
+    own = _each("added_unit", (size.dimension for *_, size in rows))
+    return _along(
+        "added",
+        "added_",
+        number=_integers(at for at, *_ in rows),
+        key=[added.effect.key for _, added, _ in rows],
+        indices=[_inside(added.effect.indices) for _, added, _ in rows],
+        parameter=[size.name for *_, size in rows],
+        **_fields((size for *_, size in rows), own, "value", "low", "high"),
+        orders=[", ".join(f"{order:g}" for order in added.orders) for _, added, _ in rows],
+        **_fields((added for _, added, _ in rows), signal, "heldout_rms"),
+        indistinguishable_from=["; ".join(describe(*one) for one in added.indistinguishable) for _, added, _ in rows],
+        notes=["\n".join(added.notes) for _, added, _ in rows],
+    )
+
+
+def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
+    """Waveforms of all runs one after another, for each has angles of its own."""
+    traces = result.traces
+
+    def joined(rows: Iterable[Array]) -> Array:
+        return np.concatenate([np.zeros(0), *rows])
+
+    return {
+        **_along(
+            "run",
+            "run_",
+            name=[trace.name for trace in traces],
+            **_fields(traces, NUMBER, "direction"),
+            **_fields(traces, TORQUE, "torque"),
+            index=[trace.index for trace in traces],
+        ),
+        **_along(
+            "sample",
+            "sample_",
+            run=(np.repeat(np.arange(len(traces)), [trace.theta.size for trace in traces]), NUMBER),
+            theta=(joined(trace.theta for trace in traces), POSITION),
+            measured=(joined(trace.measured for trace in traces), signal),
+            before=(joined(trace.before for trace in traces), signal),
+            after=(joined(trace.after for trace in traces), signal),
+            residual_before=(joined(trace.residual[0] for trace in traces), signal),
+            residual_after=(joined(trace.residual[1] for trace in traces), signal),
+        ),
+    }
+
+
+@_table.register
+def _of_tolerance(result: Tolerance) -> Table:
+    return Table("Tolerance", "tolerance", _widths([result]))
+
+
+def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
+    own = _each("unit", (item.chosen[0].dimension for item in tolerances))
+    return _along(
+        "tolerance",
+        tolerance=[item.label for item in tolerances],
+        key=[item.key for item in tolerances],
+        **_fields(tolerances, own, "width"),
+        distribution=[item.distribution.name for item in tolerances],
+        **_fields(tolerances, NUMBER, "correlation"),
+        random_phase=np.array([item.random_phase for item in tolerances], dtype=bool),
+        fixed=np.array([item.fixed for item in tolerances], dtype=bool),
+        least=([item.span[0] for item in tolerances], own),
+        largest=([item.span[1] for item in tolerances], own),
+    )
+
+
+@_table.register
+def _of_stack(result: Stack) -> Table:
+    parts = [component.dimension for component in result.components]
+    own = _each("unit", (parts[block.components.start] for block in result.blocks))
+    variables = {
+        **_angles(result.theta, result.nominal.size),
+        **_along("theta", nominal=(result.nominal, ANGLE)),
+        **_along(
+            "component",
+            component=[str(component) for component in result.components],
+            component_tolerance=(result.entry, NUMBER),
+        ),
+        "influence": Variable(("component", "theta"), result.influence, _influences(parts), bare=True),
+        **_along(
+            "tolerance",
+            tolerance=list(result.labels),
+            width=(result.width, own),
+            distribution=[block.distribution.name for block in result.blocks],
+            **_fields(result.blocks, NUMBER, "correlation"),
+        ),
+    }
+    return Table("Stack", "tolerance", variables)
+
+
+@_table.register
+def _of_budget(result: Budget) -> Table:
+    entries, worst = result.contributions, result.worst
+    variables = {
+        **_along(
+            "tolerance",
+            tolerance=[entry.label for entry in entries],
+            **_fields(entries, _each("unit", (entry.dimension for entry in entries)), "width"),
+            components=_integers(entry.components for entry in entries),
+            **_fields(entries, SQUARE, "mean_square"),
+            **_fields(entries, NUMBER, "share"),
+            **_fields(entries, ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
+            **_fields(entries, ANGLE, "mean_peak_to_peak", "mean_peak_to_peak_error"),
+            **_fields(entries, ANGLE, "offset_deviation", "worst_offset"),
+            effect=[entry.effect for entry in entries],
+        ),
+        **_angles(result.theta, result.mean.size),
+        **_along(
+            "theta",
+            mean=(result.mean, ANGLE),
+            standard_deviation=(result.standard_deviation, ANGLE),
+            deviation_standard_deviation=(result.deviation_standard_deviation, ANGLE),
+            lower=(worst.lower, ANGLE),
+            upper=(worst.upper, ANGLE),
+        ),
+        **_single(
+            total_offset_mean=(result.offset_mean, ANGLE),
+            total_offset_deviation=(result.offset_deviation, ANGLE),
+            total_nominal_peak_to_peak=(result.nominal_peak_to_peak, ANGLE),
+            total_nominal_mean_square=(result.nominal_mean_square, SQUARE),
+            total_mean_square=(result.mean_square, SQUARE),
+            total_rms=(result.rms, ANGLE),
+            total_rss=(result.rss, ANGLE),
+            total_worst_peak_to_peak=(worst.peak_to_peak, ANGLE),
+            total_worst_peak_to_peak_nominal=(worst.peak_to_peak_nominal, ANGLE),
+            total_worst_maximum=(worst.maximum, ANGLE),
+            total_worst_offset_low=(worst.offset[0], ANGLE),
+            total_worst_offset_high=(worst.offset[1], ANGLE),
+        ),
+    }
+    return Table("Budget", "tolerance", variables)
+
+
+@_table.register
+def _of_error_budget(result: ErrorBudget) -> Table:
+    own = _each("component_unit", (component.dimension for component in result.stack.components))
+    worst, drawn = result.closed.worst, _table(result.units)
+    variables = {
+        **_table(result.closed).variables,
+        **_along(
+            "component",
+            component=[str(component) for component in result.stack.components],
+            worst_peak_to_peak_values=(worst.peak_to_peak_values, own),
+            worst_maximum_values=(worst.maximum_values, own),
+        ),
+        **drawn.variables,
+    }
+    if result.indices is not None:
+        ends = [f"{which}{end}" for which in ("first", "total") for end in ("", "_low", "_high")]
+        shares = {f"sobol_{name}": (getattr(result.indices, name), NUMBER) for name in ends}
+        variables |= _along("tolerance", **shares)
+    about = {"model": _name(result.model), "direction": way(result.direction), **drawn.about}
+    if result.contact is not None:
+        variables |= _at_load(result.contact)
+        about["contact_failures"] = "\n".join(result.contact.failures)
+    return Table("ErrorBudget", "tolerance", variables, about)
+
+
+def _at_load(contact: ContactCorrection) -> dict[str, Variable]:
+    """Means and quantiles at the load, with what they are without contacts that open."""
+    found = [[one.mean(), *map(one.quantile, LEVELS)] for one in (getattr(contact, size) for size in SIZES)]
+    variables = {
+        **_along("size", size=list(SIZES)),
+        **_along("statistic", statistic=["mean", *(f"P{level * 100:g}" for level in LEVELS)]),
+        **_single(
+            torque=(contact.torque, TORQUE),
+            contact_lag=(contact.lag, ANGLE),
+            contact_thinning=(contact.thinning, ANGLE),
+            contact_thinning_most=(contact.thinning_most, ANGLE),
+            contact_count=(contact.count, NUMBER),
+            contact_points=(contact.points, NUMBER),
+        ),
+    }
+    for name in ("value", "low", "high", "linear"):
+        values = np.array([[getattr(one, name) for one in row] for row in found])
+        variables[f"contact_{name}"] = Variable(("size", "statistic"), values, ANGLE)
+    return variables
+
+
+@_table.register
+def _of_virtual_units(result: VirtualUnits) -> Table:
+    sizes = {name: (getattr(result, name), ANGLE) for name in ("peak_to_peak", "max", "rms", "offset")}
+    variables = {**_along("virtual_unit", **sizes), **_single(error_bound=(result.error_bound, ANGLE))}
+    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk, "form": result.form}
+    return Table("VirtualUnits", "virtual_unit", variables, about)
+
+
+@_table.register
+def _of_allocation(result: Allocation, *, stack: Stack | None = None) -> Table:
+    if stack is not None and stack.labels != result.labels:
+        raise InputError("stack: its tolerances are not those of the allocation; give the stack that was allocated")
+    own = _each("unit", result.dimensions)
+    prices = Each("bound_price_unit", tuple(Unit(f"1/{u.core}", f"1/{u.shown}", 1 / u.size) for u in own.units))
+    checks = (result.verified_before, result.verified)
+    variables = {
+        **_along(
+            "tolerance",
+            tolerance=list(result.labels),
+            width_before=(result.widths_before, own),
+            width=(result.widths, own),
+            grade=[grade or "" for grade in result.grades],
+            fixed=np.array(result.fixed, dtype=bool),
+            cost_before=(result.costs_before, NUMBER),
+            cost=(result.costs, NUMBER),
+            bound_price=(result.bound_prices, prices),
+            saved_per_arcsec_given_up=([rate.relax for rate in result.rates], PER_ARCSEC),
+            cost_per_arcsec_gained=([rate.tighten for rate in result.rates], PER_ARCSEC),
+        ),
+        **_along(
+            "stage",
+            stage=["before", "after"],
+            value=([result.value_before, result.value], ANGLE),
+            total_cost=([result.cost_before, result.cost], NUMBER),
+            verified=([check.quantile for check in checks], ANGLE),
+            verified_low=([check.low for check in checks], ANGLE),
+            verified_high=([check.high for check in checks], ANGLE),
+        ),
+        **_single(
+            limit=(result.limit, ANGLE), gap=(result.gap, NUMBER), shadow_price=(result.shadow_price, PER_ARCSEC)
+        ),
+    }
+    about = {"limited": result.kind, "level": result.level, "proof": result.proof}
+    return Table("Allocation", "tolerance", variables, about)
+
+
+def _of_front(result: Sequence[FrontPoint]) -> Table:
+    best = [point.allocation for point in result]
+    variables = _along(
+        "limit",
+        **_fields(result, ANGLE, "limit"),
+        cost=([found and found.cost for found in best], NUMBER),
+        value=([found and found.value for found in best], ANGLE),
+        reason=[point.reason for point in result],
+    )
+    return Table("Front", "limit", variables)
+
+
+_SEQUENCES: Mapping[type, Callable[[Any], Table]] = {
+    Effect: lambda row: Table("Effects", "parameter", _sizes(row)),
+    Tolerance: lambda row: Table("Tolerances", "tolerance", _widths(row)),
+    FrontPoint: _of_front,
+}
+
+
+@_table.register
+def _of_sequence(result: Sequence) -> Table:  # type: ignore[type-arg]
+    kinds = {type(item) for item in result}
+    entry = _SEQUENCES.get(kinds.pop()) if len(kinds) == 1 else None
+    if entry is None:
+        names = ", ".join(kind.__name__ for kind in _SEQUENCES)
+        raise InputError(f"{type(result).__name__}: a table is made of a row of results of one kind: {names}")
+    return entry(result)
