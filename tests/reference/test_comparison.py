@@ -302,6 +302,8 @@ def test_command_compares(folder, tmp_path, capsys):
     assert content["orders"][0]["difference"]["amplitude_arcsec"] == pytest.approx(0.5, rel=1e-6)
     assert content["rms_difference_arcsec"] == pytest.approx(0.5 / math.sqrt(2), rel=1e-6)
     assert content["orders"][0]["case"]["phase_deg"] is None
+    inputs = [path, folder / "one-cam" / "case.json", folder / "one-cam" / "case.npz"]
+    assert [entry["path"] for entry in content["inputs"]] == [str(name) for name in inputs]
 
 
 def test_within_is_the_exit_code(folder, tmp_path, capsys):

@@ -11,6 +11,7 @@ import pytest
 import rverror
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import Conditions
+from rverror.statics import prediction
 
 THETA = np.linspace(0.2, 1.0, 9)
 TIME = THETA / 0.3
@@ -31,6 +32,8 @@ PREDICTIONS: dict[str, Callable[..., Any]] = {
         rverror.influence(model.mechanism, *given, "sensor.time_offset", **keywords).matrix
     ),
 }
+
+REFUSED = {**PREDICTIONS, "closed prediction": prediction.predict}
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -60,3 +63,40 @@ def test_an_equilibrium_without_a_torque_is_refused() -> None:
         rverror.equilibrium(MODEL, THETA)
     with pytest.raises(ValueError, match="needs a torque"):
         rverror.equilibrium(MODEL, Conditions(THETA, 1.0))
+
+
+@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"direction": 0.0}, "direction must be"),
+        ({"direction": np.full(9, 2.0)}, "direction must be"),
+        ({"direction": np.ones(3)}, "direction has the shape"),
+        ({"theta": np.append(THETA[1:], np.nan)}, "must be finite"),
+        ({"theta": THETA[None]}, "theta has the shape"),
+        ({"theta": THETA[:0]}, "theta has the shape"),
+        ({"time": TIME[:3]}, "time has the shape"),
+        ({"time": TIME * np.nan}, "must be finite"),
+        ({"torque": np.inf}, "must be finite"),
+    ],
+)
+def test_conditions_at_which_nothing_can_be_are_refused(name: str, wrong: dict[str, Any], message: str) -> None:
+    """A direction of 0 would otherwise leave the load out, and a number that is not finite would go on into results."""
+    sound: dict[str, Any] = {"theta": THETA, "direction": 1.0, "torque": 20e3, "time": TIME}
+    if name == "closed prediction":
+        sound["torque"] = None
+    with pytest.raises(ValueError, match=message):
+        REFUSED[name](MODEL, Conditions(**(sound | wrong)))
+
+
+def test_whole_numbers_of_rad_are_angles() -> None:
+    angles = np.arange(9) ** 2  # at a rate that is no whole number
+    one = rverror.transmission_error(MODEL, Conditions(angles, 1, 20000, TIME))
+    np.testing.assert_array_equal(
+        one, rverror.transmission_error(MODEL, angles, direction=1, torque="20 N*m", time=TIME)
+    )
+
+
+def test_a_drive_has_no_equilibrium_whatever_the_torque_is() -> None:
+    with pytest.raises(ValueError, match=r"a \[drive\] has no geometry"):
+        rverror.equilibrium(rverror.Model(rverror.Drive(ratio=3.0)), THETA, torque="5 mm")

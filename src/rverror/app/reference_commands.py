@@ -14,6 +14,7 @@ from rverror.base.units import ARCSEC
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
 from rverror.runs.measurement import load_run
+from rverror.views.envelope import input_files
 from rverror.views.report import to_json, to_text
 
 _FILES = ("case.npz", "case.json")
@@ -67,14 +68,15 @@ def _reference_cases(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     check_name(options.theirs)
     check_name(options.case)
-    stored = Path(options.case).parent if options.case.endswith(".json") else Path(options.case)
-    check_output(options.json, [options.theirs, options.case, *(str(stored / name) for name in _FILES)])
+    told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
+    inputs = [options.theirs, str(told), str(told.with_name("case.npz"))]
+    check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
     limit = None if options.within is None else _limit(options.within)
     case = read_case(options.case)
     found = compare(load_run(options.theirs, case.ratio), case, method=options.method)
     print(to_text(found), end="")
     if options.json:
-        write_json(options.json, to_json(found))
+        write_json(options.json, to_json(found, files=input_files(inputs)))
     if limit is not None and found.rms > limit:
         sys.stdout.flush()
         tell(f"rms of the difference {found.rms / ARCSEC:.4g} arcsec is above {options.within}")

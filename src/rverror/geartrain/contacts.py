@@ -58,22 +58,11 @@ def pose(
         if not direction is time is torque is None:
             raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
         return motion(mechanism, theta)
-    angle = units.to_core_array(theta, "angle")
-    if angle.ndim != 1 or angle.size == 0:
-        raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
-    sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)
-    if not np.isin(sense, (-1.0, 1.0)).all():
-        raise ValueError("direction must be +1 (forward) or -1 (reverse)")
-    clock = None if time is None else units.to_core_array(time, "time")
-    for name, row in (("direction", sense), ("time", clock)):
-        if row is not None and row.shape not in ((), angle.shape):
-            raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
-    load = None if torque is None else units.to_core(torque, "torque")
-    return motion(mechanism, Conditions(angle, sense, load, clock))
+    return _placed(mechanism, _checked(theta, direction, time=time, torque=torque))
 
 
 def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
-    """The same, under conditions that are known to be sound.
+    """`pose` under conditions, which are checked as angles are.
 
     Parameters
     ----------
@@ -85,7 +74,31 @@ def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
     Pose
     """
     same = {field.name: getattr(conditions, field.name) for field in fields(Conditions)}
-    same["direction"] = np.array(np.broadcast_to(conditions.direction, conditions.theta.shape), dtype=np.float64)
+    checked = _checked(conditions.theta, conditions.direction, time=conditions.time, torque=conditions.torque)
+    return _placed(mechanism, {**same, **checked})
+
+
+def _checked(theta: Any, direction: Any | None, *, time: Any | None, torque: Any | None) -> dict[str, Any]:
+    """Conditions in core units, with one direction per angle, and refused where nothing can be at them."""
+    angle = units.to_core_array(theta, "angle")
+    if angle.ndim != 1 or angle.size == 0:
+        raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
+    sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)
+    if not np.isin(sense, (-1.0, 1.0)).all():
+        raise ValueError("direction must be +1 (forward) or -1 (reverse)")
+    clock = None if time is None else units.to_core_array(time, "time")
+    for name, row in (("direction", sense), ("time", clock)):
+        if row is not None and row.shape not in ((), angle.shape):
+            raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
+    return {
+        "theta": angle,
+        "direction": np.array(np.broadcast_to(sense, angle.shape)),
+        "time": clock,
+        "torque": None if torque is None else units.to_core(torque, "torque"),
+    }
+
+
+def _placed(mechanism: Mechanism, same: dict[str, Any]) -> Pose:
     if isinstance(mechanism, Drive):
         return DrivePose(ratio=mechanism.ratio, drive=mechanism, **same)
     return _contacts(mechanism, same)

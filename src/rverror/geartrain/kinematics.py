@@ -22,7 +22,8 @@ class Conditions:
     theta : ndarray, shape (n,)
         Nominal output angle, input angle / ratio, rad.
     direction : float or ndarray, shape (n,)
-        +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.
+        +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.  One number where a
+        `Predictor` solves one repeat for all samples.
     torque : float, optional
         Size of the output torque, N*mm; without one the closed form predicts.
     time : ndarray, shape (n,), optional

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rverror.base import units
 from rverror.base.arrays import Array, unit_vectors
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Clearance, ContactForces, Contacts, project
@@ -190,6 +191,7 @@ def linearise(
 
 def _statics_of(model: Model, theta: Any, **conditions: Any) -> Statics:
     """Statics where the gear train stands when the bench reads theta."""
+    _check_reducer(model.mechanism)
     where = stand(model, pose(model.mechanism, theta, **conditions))
     return replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
 
@@ -225,16 +227,20 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
     ValueError
         If the mechanism is no reducer, or the torque is missing or below 0.
     """
-    if not isinstance(mechanism, Reducer):
-        raise ValueError("the equilibrium needs a [reducer] model; a [drive] has no geometry")
-    size = conditions.torque
-    if size is None:
+    _check_reducer(mechanism)
+    if conditions.torque is None:
         raise ValueError("the equilibrium needs a torque; give one, e.g. torque='20 N*m'")
+    size = units.to_core(conditions.torque, "torque")
     if not size >= 0:
         raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
     where = motion(mechanism, conditions)
     assert isinstance(where, Contacts)
     return Statics(where, size)
+
+
+def _check_reducer(mechanism: Mechanism) -> None:
+    if not isinstance(mechanism, Reducer):
+        raise ValueError("the equilibrium needs a [reducer] model; a [drive] has no geometry")
 
 
 @dataclass(frozen=True)

@@ -101,9 +101,8 @@ class Allocation(Viewed):
 
     Attributes
     ----------
-    labels, keys, dimensions : tuple of str
-        Of each entry: its name, as in the stack, catalogue key, and dimension of its width; the last two are empty for
-        a stack that does not tell its components.
+    labels : tuple of str
+        Name of each entry, as in the stack.
     kind : str
         ``"worst"``, ``"yield"`` or ``"rms"``, as in `allocate`.
     limit : float
@@ -134,11 +133,11 @@ class Allocation(Viewed):
         How much cheaper, relatively, any other widths could be at the most; None where that is not proven.
     proof : str
         What is proven, one sentence.
+    keys, dimensions : tuple of str
+        Catalogue key of each entry, and dimension of its width; empty for a stack that does not tell its components.
     """
 
     labels: tuple[str, ...]
-    keys: tuple[str, ...]
-    dimensions: tuple[str, ...]
     kind: Kind
     limit: float
     level: float
@@ -157,6 +156,8 @@ class Allocation(Viewed):
     rates: tuple[Rate, ...]
     gap: float | None
     proof: str
+    keys: tuple[str, ...] = ()
+    dimensions: tuple[str, ...] = ()
 
     @property
     def cost_before(self) -> float:

@@ -225,7 +225,8 @@ def ranked(periods: Periods, candidates: Sequence[Name], state: Fit, added: Sequ
             at = np.concatenate([np.arange(first), first + np.arange(end - count, end)])
             gains[fold, i] = base - left_out.score(at)
     total = gains.sum(axis=0)
-    order = np.argsort(-total, kind="stable")
+    # rounded, so that of equal ones the first of the catalogue goes first on every machine
+    order = np.argsort(-np.round(total / max(float(np.abs(total).max()), 1.0), 9), kind="stable")
     return tuple(
         Candidate(key, indices, float(total[i]), tuple(float(gain) for gain in gains[:, i]))
         for i in order
