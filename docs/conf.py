@@ -29,7 +29,7 @@ html_math_renderer = "mathml"
 
 # the reference
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # numpydoc's sections say them
+autodoc_typehints = "signature"  # numpydoc's sections say what it does not
 autodoc_default_options = {"no-value": True}
 autodoc_preserve_defaults = True
 numpydoc_show_class_members = False

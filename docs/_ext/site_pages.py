@@ -134,6 +134,18 @@ def formulas_as_they_stand(app: Sphinx, kind: str, name: str, thing: Any, option
     lines[:] = written
 
 
+def short_types(
+    app: Sphinx, kind: str, name: str, thing: Any, options: Any, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    """Say types in signatures without their modules, and arrays as short as the code does."""
+
+    def short(text: str) -> str:
+        bare = re.sub(r"~(?:\w+\.)*(\w+)", r"\1", text)
+        return re.sub(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]", bare)
+
+    return signature and short(signature), returns and short(returns)
+
+
 def public_names() -> str:
     """Table of the names that `import rverror` gives, each with a link and its first sentence."""
     lines = ["| name | |", "| --- | --- |"]
@@ -207,5 +219,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", copy_notebooks)
     app.connect("env-get-outdated", always_new)
     app.connect("autodoc-process-docstring", formulas_as_they_stand, priority=400)  # before numpydoc
+    app.connect("autodoc-process-signature", short_types)
     app.connect("source-read", write_out)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

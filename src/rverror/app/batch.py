@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.version import __version__
@@ -232,21 +233,18 @@ def _units(root: Path, out: Path, mapping: str | None) -> tuple[tuple[_Unit, ...
         found, notes = [], []
         for path in folders:
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
-            runs = tuple(str(path / name) for name in names if name.lower().endswith(suffixes))
+            runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
+            name = path.name if is_printable(path.name) else ascii(path.name)
             if MODEL in names:
-                found.append(_Unit(_printable(path.name), str(path / MODEL), runs, out / f"{path.name}.json", mapping))
+                found.append(_Unit(name, str(path / MODEL), runs, out / f"{path.name}.json", mapping))
             elif runs and path.resolve() != out.resolve():
-                notes.append(f"{_printable(path.name)}: left out, for it holds runs but no {MODEL}")
+                notes.append(f"{name}: left out, for it holds runs but no {MODEL}")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
     if not found:
         raise InputError(f"{root}: no subfolder holds a {MODEL}; give a folder with one subfolder for each unit")
     return tuple(found), tuple(notes)
-
-
-def _printable(name: str) -> str:
-    return name if is_printable(name) else ascii(name)
 
 
 def _make_output(out: Path, units: Sequence[_Unit]) -> None:
@@ -256,11 +254,7 @@ def _make_output(out: Path, units: Sequence[_Unit]) -> None:
         inside = Path(unit.model).resolve().parent
         if inside == place or inside in place.parents:
             raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{out}: cannot make the folder ({reason}); choose another") from error
+    make_folder(out, "choose another")
     if not os.access(out, os.W_OK):
         raise InputError(f"{out}: no permission to write in it; choose another folder")
     summary = out / SUMMARY

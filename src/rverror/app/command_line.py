@@ -26,6 +26,7 @@ from rverror.app.terminal import (
     tell,
     write_json,
     write_output,
+    write_picture,
 )
 from rverror.base import units
 from rverror.base.errors import InputError
@@ -266,14 +267,13 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
     if options.json:
         write_json(options.json, to_json(result, files=files))
     if options.plot:
-        from rverror.views.plots.figure import to_bytes
-
-        write_output(options.plot, to_bytes(figure(result), "png"))
+        write_picture(options.plot, figure(result))
     if options.report:
         write_output(options.report, to_html(result, files=files))
     if options.save:
         say_replaced(options.save)
-        effects = _beyond_declared(result)
+        # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error
+        effects = [_rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
             tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
@@ -282,14 +282,6 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
                 f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
                 "their uncertainty"
             )
-
-
-def _beyond_declared(result: Diagnosis) -> list[Effect]:
-    """Effects that the new model has beyond the declared ones: what was found, and where the gear's marks are.
-
-    None for a torque record: its ripple is no error of the output, and a model holds those only.
-    """
-    return [_rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
 
 
 def _rounded(effect: Effect) -> Effect:
@@ -343,7 +335,7 @@ def _source_json(entry: Source) -> dict[str, Any]:
 
 
 def _demo(options: argparse.Namespace) -> None:
-    folder = make_folder(options.output, "--output")
+    folder = make_folder(options.output, "choose another with --output")
     shipped = resources.files("rverror") / "data" / "demo"
     for name in ("model.toml", "forward.csv", "reverse.csv"):
         check_output(str(folder / name), [])

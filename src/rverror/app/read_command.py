@@ -33,25 +33,12 @@ def add_commands(commands: Any) -> None:
 
 
 def add_mapping(command: argparse.ArgumentParser) -> None:
-    """Add the option that names the mapping file.
-
-    Parameters
-    ----------
-    command : argparse.ArgumentParser
-    """
+    """Add the option that names the mapping file."""
     command.add_argument("--mapping", metavar="BENCH.toml", help="how the bench names its columns, with their units")
 
 
 def given_mapping(path: str | None) -> BenchMapping | None:
     """Mapping that was asked for; None where there was none.
-
-    Parameters
-    ----------
-    path : str or None
-
-    Returns
-    -------
-    BenchMapping or None
 
     Raises
     ------

@@ -56,7 +56,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
     cases = pick(options.case)
     folders = [Path(options.out) / case.name for case in cases]
     for folder in folders:
-        make_folder(folder, "--out")
+        make_folder(folder, "choose another with --out")
         for name in _FILES:
             check_output(str(folder / name), [])
     for case, folder in zip(cases, folders, strict=True):

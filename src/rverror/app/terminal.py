@@ -68,14 +68,14 @@ def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
         raise InputError(f"{twice}: two outputs share this name; give each its own")
 
 
-def make_folder(path: str | Path, option: str) -> Path:
-    """Make a folder for outputs; the option is named where that fails."""
+def make_folder(path: str | Path, remedy: str) -> Path:
+    """Make a folder for outputs; the remedy is told where that fails."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
-        raise InputError(f"{folder}: cannot make the folder ({reason}); choose another with {option}") from problem
+        raise InputError(f"{folder}: cannot make the folder ({reason}); {remedy}") from problem
     return folder
 
 
@@ -93,30 +93,15 @@ def write_json(path: str | Path, content: Any) -> None:
     write_output(path, json.dumps(content, indent=1) + "\n")
 
 
+def write_picture(path: str | Path, figure: Any) -> None:
+    """Write a figure as PNG."""
+    from rverror.views.plots.figure import to_bytes  # loads matplotlib
+
+    write_output(path, to_bytes(figure, "png"))
+
+
 def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
-    """Value of an option with a unit.
-
-    Parameters
-    ----------
-    option : str
-        Its name, for messages.
-    text : str
-        As it was given.
-    dimension : str
-        A key of `units.CORE_UNITS`.
-    example : str
-        How it is written.
-
-    Returns
-    -------
-    float
-        Core unit.
-
-    Raises
-    ------
-    InputError
-        If it is no quantity of this dimension.
-    """
+    """Value of an option with a unit, in the core unit; refused with the option's name and how it is written."""
     try:
         return units.parse(text, dimension)
     except ValueError as problem:

@@ -8,7 +8,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import closing, contextmanager
 from typing import Any
 
-from rverror.app.terminal import Progress, check_outputs, quantity, say_replaced, tell, write_json, write_output
+from rverror.app.terminal import Progress, check_outputs, quantity, say_replaced, tell, write_json, write_picture
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.model.effects import Model
@@ -94,7 +94,7 @@ def _budget(options: argparse.Namespace) -> None:
     if options.plot:
         from rverror.views.plots.budgets import budget_figure
 
-        _write_picture(options.plot, budget_figure(found, limit=limit))
+        write_picture(options.plot, budget_figure(found, limit=limit))
 
 
 def _allocate(options: argparse.Namespace) -> None:
@@ -127,7 +127,7 @@ def _allocate(options: argparse.Namespace) -> None:
             assert limit is not None
             limits = [limit * factor for factor in _FRONT]
             front = cost_front(laid_out, limits=limits, executor=executor, **settings)
-            _write_picture(options.plot, front_figure(front, found))
+            write_picture(options.plot, front_figure(front, found))
 
 
 def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:
@@ -184,9 +184,3 @@ def _executor(jobs: int) -> Iterator[Executor | None]:
         return
     with ProcessPoolExecutor(jobs) as executor:
         yield executor
-
-
-def _write_picture(path: str, figure: Any) -> None:
-    from rverror.views.plots.figure import to_bytes
-
-    write_output(path, to_bytes(figure, "png"))

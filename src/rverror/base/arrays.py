@@ -31,17 +31,7 @@ def only(index: int) -> slice:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar product over the xy axis, the last but one.
-
-    Parameters
-    ----------
-    a, b : ndarray, shape (..., 2, n)
-        Vectors; leading axes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-    """
+    """Scalar product over the xy axis: of vectors (..., 2, n), whose leading axes broadcast, to (..., n)."""
     return np.asarray((a * b).sum(axis=-2), dtype=np.float64)
 
 
@@ -52,15 +42,5 @@ def unit_vectors(vectors: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """z component of the vector product over the xy axis, the last but one.
-
-    Parameters
-    ----------
-    a, b : ndarray, shape (..., 2, n)
-        Vectors; leading axes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-    """
+    """z component of the vector product over the xy axis, of vectors as `dot` takes them."""
     return np.asarray(a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :], dtype=np.float64)

@@ -8,14 +8,6 @@ from scipy.special import chdtri, fdtri, stdtrit
 def chi_square(probability: float, freedom: float) -> float:
     """Value that a chi-square variable of so many degrees of freedom exceeds with a probability.
 
-    Parameters
-    ----------
-    probability, freedom : float
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> round(chi_square(0.05, 2), 3)  # -2 ln 0.05
@@ -27,14 +19,6 @@ def chi_square(probability: float, freedom: float) -> float:
 def variance_ratio(probability: float, above: float, below: float) -> float:
     """Value that an F variable of `above` and `below` degrees of freedom exceeds with a probability.
 
-    Parameters
-    ----------
-    probability, above, below : float
-
-    Returns
-    -------
-    float
-
     Examples
     --------
     >>> round(variance_ratio(0.05, 1, 1e9) - chi_square(0.05, 1), 6)
@@ -45,14 +29,6 @@ def variance_ratio(probability: float, above: float, below: float) -> float:
 
 def student(probability: float, freedom: float) -> float:
     """Value that a Student variable of so many degrees of freedom exceeds with a probability.
-
-    Parameters
-    ----------
-    probability, freedom : float
-
-    Returns
-    -------
-    float
 
     Examples
     --------

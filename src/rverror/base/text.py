@@ -18,14 +18,6 @@ PathLike = str | os.PathLike[str]
 def read_bytes(path: PathLike) -> bytes:
     """Read a file whole.
 
-    Parameters
-    ----------
-    path : str or path-like
-
-    Returns
-    -------
-    bytes
-
     Raises
     ------
     InputError
@@ -42,13 +34,8 @@ def read_text(path: PathLike, *, otherwise: str = "") -> str:
 
     Parameters
     ----------
-    path : str or path-like
     otherwise : str
         Another remedy than UTF-8, for the end of messages.
-
-    Returns
-    -------
-    str
 
     Raises
     ------
@@ -79,8 +66,6 @@ def write_text(path: PathLike, text: str, *, overwrite: bool) -> None:
 
     Parameters
     ----------
-    path : str or path-like
-    text : str
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -103,7 +88,6 @@ def write_bytes(path: PathLike, content: bytes, *, overwrite: bool) -> None:
     ----------
     path : str or path-like
         A symbolic link is followed.
-    content : bytes
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -195,10 +179,6 @@ def file_name(path: str) -> str:
 
 def check_name(path: PathLike) -> None:
     """Refuse a file whose name cannot be printed, for reports and models quote it.
-
-    Parameters
-    ----------
-    path : str or path-like
 
     Raises
     ------

@@ -53,11 +53,6 @@ class TomlText:
     def refuse(self, place: Place, message: str) -> NoReturn:
         """Refuse with the line of a place, or of the nearest table around it.
 
-        Parameters
-        ----------
-        place : tuple
-        message : str
-
         Raises
         ------
         InputError
@@ -99,13 +94,8 @@ class TomlText:
         place : tuple
             Of the table.
         table : mapping
-        key : str
         default : str
             What a table without the key gets.
-
-        Returns
-        -------
-        str
 
         Raises
         ------
@@ -120,21 +110,8 @@ class TomlText:
     def quantity(self, place: Place, value: object, dimension: str, example: str) -> float:
         """Value written as a text with a unit.
 
-        Parameters
-        ----------
-        place : tuple
-            Of the value; its last key names the value in messages.
-        value : object
-            As read; a slope may be a bare number, for it has no unit.
-        dimension : str
-            One of the keys of `units.CORE_UNITS`.
-        example : str
-            How it may be written, for messages.
-
-        Returns
-        -------
-        float
-            In the core unit.
+        It comes back in the core unit; a slope may be a bare number, for it has no unit.  The last key of its place
+        names it in messages, which tell the example too.
 
         Raises
         ------
@@ -165,11 +142,6 @@ def read_toml(path: str, text: str) -> TomlText:
     ----------
     path : str
         Name of the file, for messages.
-    text : str
-
-    Returns
-    -------
-    TomlText
 
     Raises
     ------

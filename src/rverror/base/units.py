@@ -20,7 +20,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import pint
 
-#: Unit of each dimension inside the library.
+#: Unit of each dimension inside the library; a `dimension` is one of these keys, a `unit` is written as pint does.
 CORE_UNITS = {
     "length": "mm",
     "angle": "rad",
@@ -128,18 +128,6 @@ def _refuse_own_zero(unit: Any, dimension: str, written: str) -> None:
 def unit_factor(unit: str, dimension: str) -> float:
     """Factor that turns numbers in `unit` into the core unit of `dimension`.
 
-    Parameters
-    ----------
-    unit : str
-        A unit in pint's notation, such as ``"um"``.
-    dimension : str
-        One of the keys of `CORE_UNITS`.
-
-    Returns
-    -------
-    float
-        Core units per `unit`.
-
     Raises
     ------
     ValueError
@@ -163,18 +151,6 @@ def _in_core(number: float, unit: str, dimension: str) -> float:
 
 def parse(text: str, dimension: str) -> float:
     """Read a string such as ``"5 um"`` as a float in the core unit of its dimension.
-
-    Parameters
-    ----------
-    text : str
-        A number, a space and a unit in pint's notation.
-    dimension : str
-        One of the keys of `CORE_UNITS`.
-
-    Returns
-    -------
-    float
-        The value in the core unit.
 
     Raises
     ------
@@ -236,17 +212,7 @@ def to_core(value: Any, dimension: str) -> float:
 def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
     """Turn an array-like or a quantity that holds an array into a float64 array in the core unit.
 
-    Parameters
-    ----------
-    value : array_like or pint.Quantity
-        Plain numbers are taken to be in the core unit already.
-    dimension : str
-        One of the keys of `CORE_UNITS`.
-
-    Returns
-    -------
-    ndarray
-        A new float64 array of the same shape.
+    The array is a new one, of the same shape; plain numbers are taken as in `to_core`.
 
     Raises
     ------

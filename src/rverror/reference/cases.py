@@ -9,7 +9,7 @@ import math
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,7 +25,7 @@ from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import frame_orders
+from rverror.geartrain.kinematics import Conditions, frame_orders
 from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
@@ -46,6 +46,7 @@ DIGITS = 10
 _LEADING = 12  # orders told in case.json
 _SHARE = 0.01  # of the largest order, below which none is told
 _TURN = 2 * math.pi
+_AGAIN = "write the case again with `rverror reference-cases`"
 #: Waves below this, rad, are next to nothing.
 LEAST = 1e-3 * ARCSEC
 #: Methods for people.
@@ -86,14 +87,12 @@ class Definition:
         Of its folder.
     shows : str
         The one thing that it isolates.
-    model : Model
     torque : float
         Size of the output torque, N*mm.
     direction : float
         +1 forward, -1 reverse.
     closed_form : str
         What holds of the closed form; empty where it does not and is left out.
-    known : tuple of KnownNumber
     """
 
     name: str
@@ -111,7 +110,6 @@ class SolvedCase:
 
     Attributes
     ----------
-    definition : Definition
     arrays : mapping of str to ndarray
         What ``case.npz`` holds, see `ARRAYS`.
     imbalance : float
@@ -131,8 +129,6 @@ class StoredCase:
     ----------
     name, version : str
         Of the case, and of the rverror that wrote it.
-    ratio : float
-    direction : float
     turns : mapping of str to float
         Turns of each part per output turn.
     arrays : mapping of str to ndarray
@@ -179,12 +175,7 @@ def _case(name: str, shows: str, unit: Reducer, *effects: Effect, **rest: Any) -
 
 
 def definitions() -> tuple[Definition, ...]:
-    """The reference cases; errors are 5 um, the load is 412 N*m, forward, unless a case says otherwise.
-
-    Returns
-    -------
-    tuple of Definition
-    """
+    """The reference cases; errors are 5 um, the load is 412 N*m, forward, unless a case says otherwise."""
     unit = reducer("RV-40E")
     several = (
         effect("crank.eccentricity", crank=0, disc=0, radial="4 um", tangential="-2 um"),
@@ -269,10 +260,6 @@ def definitions() -> tuple[Definition, ...]:
 def pick(names: Sequence[str]) -> tuple[Definition, ...]:
     """Reference cases by name, all where no name is given.
 
-    Parameters
-    ----------
-    names : sequence of str
-
     Returns
     -------
     tuple of Definition
@@ -297,29 +284,26 @@ def solve(definition: Definition, *, points: int = POINTS) -> SolvedCase:
 
     Parameters
     ----------
-    definition : Definition
     points : int
         Angles of the turn.
-
-    Returns
-    -------
-    SolvedCase
     """
-    model, direction, torque = definition.model, definition.direction, definition.torque
+    model, direction = definition.model, definition.direction
     turn = _TURN * np.arange(points) / points
     theta = turn if direction > 0 else _TURN - turn
-    loaded = linearise(model, theta, torque=torque, direction=direction)
+    here = Conditions(theta, direction, definition.torque)
+    opposite = replace(here, direction=-direction)
+    loaded = linearise(model, here)
     some = np.arange(0, points, max(1, points // _FORCE_ANGLES))
     arrays: dict[str, npt.NDArray[Any]] = {"theta": theta}
     if definition.closed_form:
-        arrays["transmission_error_closed"] = transmission_error(model, theta, direction=direction, torque=torque)
-        arrays["opposite_closed"] = transmission_error(model, theta, direction=-direction, torque=torque)
-    back = equilibrium(model, theta, torque=torque, direction=-direction)
+        arrays["transmission_error_closed"] = transmission_error(model, here)
+        arrays["opposite_closed"] = transmission_error(model, opposite)
+    back = equilibrium(model, opposite)
     arrays["transmission_error_equilibrium"] = loaded.state.transmission_error
     arrays["opposite_equilibrium"] = back.transmission_error
     arrays["influence_labels"] = np.array(_labels(model.effects), dtype=np.str_)
     if definition.closed_form:
-        motion = pose(model.mechanism, theta, direction=direction, torque=torque)
+        motion = pose(model.mechanism, here)
         arrays["influence_closed"] = effect_matrix(motion, closed_form_forces(motion), model.effects)
     arrays["influence_equilibrium"] = effect_matrix(loaded.motion, loaded.forces, model.effects)
     arrays["force_theta"] = theta[some]
@@ -365,16 +349,7 @@ def _portable(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def case_npz(case: SolvedCase) -> bytes:
-    """Bytes of ``case.npz``, the same for the same arrays: no dates, no compression.
-
-    Parameters
-    ----------
-    case : SolvedCase
-
-    Returns
-    -------
-    bytes
-    """
+    """Bytes of ``case.npz``, the same for the same arrays: no dates, no compression."""
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         for name, array in case.arrays.items():
@@ -386,10 +361,6 @@ def case_npz(case: SolvedCase) -> bytes:
 
 def case_json(case: SolvedCase) -> dict[str, Any]:
     """Content of ``case.json``; keys are only ever added within one format.
-
-    Parameters
-    ----------
-    case : SolvedCase
 
     Returns
     -------
@@ -423,23 +394,23 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
         "equilibrium": _waveform_json(_given(arrays, "equilibrium"))
         | {"largest_residual": rounded(case.imbalance, DIGITS)},
-        "known": [_known_json(item) for item in what.known],
+        "known": [
+            {
+                "method": WORDS[item.method],
+                "order": item.order,
+                "arcsec": in_arcsec(item.size, DIGITS),
+                "tolerance": item.tolerance,
+                "where": item.where,
+            }
+            for item in what.known
+        ],
         "arrays": {name: dict(zip(("axes", "unit", "what"), ARRAYS[name], strict=True)) for name in arrays},
         "arrays_sha256": arrays_hash(arrays),
     }
 
 
 def case_files(case: SolvedCase) -> Mapping[str, bytes]:
-    """Files of a reference case by name, the one that names the other's hash last.
-
-    Parameters
-    ----------
-    case : SolvedCase
-
-    Returns
-    -------
-    mapping of str to bytes
-    """
+    """Files of a reference case by name, the one that names the other's hash last."""
     return {
         "case.npz": case_npz(case),
         "case.json": (json.dumps(case_json(case), indent=1) + "\n").encode(),
@@ -476,16 +447,6 @@ def _waveform_json(error: Array | None) -> dict[str, Any]:
         "rms_arcsec": in_arcsec(rms_of(about_mean(error)), DIGITS),
         "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error)), DIGITS),
         "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
-    }
-
-
-def _known_json(item: KnownNumber) -> dict[str, Any]:
-    return {
-        "method": WORDS[item.method],
-        "order": item.order,
-        "arcsec": in_arcsec(item.size, DIGITS),
-        "tolerance": item.tolerance,
-        "where": item.where,
     }
 
 
@@ -559,15 +520,11 @@ def read_case(path: PathLike) -> StoredCase:
     if not isinstance(content, dict) or "format" not in content or "arrays_sha256" not in content:
         raise InputError(f"{described}: this is no reference case; write one with `rverror reference-cases`")
     if content["format"] != FORMAT:
-        raise InputError(
-            f"{described}: format {shown(content['format'])}, this rverror reads {FORMAT}; "
-            "write the case again with `rverror reference-cases`"
-        )
+        raise InputError(f"{described}: format {shown(content['format'])}, this rverror reads {FORMAT}; {_AGAIN}")
     arrays = _read_arrays(described.with_name("case.npz"))
     if arrays_hash(arrays) != content["arrays_sha256"]:
         raise InputError(
-            f"{described.with_name('case.npz')}: the arrays are not those of case.json, their hash differs; "
-            "write the case again with `rverror reference-cases`"
+            f"{described.with_name('case.npz')}: the arrays are not those of case.json, their hash differs; {_AGAIN}"
         )
     try:
         model = content["model"]
@@ -584,10 +541,7 @@ def read_case(path: PathLike) -> StoredCase:
         if len(shapes) != 1:
             raise ValueError(f"arrays of different shapes, {shapes}")
     except (KeyError, TypeError, ValueError, AttributeError) as problem:
-        raise InputError(
-            f"{described}: something is missing or changed ({problem}); write the case again with "
-            "`rverror reference-cases`"
-        ) from problem
+        raise InputError(f"{described}: something is missing or changed ({problem}); {_AGAIN}") from problem
     return case
 
 
@@ -598,6 +552,4 @@ def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     except FileNotFoundError as problem:
         raise InputError(f"{path}: there is no such file; keep case.json and case.npz together") from problem
     except (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile) as problem:
-        raise InputError(
-            f"{path}: cannot read its arrays; write the case again with `rverror reference-cases`"
-        ) from problem
+        raise InputError(f"{path}: cannot read its arrays; {_AGAIN}") from problem

@@ -6,13 +6,12 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
 from rverror.base.numbers import in_arcsec, rounded
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
@@ -29,6 +28,7 @@ from rverror.reference.cases import (
     waves_of,
 )
 from rverror.runs.measurement import Run
+from rverror.runs.reading import refuse
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.report import to_json, to_text
 
@@ -48,7 +48,6 @@ class OrderDifference:
 
     Attributes
     ----------
-    order : int
     case, theirs, difference : complex
         amplitude * exp(i phase); the difference is theirs less the case's.
     """
@@ -129,7 +128,7 @@ def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Co
     name = run.path or "run"
     wanted = case.waveform(method)
     if wanted is None:
-        _refuse(
+        refuse(
             name, f"the case {case.name} has no closed form, since it does not hold there; leave out --method closed"
         )
     found, notes = _on_case_angles(name, run, case, wanted)
@@ -168,15 +167,11 @@ def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Co
     )
 
 
-def _refuse(name: str, message: str) -> NoReturn:
-    raise InputError(f"{name}: {message}")
-
-
 def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tuple[Array, list[str]]:
     """Error of a run at the angles of a case, mean of its whole turns, and what was done for it."""
     ways = set(run.direction.tolist())
     if len(ways) > 1:
-        _refuse(name, "the run turns back and forth; split it and give the part in one direction")
+        refuse(name, "the run turns back and forth; split it and give the part in one direction")
     notes = []
     if ways != {case.direction}:
         way, cases = ("forward", "reverse") if case.direction < 0 else ("reverse", "forward")
@@ -185,11 +180,11 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
     angle, first = np.unique(theta, return_index=True)
     values = error[first]
     if angle.size < 2:
-        _refuse(name, "the nominal angle does not move; check the columns")
+        refuse(name, "the nominal angle does not move; check the columns")
     step = np.diff(angle)
     turns = int((angle[-1] - angle[0] + 1.5 * float(np.median(step))) / _TURN)
     if turns < 1:
-        _refuse(
+        refuse(
             name,
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
             "360 deg; give one or more whole turns",
@@ -244,7 +239,7 @@ def _check_step(name: str, step: Array, wanted: Array) -> float:
     resolved = _TURN / longest / _PER_WAVE
     largest = int(waves.argmax()) + 1
     if waves.max() >= _NO_MATTER and largest > resolved:
-        _refuse(
+        refuse(
             name,
             f"the angles lie up to {math.degrees(longest):.4g} deg apart, the case's largest order {largest} needs "
             f"{math.degrees(_TURN / largest / _PER_WAVE):.3g} deg or less ({_PER_WAVE} a wave); give more angles, best "
@@ -334,12 +329,10 @@ def _in_turns(lead: float, turns: Mapping[str, float]) -> str:
         if part in turns
     }
     counts = {what: abs(lead / _TURN * rate) for what, rate in rates.items()}
-    whole = [f"{round(count)} {what}" for what, count in counts.items() if round(count) and _near_whole(count)]
+    whole = [
+        f"{round(count)} {what}" for what, count in counts.items() if round(count) and abs(count - round(count)) < 5e-3
+    ]
     return f", {' or '.join(whole)}" if whole else ""
-
-
-def _near_whole(count: float) -> bool:
-    return abs(count - round(count)) < 5e-3
 
 
 # --- telling ----------------------------------------------------------------------------------------------------------
@@ -351,7 +344,6 @@ def comparison_text(found: Comparison, *, most: int = 12) -> str:
 
     Parameters
     ----------
-    found : Comparison
     most : int
         Orders told.
 
@@ -406,7 +398,6 @@ def comparison_json(found: Comparison, *, most: int = 100, files: Sequence[Input
 
     Parameters
     ----------
-    found : Comparison
     most : int
         Orders told.
     files : sequence of InputFile, optional

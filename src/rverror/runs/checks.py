@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import way
+from rverror.base.numbers import count_of, way
 from rverror.base.text import some
 from rverror.geartrain.kinematics import motion_direction
 from rverror.runs.reading import Reading, check_needed, refuse
@@ -30,7 +29,6 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
 
     Parameters
     ----------
-    reading : Reading
     ratio : float, optional
         Input turns per output turn; its sign tells the direction of a run of input angle and error.
 
@@ -46,33 +44,23 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
     InputError
         If the run cannot be used.
     """
-    path, noun, notes = reading.path, reading.noun, list(reading.notes)
-    check_needed(path, "columns", [*reading.columns, *reading.extra])
+    notes = list(reading.notes)
+    check_needed(reading.path, "columns", [*reading.columns, *reading.extra])
     reading = _usable_rows(reading, notes)
-    columns, labels = dict(reading.columns), reading.labels
+    columns = dict(reading.columns)
     time = columns.get("time")
     if time is not None:
-        _check_time(path, time, labels, noun, notes)
+        _check_time(reading, time, notes)
     for name in ("input_angle", "output_angle"):
         if name in columns:
-            columns[name] = _unwrapped(path, name, columns[name], notes)
+            columns[name] = _unwrapped(reading.path, name, columns[name], notes)
     leading = "input_angle" if "input_angle" in columns else "output_angle"
     if time is not None:
-        _note_gaps("time", time, "s", labels, noun, notes)
+        _note_gaps(reading, "time", time, "s", notes)
     else:
-        _note_gaps(leading, np.rad2deg(columns[leading]), "deg", labels, noun, notes)
+        _note_gaps(reading, leading, np.rad2deg(columns[leading]), "deg", notes)
     sense, sure = _sense(columns, ratio)
-    direction = _direction(
-        path,
-        leading,
-        sense * columns[leading],
-        stated=reading.stated,
-        stated_at=reading.stated_at,
-        sure=sure,
-        labels=labels,
-        noun=noun,
-        notes=notes,
-    )
+    direction = _direction(reading, leading, sense * columns[leading], sure=sure, notes=notes)
     return replace(reading, columns=columns, notes=tuple(notes)), direction
 
 
@@ -104,7 +92,8 @@ def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
     )
 
 
-def _check_time(path: str, time: Array, labels: Any, noun: str, notes: list[str]) -> None:
+def _check_time(reading: Reading, time: Array, notes: list[str]) -> None:
+    path, labels, noun = reading.path, reading.labels, reading.noun
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
     if back.size:
@@ -138,12 +127,11 @@ def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
             f"{name} stays within one turn and moves {np.rad2deg(np.median(steps)):.0f} deg between samples, at most "
             "90 deg can be unwrapped safely; write the angle that counts turns, or sample more often",
         )
-    count = int(np.count_nonzero(jumps))
-    notes.append(f"{name} unwrapped: {count} jump{'s' if count > 1 else ''} by a turn removed")
+    notes.append(f"{name} unwrapped: {count_of(int(np.count_nonzero(jumps)), 'jump')} by a turn removed")
     return np.asarray(whole, dtype=np.float64)
 
 
-def _note_gaps(name: str, values: Array, unit: str, labels: Any, noun: str, notes: list[str]) -> None:
+def _note_gaps(reading: Reading, name: str, values: Array, unit: str, notes: list[str]) -> None:
     steps = np.abs(np.diff(values))
     if not steps.any():
         return
@@ -152,8 +140,8 @@ def _note_gaps(name: str, values: Array, unit: str, labels: Any, noun: str, note
     if gaps.size:
         longest = gaps[np.argmax(steps[gaps])]
         notes.append(
-            f"{gaps.size} gap{'s' if gaps.size > 1 else ''} in {name} (step above {GAP:g} times the median of "
-            f"{median:.4g} {unit}; the longest, {steps[longest]:.4g} {unit}, after {noun} {labels[longest]})"
+            f"{count_of(gaps.size, 'gap')} in {name} (step above {GAP:g} times the median of {median:.4g} {unit}; "
+            f"the longest, {steps[longest]:.4g} {unit}, after {reading.noun} {reading.labels[longest]})"
         )
 
 
@@ -186,30 +174,19 @@ def _sense(columns: Mapping[str, Array], ratio: float | None) -> tuple[float, bo
     return (1.0, False) if ratio is None else (float(np.sign(ratio)), True)
 
 
-def _direction(
-    path: str,
-    name: str,
-    angle: Array,
-    *,
-    stated: float | None,
-    stated_at: str,
-    sure: bool,
-    labels: Any,
-    noun: str,
-    notes: list[str],
-) -> Array:
+def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: list[str]) -> Array:
     reach = float(np.ptp(angle))
     if reach == 0:
-        refuse(path, f"{name} does not move, so there is nothing to compare; give the run of a turning drive")
+        refuse(reading.path, f"{name} does not move, so there is nothing to compare; give the run of a turning drive")
     steps = np.abs(np.diff(angle))
     # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
     jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
-    if stated:
+    if reading.stated:
         if sure:
-            _check_direction(path, name, angle, stated, stated_at, jitter, labels, noun)
-        return np.full(angle.size, stated)
+            _check_direction(reading, name, angle, reading.stated, jitter)
+        return np.full(angle.size, reading.stated)
     direction = smooth_direction(angle, jitter)
-    if stated is None:
+    if reading.stated is None:
         turns = int(np.count_nonzero(np.diff(direction)))
         found = f"{turns} reversals" if turns else way(direction[0])
         notes.append(f"no direction in the header; read from {name}: {found}")
@@ -220,24 +197,23 @@ def _direction(
     return direction
 
 
-def _check_direction(
-    path: str, name: str, angle: Array, stated: float, stated_at: str, jitter: float, labels: Any, noun: str
-) -> None:
+def _check_direction(reading: Reading, name: str, angle: Array, stated: float, jitter: float) -> None:
     word, opposite = ("forward", "reverse") if stated > 0 else ("reverse", "forward")
     way = stated * angle
     if way[-1] < way[0]:
         verb = "falls" if stated > 0 else "grows"
         refuse(
-            path,
-            f"{stated_at}direction says {word}, but the output angle {verb} from first to last row; write {opposite}",
+            reading.path,
+            f"{reading.stated_at}direction says {word}, but the output angle {verb} from first to last row; "
+            f"write {opposite}",
         )
     back = np.maximum.accumulate(way) - way
     worst = int(np.argmax(back))
     bound = max(jitter, 0.01 * float(np.ptp(angle)))
     if back[worst] > bound:
         refuse(
-            path,
-            f"{noun} {labels[worst]}: direction says {word}, but {name} has gone back by "
+            reading.path,
+            f"{reading.noun} {reading.labels[worst]}: direction says {word}, but {name} has gone back by "
             f"{np.rad2deg(back[worst]):.4g} deg (bound {np.rad2deg(bound):.3g} deg); write 'mixed' or split the run",
         )
 

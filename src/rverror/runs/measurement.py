@@ -101,7 +101,7 @@ class Run(Viewed):
         Parameters
         ----------
         ratio : Reducer, Drive, Model or float
-            Input turns per output turn.
+            Input turns per output turn; `error` and `conditions` take it too.
 
         Returns
         -------
@@ -121,18 +121,7 @@ class Run(Viewed):
         return self.input_angle / value
 
     def conditions(self, ratio: Reducer | Drive | Model | float) -> Conditions:
-        """Where and how it was measured, as predictions take it.
-
-        Parameters
-        ----------
-        ratio : Reducer, Drive, Model or float
-            Input turns per output turn.
-
-        Returns
-        -------
-        Conditions
-            Without a torque where the file has none, or one of 0.
-        """
+        """Where and how it was measured, as predictions take it; without a torque where it has none, or one of 0."""
         return Conditions(
             self.nominal_angle(ratio), self.direction, self.torque or None, self.time, temperature=self.temperature
         )
@@ -161,11 +150,6 @@ class Run(Viewed):
     def error(self, ratio: Reducer | Drive | Model | float) -> Array:
         """Transmission error, actual output angle less nominal output angle; its offset is left in.
 
-        Parameters
-        ----------
-        ratio : Reducer, Drive, Model or float
-            Input turns per output turn.
-
         Returns
         -------
         ndarray, shape (n,)
@@ -174,7 +158,7 @@ class Run(Viewed):
         Raises
         ------
         InputError
-            If the ratio contradicts the run.
+            As `nominal_angle`, and if te contradicts the angles.
         """
         theta = self.nominal_angle(ratio)
         if self.te_column is None and (self.output_angle is None or self.input_angle is None):
@@ -361,25 +345,7 @@ def write_run(path: PathLike, run: Run, *, comments: Iterable[str] = (), overwri
 
 
 def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
-    """Text of a run file.
-
-    Parameters
-    ----------
-    run : Run
-    comments : iterable of str
-        Lines to put first.
-    path : str
-        Name of the file for messages.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If a text would not read back.
-    """
+    """Text of a run file, as `write_run` writes it; `path` names the file in messages."""
     head = [f"# {line}" for text in comments for line in split_lines(text)]
     for line in head:
         if (match := HEADER_LINE.match(line)) and match[1].lower() in HEADER_KEYS:

@@ -27,7 +27,31 @@ _TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reading:
+class Header:
+    """What is known of a run beside its columns.
+
+    Attributes
+    ----------
+    stated : float, optional
+        Direction: +1, -1, 0 for mixed, None where nothing is said.
+    stated_at : str
+        Where it is said, for messages.
+    torque, temperature : float, optional
+        N*mm and K.
+    metadata : mapping of str to str
+        All of it, as written.
+    """
+
+    stated: float | None = None
+    stated_at: str = ""
+    torque: float | None = None
+    temperature: float | None = None
+    index: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading(Header):
     """Columns of one run as read, in core units, and what was said of them.
 
     Attributes
@@ -42,15 +66,6 @@ class Reading:
         What messages call each row.
     noun : str
         ``line`` or ``sample``: what the labels count.
-    stated : float, optional
-        Direction: +1, -1, 0 for mixed, None where nothing is said.
-    stated_at : str
-        Where it is said, for messages.
-    torque, temperature : float, optional
-        N*mm and K.
-    index : str
-    metadata : mapping of str to str
-    notes : tuple of str
     """
 
     path: str
@@ -58,22 +73,11 @@ class Reading:
     extra: Mapping[str, Array] = field(default_factory=dict)
     labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
-    stated: float | None = None
-    stated_at: str = ""
-    torque: float | None = None
-    temperature: float | None = None
-    index: str = ""
-    metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
 def refuse(path: str, message: str) -> NoReturn:
     """Refuse a run, in one line that begins with its file.
-
-    Parameters
-    ----------
-    path : str
-    message : str
 
     Raises
     ------
@@ -89,16 +93,10 @@ def checked_value(path: str, what: str, number: float, dimension: str) -> float:
 
     Parameters
     ----------
-    path : str
     what : str
         Place and key, for the message.
     number : float
         N*mm or K.
-    dimension : str
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -116,10 +114,6 @@ def torque_column(names: Iterable[str]) -> str | None:
     ----------
     names : iterable of str
         Names of columns, with units.
-
-    Returns
-    -------
-    str or None
     """
     return next((name for name in names if _TORQUE.fullmatch(name)), None)
 
@@ -129,7 +123,6 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
 
     Parameters
     ----------
-    path : str
     where : str
         Place in the file, for the message.
     names : sequence of str

@@ -9,7 +9,9 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines
+from rverror.runs.bench.numerals import Numerals
 from rverror.runs.checks import LEAST_SAMPLES
 from rverror.runs.reading import (
     COLUMN_NAME,
@@ -25,19 +27,12 @@ from rverror.runs.reading import (
 
 #: A line of the header.
 HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
+_NUMERALS = Numerals()
 _MAPPING = ", or describe the file in a mapping (rverror read FILE --draft begins one)"
 
 
 def read_run_file(path: PathLike) -> Reading:
     """Read a run file.
-
-    Parameters
-    ----------
-    path : str or path-like
-
-    Returns
-    -------
-    Reading
 
     Raises
     ------
@@ -51,16 +46,16 @@ def read_run_file(path: PathLike) -> Reading:
         what = "has no columns" if any(line.strip() for line in lines) else "is empty"
         refuse(name, f"the file {what}; write 'input_angle[deg],output_angle[deg]' and rows of numbers")
     header = _header(name, lines[:first])
-    names, dimensions, factors = _columns(name, lines[first], first + 1)
+    factors = _columns(name, lines[first], first + 1)
     rows = [i for i in range(first + 1, len(lines)) if lines[i].strip() and not lines[i].lstrip().startswith("#")]
     if not rows:
         refuse(name, f"line {first + 1}: no rows below the column names; {LEAST_SAMPLES} samples or more are needed")
     _check_later_comments(name, lines, first)
-    table = _numbers(name, lines, rows, dimensions)
+    table = _numbers(name, lines, rows, len(factors))
     columns: dict[str, Array] = {}
     extra: dict[str, Array] = {}
-    for label, dimension, factor, values in zip(names, dimensions, factors, table.T, strict=True):
-        if dimension is None:
+    for (label, factor), values in zip(factors.items(), table.T, strict=True):
+        if factor is None:
             extra[label] = values
         else:
             with np.errstate(over="ignore"):  # what overflows is left out later, and counted
@@ -77,7 +72,11 @@ def read_run_file(path: PathLike) -> Reading:
         temperature=_header_value(name, header, "temperature", "temperature"),
         index=header["index"][0] if "index" in header else "",
         metadata={text: value for value, _, text in header.values()},
-        notes=tuple(_header_notes(header)),
+        notes=tuple(
+            f"header key {shown(key)} in line {line} has no meaning here and is only kept;{hint}"
+            for key, (_, line, _) in header.items()
+            if key not in HEADER_KEYS and (hint := did_you_mean(key, HEADER_KEYS))
+        ),
     )
 
 
@@ -102,14 +101,6 @@ def _header(path: str, lines: Sequence[str]) -> _Header:
             )
         found[known] = (value, number, key)
     return found
-
-
-def _header_notes(header: _Header) -> list[str]:
-    notes = []
-    for key, (_, line, _) in header.items():
-        if key not in HEADER_KEYS and (hint := did_you_mean(key, HEADER_KEYS)):
-            notes.append(f"header key {shown(key)} in line {line} has no meaning here and is only kept;{hint}")
-    return notes
 
 
 def _header_value(path: str, header: _Header, key: str, dimension: str) -> float | None:
@@ -148,7 +139,8 @@ def _check_later_comments(path: str, lines: Sequence[str], first: int) -> None:
 # --- the columns ------------------------------------------------------------------------------------------------------
 
 
-def _columns(path: str, line: str, number: int) -> tuple[list[str], list[str | None], list[float]]:
+def _columns(path: str, line: str, number: int) -> dict[str, float | None]:
+    """Columns by name, in their order: core units for one of a known column's numbers, None for the others."""
     where = f"line {number}"
     for sign, word in ((";", "semicolons"), ("\t", "tabs")):
         if sign in line and line.count(sign) >= line.count(","):
@@ -158,14 +150,11 @@ def _columns(path: str, line: str, number: int) -> tuple[list[str], list[str | N
                 f"{_MAPPING}",
             )
     cells = [cell.strip().strip('"').strip() for cell in line.split(",")]
-    if all(_number(cell) is not None for cell in cells):
+    if all(_NUMERALS.parse(cell) is not None for cell in cells):
         refuse(
             path, f"{where}: numbers where the column names should be; write 'input_angle[deg],output_angle[deg]' first"
         )
-    names: list[str] = []
-    dimensions: list[str | None] = []
-    factors: list[float] = []
-    seen: dict[str, int] = {}
+    factors: dict[str, float | None] = {}
     for place, cell in enumerate(cells, 1):
         at = f"{where}, column {place}"
         if not cell:
@@ -176,59 +165,46 @@ def _columns(path: str, line: str, number: int) -> tuple[list[str], list[str | N
         name, unit = match[1].strip(), match[2]
         known = name.lower() if name.lower() in COLUMNS else None
         key = known or cell
-        if key in seen:
-            refuse(path, f"{at}: {key} stands in column {seen[key]} too; leave one of them")
-        seen[key] = place
-        names.append(key)
+        if key in factors:
+            refuse(path, f"{at}: {key} stands in column {list(factors).index(key) + 1} too; leave one of them")
         if known is None:
-            dimensions.append(None)
-            factors.append(1.0)
+            factors[key] = None
             continue
         if not (unit or "").strip():
             refuse(path, f"{at}: {known} has no unit; write '{known}[{EXAMPLES[known]}]'")
         try:
-            factor = units.unit_factor(str(unit).strip(), COLUMNS[known])
+            factors[key] = units.unit_factor(str(unit).strip(), COLUMNS[known])
         except ValueError as error:
             # The remedy of the units edge knows the dimension only, this one the column.
             refuse(path, f"{at}: {known}: {str(error).partition(';')[0]}; write '{known}[{EXAMPLES[known]}]'")
-        dimensions.append(COLUMNS[known])
-        factors.append(factor)
-    check_needed(path, where, names, _MAPPING)
-    return names, dimensions, factors
+    check_needed(path, where, list(factors), _MAPPING)
+    return factors
 
 
 # --- the rows ---------------------------------------------------------------------------------------------------------
 
 
-def _numbers(path: str, lines: Sequence[str], rows: Sequence[int], dimensions: Sequence[str | None]) -> Array:
+def _numbers(path: str, lines: Sequence[str], rows: Sequence[int], width: int) -> Array:
     """Parse all rows at once; only where that fails look at each line."""
     try:
         table: Array = np.loadtxt([lines[i] for i in rows], delimiter=",", dtype=np.float64, ndmin=2)
-        if table.shape == (len(rows), len(dimensions)):
+        if table.shape == (len(rows), width):
             return table
     except ValueError:
         pass
-    table = np.full((len(rows), len(dimensions)), np.nan)
+    table = np.full((len(rows), width), np.nan)
     for row, i in enumerate(rows):
         cells = lines[i].partition("#")[0].split(",")
-        if len(cells) != len(dimensions):
+        if len(cells) != width:
             if ";" in lines[i]:
                 remedy = "use ',' between cells and '.' as decimal sign"
-            elif len(cells) == 2 * len(dimensions):
+            elif len(cells) == 2 * width:
                 remedy = "if the comma is the decimal sign, write '.' for it"
             else:
                 remedy = "complete the row or delete it"
-            plural = "s" if len(cells) > 1 else ""
-            refuse(path, f"line {i + 1}: {len(cells)} cell{plural}, but {len(dimensions)} column names; {remedy}")
+            refuse(path, f"line {i + 1}: {count_of(len(cells), 'cell')}, but {width} column names; {remedy}")
         for column, cell in enumerate(cells):
-            value = _number(cell.strip())
+            value = _NUMERALS.parse(cell)
             if value is not None:
                 table[row, column] = value
     return table
-
-
-def _number(cell: str) -> float | None:
-    try:
-        return None if "_" in cell else float(cell)
-    except ValueError:
-        return None

@@ -56,10 +56,6 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
     turns : int
         Output turns after which the drive stands as before.
 
-    Returns
-    -------
-    Revolutions
-
     Raises
     ------
     ValueError
@@ -138,17 +134,7 @@ def noise_windows(count: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp
 
 
 def noise_rms(values: Array) -> float:
-    """Standard deviation of what differs between periods.
-
-    Parameters
-    ----------
-    values : ndarray, shape (periods, n)
-        The signal of each period.
-
-    Returns
-    -------
-    float
-    """
+    """Standard deviation of what differs between periods; `values` as in `noise_spectrum`."""
     about_mean = values - values.mean(axis=1, keepdims=True)
     spread = about_mean - about_mean.mean(axis=0)
     return float(np.sqrt((spread**2).sum() / ((len(values) - 1) * values.shape[1])))
@@ -159,7 +145,6 @@ def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: floa
 
     Parameters
     ----------
-    mechanism : Reducer or Drive
     order : float
         Per output turn.
     tolerance : float

@@ -182,7 +182,16 @@ def simulate_runs(
     if method not in ("closed", "equilibrium"):
         raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
     sizes = [None if torque is None else _torque(torque, method) for torque in torques] or [None]
-    bench = _bench(noise, correlation, input_counts, output_counts, seed, speed)
+    if noise is None and correlation is not None:
+        raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
+    bench = _Bench(
+        noise=_angle("noise", noise, "0.3 arcsec", _LARGEST_NOISE),
+        correlation=_angle("noise correlation", correlation, "2 deg", _LARGEST_CORRELATION),
+        input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
+        output_counts=None if output_counts is None else _whole("output counts", output_counts, 1, _LARGEST_COUNTS),
+        seed=DEFAULT_SEED if seed is None else _whole("seed", seed, 0, _LARGEST_SEED),
+        speed=None if speed is None else _speed(speed),
+    )
     timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
     if timed and bench.speed is None:
         raise InputError(f"{timed[0]} needs time; give a speed, e.g. --speed '10 deg/s', or remove the effect")
@@ -208,16 +217,7 @@ def simulate_runs(
 def run_label(direction: float, torque: float | None) -> str:
     """Name of a run among those of one bench; the noise of a run is drawn from the seed and this name.
 
-    Parameters
-    ----------
-    direction : float
-        +1 forward, -1 reverse.
-    torque : float, optional
-        Size of the output torque, N*mm.
-
-    Returns
-    -------
-    str
+    Direction and torque, N*mm, are those of `simulate`.
 
     Examples
     --------
@@ -268,18 +268,7 @@ def coloured_noise(count: int, *, rms: float, step: float, correlation: float, r
 
 
 def quantised(angle: Array, counts: int) -> Array:
-    """Reading of an encoder of so many counts per turn: the nearest of its angles.
-
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        rad.
-    counts : int
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        rad.
+    """Reading of an encoder of so many counts per turn: the nearest of its angles, rad.
 
     Examples
     --------
@@ -316,26 +305,6 @@ class _Bench:
         if self.speed is not None:
             keys["speed"] = f"{math.degrees(self.speed):.15g} deg/s"
         return keys
-
-
-def _bench(
-    noise: Any | None,
-    correlation: Any | None,
-    input_counts: int | None,
-    output_counts: int | None,
-    seed: int | None,
-    speed: Any | None,
-) -> _Bench:
-    if noise is None and correlation is not None:
-        raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
-    return _Bench(
-        noise=_angle("noise", noise, "0.3 arcsec", _LARGEST_NOISE),
-        correlation=_angle("noise correlation", correlation, "2 deg", _LARGEST_CORRELATION),
-        input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
-        output_counts=None if output_counts is None else _whole("output counts", output_counts, 1, _LARGEST_COUNTS),
-        seed=DEFAULT_SEED if seed is None else _whole("seed", seed, 0, _LARGEST_SEED),
-        speed=None if speed is None else _speed(speed),
-    )
 
 
 def _size(name: str, value: Any, dimension: str, example: str) -> float:

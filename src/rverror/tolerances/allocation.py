@@ -34,7 +34,7 @@ from rverror.tolerances.market import (
     multipliers_of,
     slope_of,
 )
-from rverror.tolerances.sampling import virtual_units
+from rverror.tolerances.sampling import check_share, virtual_units
 from rverror.tolerances.stacking import Stack, Tolerance
 
 Kind = Literal["worst", "yield", "rms"]
@@ -51,47 +51,29 @@ _ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is me
 
 @dataclass(frozen=True)
 class Verification:
-    """Quantile of the p-p by a simulation whose units took no part in finding the widths.
+    """Quantile of the p-p by a simulation whose units took no part in finding the widths."""
 
-    Attributes
-    ----------
-    level : float
-        Which quantile, such as 0.99.
-    quantile, low, high : float
-        The quantile and its interval, rad; by order statistics, whatever the distribution.
-    confidence : float
-        Of the interval.
-    units, seed : int
-        ``virtual_units(stack, units, seed=seed, draws="random")`` draws them again.
-    """
-
-    level: float
-    quantile: float
-    low: float
-    high: float
-    confidence: float
-    units: int
-    seed: int
+    level: float  #: which quantile, such as 0.99
+    quantile: float  #: rad
+    low: float  #: rad; the interval is by order statistics, whatever the distribution
+    high: float  #: rad
+    confidence: float  #: of the interval
+    units: int  #: ``virtual_units(stack, units, seed=seed, draws="random")`` draws them again
+    seed: int  #: of these units
 
 
 @dataclass(frozen=True)
 class Rate:
     """Exchange of cost against the limited error at the widths as given, for one entry.
 
-    Attributes
-    ----------
-    label : str
-    relax : float or None
-        Cost saved per arcsec given up by a wider tolerance; infinite where the width does not matter.  None where
-        no wider one may be had.
-    tighten : float or None
-        Cost of an arcsec gained by a finer tolerance.  None where no finer one may be had, or gains nothing.
-
     Both are None where an entry is fixed, or the width as given finer than all its grades.
     """
 
     label: str
+    #: Cost saved per arcsec given up by a wider tolerance; infinite where the width does not matter.  None where no
+    #: wider one may be had.
     relax: float | None
+    #: Cost of an arcsec gained by a finer tolerance.  None where no finer one may be had, or gains nothing.
     tighten: float | None
 
 
@@ -455,8 +437,7 @@ def _task(
     if kind not in _KINDS:
         raise InputError(f"kind = {kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
     for name, share in (("level", level), ("confidence", confidence)):
-        if not 0 < share < 1:
-            raise InputError(f"{name} = {share:g}: must lie between 0 and 1, such as 0.99")
+        check_share(name, share, 0.99)
     fewest = math.ceil(_FEWEST_BEYOND / min(level, 1 - level))
     ending = math.ceil(math.log((1 - confidence) / 2) / math.log(level))  # units for an interval that ends
     for name, number, least in (("sample", sample, fewest), ("verify", verify, max(fewest, ending))):

@@ -21,6 +21,7 @@ from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.tolerances.distribution import Scalar
 from rverror.tolerances.extremes import direct_kernel, kernel
+from rverror.tolerances.sampling import check_share
 from rverror.tolerances.stacking import PAIRS, Stack
 
 Ints = npt.NDArray[np.intp]
@@ -36,21 +37,11 @@ _SAME = 1e-9  # relative: p-p's nearer than this are rounding
 
 @dataclass(frozen=True)
 class Step:
-    """Measured values go to other places, then vectors are turned.
+    """Measured values go to other places, then vectors are turned."""
 
-    Attributes
-    ----------
-    origin : ndarray of int, shape (m,)
-        Component whose value each component gets.
-    pairs : ndarray of int, shape (vectors, 2)
-        Components of the vectors that are turned.
-    angles : ndarray, shape (vectors,)
-        rad, counter-clockwise.
-    """
-
-    origin: Ints
-    pairs: Ints
-    angles: Array
+    origin: Ints  #: (m,); component whose value each component gets
+    pairs: Ints  #: (vectors, 2); components of the vectors that are turned
+    angles: Array  #: (vectors,); rad, counter-clockwise
 
     def __call__(self, values: Array) -> Array:
         """Values of the components afterwards, shape (..., m)."""
@@ -64,17 +55,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Move:
-    """One way to mount parts.
-
-    Attributes
-    ----------
-    name : str
-    steps : tuple of Step
-        One after another.
-    """
+    """One way to mount parts."""
 
     name: str
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...]  #: one after another
 
     def __call__(self, values: Array) -> Array:
         """Values of the components after the move, shape (..., m)."""
@@ -85,70 +69,36 @@ class Move:
 
 @dataclass(frozen=True)
 class Choice:
-    """Ways to mount, one of which a builder takes.
-
-    Attributes
-    ----------
-    name : str
-    moves : tuple of Move
-        The first leaves all as it is.
-    """
+    """Ways to mount, one of which a builder takes."""
 
     name: str
-    moves: tuple[Move, ...]
+    moves: tuple[Move, ...]  #: the first leaves all as it is
 
 
 @dataclass(frozen=True)
 class Phasing:
-    """Arrangement of least p-p of one unit's parts.
+    """Arrangement of least p-p of one unit's parts."""
 
-    Attributes
-    ----------
-    moves : tuple of str
-        What to do, one move of each choice, in their order.
-    values : ndarray, shape (m,)
-        Value of each component in that arrangement.
-    peak_to_peak : float
-        rad; the least of all arrangements.
-    as_is : float
-        rad; with the parts as they were.
-    mean, largest : float
-        rad; over all arrangements, one taken at random.
-    arrangements : int
-    """
-
-    moves: tuple[str, ...]
-    values: Array
-    peak_to_peak: float
-    as_is: float
-    mean: float
-    largest: float
+    moves: tuple[str, ...]  #: what to do, one move of each choice, in their order
+    values: Array  #: (m,); value of each component in that arrangement
+    peak_to_peak: float  #: rad; the least of all arrangements
+    as_is: float  #: rad; with the parts as they were
+    mean: float  #: rad; over all arrangements, one taken at random
+    largest: float  #: rad; over all arrangements
     arrangements: int
 
 
 @dataclass(frozen=True)
 class PhasingGain:
-    """What phasing brings over many units.
+    """What phasing brings over many units."""
 
-    Attributes
-    ----------
-    random_mean, chosen_mean : float
-        rad; mean p-p of units put together at random, and in the arrangement of least p-p.
-    gain, gain_error : float
-        Share by which the mean falls, and its standard error.
-    level : float
-    random_quantile, chosen_quantile : float
-        rad; this quantile of the p-p.
-    units, arrangements : int
-    """
-
-    random_mean: float
-    chosen_mean: float
-    gain: float
-    gain_error: float
+    random_mean: float  #: rad; mean p-p of units put together at random
+    chosen_mean: float  #: rad; the same in the arrangement of least p-p
+    gain: float  #: share by which the mean falls
+    gain_error: float  #: its standard error
     level: float
-    random_quantile: float
-    chosen_quantile: float
+    random_quantile: float  #: rad; this quantile of the p-p at random
+    chosen_quantile: float  #: rad; and in the arrangement of least p-p
     units: int
     arrangements: int
 
@@ -158,17 +108,12 @@ def exchange(stack: Stack, name: str, keys: Sequence[str], index: str) -> Choice
 
     Parameters
     ----------
-    stack : Stack
     name : str
         What is exchanged, for people: ``"cranks"``.
     keys : sequence of str
         Sources whose errors are on these parts.
     index : str
         Index that counts them: ``"crank"``, ``"disc"``.
-
-    Returns
-    -------
-    Choice
 
     Raises
     ------
@@ -191,7 +136,8 @@ def exchange(stack: Stack, name: str, keys: Sequence[str], index: str) -> Choice
         part_at = dict(zip(places, order, strict=True))
         origin = _origins(stack, name, meant, {index: part_at})
         word = "as they are" if order == tuple(places) else " ".join(map(str, order))
-        moves.append(Move(f"{name} {word}", (_step(origin),)))
+        nothing_turns = Step(origin, np.empty((0, 2), dtype=np.intp), np.empty(0))
+        moves.append(Move(f"{name} {word}", (nothing_turns,)))
     return Choice(name, tuple(moves))
 
 
@@ -209,7 +155,6 @@ def turn(
 
     Parameters
     ----------
-    stack : Stack
     name : str
         What is turned, for people: ``"disc 0"``.
     keys : sequence of str
@@ -224,10 +169,6 @@ def turn(
         are.  ``{"crank": (1, 3)}`` for the bores of a disc.
     **where
         Which part: ``disc=0``.
-
-    Returns
-    -------
-    Choice
 
     Raises
     ------
@@ -330,15 +271,10 @@ def phasing(stack: Stack, choices: Sequence[Choice], values: Any) -> Phasing:
 
     Parameters
     ----------
-    stack : Stack
     choices : sequence of Choice
         Taken one after another, in this order.
     values : array_like, shape (m,)
         Measured deviation of each component from its mean, core units, parts as they are.
-
-    Returns
-    -------
-    Phasing
 
     Raises
     ------
@@ -504,50 +440,27 @@ def _vector(
     return (rows[mates[0]], rows[mates[1]]), int(turns)
 
 
-def _step(origin: Ints) -> Step:
-    return Step(origin, np.empty((0, 2), dtype=np.intp), np.empty(0))
-
-
 # --- selective assembly ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Matched:
-    """Sizes that are sorted into classes.
+    """Sizes that are sorted into classes."""
 
-    Attributes
-    ----------
-    entry : int
-        Entry of the stack, one scalar parameter without correlation.
-    opposite : bool
-        Whether the largest go with the smallest of the others.
-    """
-
-    entry: int
-    opposite: bool = False
+    entry: int  #: of the stack, one scalar parameter without correlation
+    opposite: bool = False  #: whether the largest go with the smallest of the others
 
 
 @dataclass(frozen=True)
 class SelectiveAssembly:
-    """What sorting into classes brings.
-
-    Attributes
-    ----------
-    classes : int
-    level : float
-    random, matched : float
-        rad; this quantile of the p-p, of parts taken at random and of the same distribution matched by class.
-    random_mean, matched_mean : float
-        rad; mean p-p.
-    units : int
-    """
+    """What sorting into classes brings."""
 
     classes: int
     level: float
-    random: float
-    matched: float
-    random_mean: float
-    matched_mean: float
+    random: float  #: rad; this quantile of the p-p of parts taken at random
+    matched: float  #: rad; and of the same distribution matched by class
+    random_mean: float  #: rad; mean p-p
+    matched_mean: float  #: rad
     units: int
 
     @property
@@ -570,7 +483,6 @@ def selective_assembly(
 
     Parameters
     ----------
-    stack : Stack
     matched : sequence of Matched
         Entries whose sizes are sorted.
     classes : int
@@ -582,11 +494,6 @@ def selective_assembly(
         Quantile to compare, above 0 and below 1.
     units : int
         2 or more.
-    seed : int
-
-    Returns
-    -------
-    SelectiveAssembly
 
     Raises
     ------
@@ -646,5 +553,4 @@ def _check_sorted(stack: Stack, item: Matched) -> None:
 def _check(units: int, level: float) -> None:
     if units < 2:
         raise InputError(f"units = {units}: must be 2 or more")
-    if not 0 < level < 1:
-        raise InputError(f"level = {level:g}: must lie between 0 and 1, such as 0.99")
+    check_share("level", level, 0.99)

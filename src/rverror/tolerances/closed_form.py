@@ -26,90 +26,39 @@ _ROWS = 256  # units whose waveforms are held at a time
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one entry, the tolerance of a source, does to the output error.
-
-    Attributes
-    ----------
-    label : str
-    width : float
-        T, core unit.
-    dimension : str
-        A key of `units.CORE_UNITS`.
-    components : int
-        Its number of toleranced components.
-    mean_square : float
-        rad^2; variance of its deviation, mean over the revolution.
-    share : float
-        Of all entries' `mean_square`; these add up to 1, or are all 0 where every entry moves the offset alone.
-    worst_peak_to_peak : float
-        Largest peak-to-peak of the entry alone.
-    worst_part : float
-        Its part of the worst case of all, `WorstCase.peak_to_peak`.
-    rss : float
-        Root sum of squares of the largest peak-to-peaks of its groups alone.
-    mean_peak_to_peak : float
-        Expected peak-to-peak of the entry alone.
-    mean_peak_to_peak_error : float
-        Its standard error, not less than it is.
-    offset_deviation : float
-        Standard deviation of the offset that it makes.
-    worst_offset : float
-        Largest offset that it makes, to either side of its mean.
-    effect : str
-        ``"wave"``, ``"offset"`` where it moves the offset alone, ``"nothing"``.
-    """
+    """What one entry, the tolerance of a source, does to the output error."""
 
     label: str
-    width: float
-    dimension: str
-    components: int
-    mean_square: float
+    width: float  #: T, core unit
+    dimension: str  #: a key of `units.CORE_UNITS`
+    components: int  #: its number of toleranced components
+    mean_square: float  #: rad^2; variance of its deviation, mean over the revolution
+    #: Of all entries' `mean_square`; these add up to 1, or are all 0 where every entry moves the offset alone.
     share: float
-    worst_peak_to_peak: float
-    worst_part: float
-    rss: float
-    mean_peak_to_peak: float
-    mean_peak_to_peak_error: float
-    offset_deviation: float
-    worst_offset: float
-    effect: str
+    worst_peak_to_peak: float  #: largest peak-to-peak of the entry alone
+    worst_part: float  #: its part of the worst case of all, `WorstCase.peak_to_peak`
+    rss: float  #: root sum of squares of the largest peak-to-peaks of its groups alone
+    mean_peak_to_peak: float  #: expected peak-to-peak of the entry alone
+    mean_peak_to_peak_error: float  #: its standard error, not less than it is
+    offset_deviation: float  #: standard deviation of the offset that it makes
+    worst_offset: float  #: largest offset that it makes, to either side of its mean
+    effect: str  #: ``"wave"``, ``"offset"`` where it moves the offset alone, ``"nothing"``
 
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Largest output errors within the tolerances, exact for the linear map at the angles given.
+    """Largest output errors within the tolerances, exact for the linear map at the angles given."""
 
-    Attributes
-    ----------
-    lower, upper : ndarray, shape (n,)
-        Envelope of TE.
-    offset : tuple of float
-        Least and largest offset.
-    peak_to_peak : float
-        Largest peak-to-peak of any unit, nominal error included.
-    peak_to_peak_nominal : float
-        The nominal error's part of it; the rest is `Contribution.worst_part`.
-    peak_to_peak_angles : tuple of int
-        Places of the highest and the lowest angle.
-    peak_to_peak_values : ndarray, shape (m,)
-        Components of that unit, core units, less their means.
-    maximum : float
-        Largest \\|deviation\\| of any unit.
-    maximum_angle : int
-    maximum_values : ndarray, shape (m,)
-        Components of that unit, core units, less their means.
-    """
-
-    lower: Array
-    upper: Array
-    offset: tuple[float, float]
-    peak_to_peak: float
-    peak_to_peak_nominal: float
-    peak_to_peak_angles: tuple[int, int]
-    peak_to_peak_values: Array
-    maximum: float
+    lower: Array  #: (n,); lower end of the envelope of TE
+    upper: Array  #: (n,); its upper end
+    offset: tuple[float, float]  #: least and largest offset
+    peak_to_peak: float  #: largest peak-to-peak of any unit, nominal error included
+    peak_to_peak_nominal: float  #: the nominal error's part of it; the rest is `Contribution.worst_part`
+    peak_to_peak_angles: tuple[int, int]  #: places of the highest and the lowest angle
+    peak_to_peak_values: Array  #: (m,); components of that unit, core units, less their means
+    maximum: float  #: largest \|deviation\| of any unit
     maximum_angle: int
-    maximum_values: Array
+    maximum_values: Array  #: (m,); components of that unit, core units, less their means
 
 
 @dataclass(frozen=True)
@@ -244,15 +193,14 @@ def _by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
     ``w @ block.covariance() @ w`` as squares of the instances' waves and of their sums, which rounding does not make
     negative where the sums cancel.
     """
-    return np.array([_variance(block, scaled[block.components]) for block in blocks])
-
-
-def _variance(block: Block, rows: Array) -> Array:
-    waves = rows.reshape(block.instances, block.terms, -1)
-    own = np.einsum("itn,itn->n", waves, waves)
-    shared = (waves.sum(axis=0) ** 2).sum(axis=0)
-    rho = block.remaining_correlation
-    return np.asarray(block.distribution.variance * ((1 - rho) * own + rho * shared), dtype=np.float64)
+    variances = []
+    for block in blocks:
+        waves = scaled[block.components].reshape(block.instances, block.terms, -1)
+        own = np.einsum("itn,itn->n", waves, waves)
+        shared = (waves.sum(axis=0) ** 2).sum(axis=0)
+        rho = block.remaining_correlation
+        variances.append(block.distribution.variance * ((1 - rho) * own + rho * shared))
+    return np.array(variances)
 
 
 def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[int, int]) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import betaincinv
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
@@ -29,7 +28,7 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.statics.prediction import Predictor
-from rverror.tolerances.sampling import VirtualUnits, computed, uniforms
+from rverror.tolerances.sampling import VirtualUnits, check_seed, check_share, computed, share_interval, uniforms
 from rverror.tolerances.stacking import Stack, Tolerance
 
 #: Units that the equilibrium solves where no number is given.
@@ -59,21 +58,12 @@ _EVEN = 1e-6  # of a step or a period
 
 @dataclass(frozen=True)
 class Corrected:
-    """A mean, quantile or yield with contacts that open, beside the linear one.
-
-    Attributes
-    ----------
-    value : float
-    low, high : float
-        Interval.
-    linear : float
-        What all the linear units give.
-    """
+    """A mean, quantile or yield with contacts that open, beside the linear one."""
 
     value: float
-    low: float
-    high: float
-    linear: float
+    low: float  #: lower end of the interval
+    high: float  #: its upper end
+    linear: float  #: what all the linear units give
 
     @property
     def correction(self) -> float:
@@ -90,13 +80,6 @@ class Corrected:
 class ControlVariate:
     """Distribution of a dear quantity, known for a sample, with the help of a cheap one, known for many.
 
-    Attributes
-    ----------
-    many : ndarray, shape (N,)
-        The cheap quantity of many independent units.
-    cheap, dear : ndarray, shape (n,)
-        Both quantities of a sample of units of the same kind.
-
     Raises
     ------
     InputError
@@ -109,9 +92,9 @@ class ControlVariate:
     near in rank.
     """
 
-    many: Array
-    cheap: Array
-    dear: Array
+    many: Array  #: (N,); the cheap quantity of many independent units
+    cheap: Array  #: (n,); the same of a sample of units of the same kind
+    dear: Array  #: (n,); the dear quantity of that sample
 
     def __post_init__(self) -> None:
         """Check the arrays."""
@@ -146,10 +129,7 @@ class ControlVariate:
 
     @property
     def variance_reduction(self) -> float:
-        """How many times more units the dear quantity alone would take for the same mean.
-
-        Not a number where it does not vary.
-        """
+        """How many times more units the dear quantity alone would take for the same mean; nan if it does not vary."""
         if not _varies(self.dear):
             return math.nan
         alone = float(self.dear.var(ddof=1)) / self.dear.size
@@ -157,17 +137,8 @@ class ControlVariate:
         return alone / left if left else math.inf
 
     def mean(self, *, confidence: float = 0.95) -> Corrected:
-        """Mean of the dear quantity.
-
-        Parameters
-        ----------
-        confidence : float
-
-        Returns
-        -------
-        Corrected
-        """
-        _check_share("confidence", confidence)
+        """Mean of the dear quantity."""
+        check_share("confidence", confidence)
         count, middle = self.dear.size, float(self.many.mean())
 
         def found(keep: Any) -> float:
@@ -181,41 +152,15 @@ class ControlVariate:
         return Corrected(value, value - margin, value + margin, middle)
 
     def quantile(self, probability: float, *, confidence: float = 0.95) -> Corrected:
-        """Size that so large a share of the units does not exceed.
-
-        Parameters
-        ----------
-        probability : float
-            Between 0 and 1: 0.99 for P99.
-        confidence : float
-
-        Returns
-        -------
-        Corrected
-
-        Raises
-        ------
-        InputError
-            If a probability is not between 0 and 1.
-        """
-        _check_share("probability", probability)
+        """Size that so large a share of the units does not exceed; a probability of 0.99 for P99."""
+        check_share("probability", probability)
         value = float(self._inverse(np.array([probability]))[0])
         low, high = self._inverse(self._limits(value, probability, confidence))
         linear = float(np.quantile(self.many, probability))
         return Corrected(value, min(float(low), value), max(float(high), value), linear)
 
     def yield_at(self, limit: float, *, confidence: float = 0.95) -> Corrected:
-        """Share of the units that do not exceed a limit.
-
-        Parameters
-        ----------
-        limit : float
-        confidence : float
-
-        Returns
-        -------
-        Corrected
-        """
+        """Share of the units that do not exceed a limit."""
         value = float(self._all.share(np.array([limit]))[0])
         low, high = self._limits(limit, value, confidence)
         linear = float((self.many <= limit).mean())
@@ -290,16 +235,13 @@ class ControlVariate:
 
         A share is taken to be known no better than the mean: the jackknife does not see what lies beyond the sample.
         """
-        _check_share("confidence", confidence)
+        check_share("confidence", confidence)
         binomial = share * (1 - share)
         scatter = _jackknife(np.array([one.share(np.array([size]))[0] for one in self._without]))
         most = 1 / (self.unexplained / self.cheap.size + 1 / self.many.size)
         variance = scatter + binomial / self.many.size
         trials = min(most, binomial / variance) if binomial and variance else most
-        good, tail = share * trials, (1 - confidence) / 2
-        low = float(betaincinv(good, trials - good + 1, tail)) if good > 0 else 0.0
-        high = float(betaincinv(good + 1, trials - good, 1 - tail)) if good < trials else 1.0
-        return np.array([low, high])
+        return np.array(share_interval(share * trials, trials, confidence))
 
 
 @dataclass(frozen=True)
@@ -410,8 +352,7 @@ def contact_correction(
         raise InputError(f"count = {count}: too few units for an interval; give {_FEWEST} or more")
     if points < _COARSEST:
         raise InputError(f"points = {points}: too few angles for a peak-to-peak; give {_COARSEST} or more")
-    if seed < 0:
-        raise InputError(f"seed = {seed}: must be 0 or more")
+    check_seed(seed)
     if len(tolerances) != len(stack.blocks):
         raise InputError(f"{len(tolerances)} tolerances for a stack of {len(stack.blocks)}; give those of the stack")
     if stack.theta is None:
@@ -616,11 +557,6 @@ def _criterion(ranks: Array, cheap: Array, dear: Array, width: float) -> float:
     if freedom <= 0:
         return math.inf
     return dear.size * (math.log(max(float(rest @ rest), _TINY)) + 2 * (dear.size - 1 - freedom) / freedom)
-
-
-def _check_share(name: str, value: float) -> None:
-    if not 0 < value < 1:
-        raise InputError(f"{name} = {value:g}: must lie between 0 and 1, such as 0.95")
 
 
 def _varies(row: Array) -> bool:

@@ -16,7 +16,22 @@ SAME_WIDTH = 1e-9
 
 
 @dataclass(frozen=True)
-class Reciprocal:
+class _Curve:
+    """Smooth cost."""
+
+    price: float
+    at: float
+    base: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check("price of a cost", self.price)
+        _check("width of a cost ('at')", self.at, above_zero=True)
+        _check("base of a cost", self.base)
+
+
+@dataclass(frozen=True)
+class Reciprocal(_Curve):
     """Cost that grows as one over the width: ``cost(T) = base + price * at / T``.
 
     Attributes
@@ -39,14 +54,6 @@ class Reciprocal:
     27.0
     """
 
-    price: float
-    at: float
-    base: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        _check_curve(self)
-
     def cost(self, width: float) -> float:
         """Cost of a width, core unit."""
         return self.base + self.price * self.at / _positive(width)
@@ -57,36 +64,16 @@ class Reciprocal:
 
 
 @dataclass(frozen=True)
-class ReciprocalSquare:
+class ReciprocalSquare(_Curve):
     """Cost that grows as one over the square of the width: ``cost(T) = base + price * (at / T)**2``.
 
-    Attributes
-    ----------
-    price : float
-        Cost above `base` at the width `at`, not negative.
-    at : float
-        Width to which `price` belongs, core unit.
-    base : float
-        Cost at any width, not negative.
-
-    Raises
-    ------
-    InputError
-        If a value is not finite or out of its bound.
+    Its values are those of `Reciprocal`.
 
     Examples
     --------
     >>> ReciprocalSquare(price=12.0, at=0.005, base=3.0).cost(0.0025)  # half the width, four times the price
     51.0
     """
-
-    price: float
-    at: float
-    base: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        _check_curve(self)
 
     def cost(self, width: float) -> float:
         """Cost of a width, core unit."""
@@ -100,15 +87,6 @@ class ReciprocalSquare:
 @dataclass(frozen=True)
 class Grades:
     """Cost by a table: only these widths can be bought.
-
-    Attributes
-    ----------
-    widths : tuple of float
-        Core unit; kept finest first, whatever the order given.
-    prices : tuple of float
-        Cost of each width, not negative; a wider grade costs no more than a finer one.
-    names : tuple of str
-        What people call each grade, such as ``"IT5"``.
 
     Raises
     ------
@@ -125,9 +103,9 @@ class Grades:
     30.0
     """
 
-    widths: tuple[float, ...]
-    prices: tuple[float, ...]
-    names: tuple[str, ...]
+    widths: tuple[float, ...]  #: core unit; kept finest first, whatever the order given
+    prices: tuple[float, ...]  #: cost of each width, not negative; a wider grade costs no more than a finer one
+    names: tuple[str, ...]  #: what people call each grade, such as ``"IT5"``
 
     def __post_init__(self) -> None:
         """Check the grades and put the finest first."""
@@ -156,13 +134,7 @@ class Grades:
         return self.widths[0] <= _positive(width) * (1 + SAME_WIDTH)
 
     def index(self, width: float) -> int:
-        """Place in the table of the grade that holds a width: the widest not above it.
-
-        Raises
-        ------
-        InputError
-            If the finest grade is wider.
-        """
+        """Place in the table of the grade that holds a width: the widest not above it; an error where none holds it."""
         if not self.holds(width):
             raise InputError(
                 f"width {width:.6g} is finer than the finest grade {self.names[0]}, {self.widths[0]:.6g}; "
@@ -184,12 +156,6 @@ class Grades:
 
 #: What a tolerance may cost by.
 Cost = Reciprocal | ReciprocalSquare | Grades
-
-
-def _check_curve(curve: Reciprocal | ReciprocalSquare) -> None:
-    _check("price of a cost", curve.price)
-    _check("width of a cost ('at')", curve.at, above_zero=True)
-    _check("base of a cost", curve.base)
 
 
 def _check(name: str, value: float, *, above_zero: bool = False) -> None:

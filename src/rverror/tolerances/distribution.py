@@ -27,17 +27,10 @@ _SMALLEST_UNIFORM = 2.0**-54  # so that no normal quantile is infinite
 
 
 class Distribution(ABC):
-    """What all distributions have.
+    """What all distributions have."""
 
-    Attributes
-    ----------
-    name : str
-        As in tolerance files.
-    vector : bool
-        Whether the tolerance limits the length of a vector, not each component: the worst case is a circle.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  #: as in tolerance files
+    #: Whether the tolerance limits the length of a vector, not each component: the worst case is a circle.
     vector: ClassVar[bool] = False
 
     @property
@@ -58,19 +51,8 @@ class Scalar(Distribution):
         return self.quantile(np.asarray(ndtr(z)))
 
     def normal_correlation(self, correlation: float) -> float:
-        """Correlation that normal variables need for their images by `from_normal` to have the given one.
+        """Correlation that normal variables need for their images by `from_normal` to have the given one, Pearson's.
 
-        Parameters
-        ----------
-        correlation : float
-            Pearson correlation of the values, 0 to 1.
-
-        Returns
-        -------
-        float
-
-        Notes
-        -----
         By quadrature over two normal variables with a common part.  The images' correlation grows with that of the
         normal variables, so there is one solution.
         """
@@ -89,16 +71,10 @@ class Scalar(Distribution):
 
 
 class Planar(Distribution):
-    """Distribution of a vector whose phase is uniform.
-
-    Attributes
-    ----------
-    variates : int
-        Uniform variates that one vector takes.
-    """
+    """Distribution of a vector whose phase is uniform."""
 
     vector: ClassVar[bool] = True
-    variates: ClassVar[int]
+    variates: ClassVar[int]  #: uniform variates that one vector takes
 
     @abstractmethod
     def pairs(self, uniform: Array) -> Array:
@@ -110,11 +86,7 @@ class Uniform(Scalar):
     """Each component anywhere in +-T alike."""
 
     name: ClassVar[str] = "uniform"
-
-    @property
-    def variance(self) -> float:
-        """1/3."""
-        return 1 / 3
+    variance: ClassVar[float] = 1 / 3
 
     def quantile(self, probability: Array) -> Array:
         """``2 u - 1``."""
@@ -130,11 +102,7 @@ class Triangular(Scalar):
     """Each component in +-T, the density falling from the middle to both ends along straight lines."""
 
     name: ClassVar[str] = "triangular"
-
-    @property
-    def variance(self) -> float:
-        """1/6."""
-        return 1 / 6
+    variance: ClassVar[float] = 1 / 6
 
     def quantile(self, probability: Array) -> Array:
         """From the area of the triangle on the nearer side."""
@@ -143,7 +111,21 @@ class Triangular(Scalar):
 
 
 @dataclass(frozen=True)
-class Normal(Scalar):
+class _Process(Scalar):
+    """Distribution of a process that is known by its capability."""
+
+    capability: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the capability."""
+        if not 0 < self.capability < math.inf:
+            raise InputError(
+                f"capability = {self.capability:g}: must be above 0; give the Cp of the process, such as 1.33"
+            )
+
+
+@dataclass(frozen=True)
+class Normal(_Process):
     """Each component normal, the tolerance T at 3 Cp sigma.
 
     Attributes
@@ -152,12 +134,7 @@ class Normal(Scalar):
         Process capability Cp, above 0: T / (3 sigma).
     """
 
-    capability: float = 1.0
     name: ClassVar[str] = "normal"
-
-    def __post_init__(self) -> None:
-        """Check the capability."""
-        _check_capability(self.capability)
 
     @property
     def sigma(self) -> float:
@@ -202,7 +179,7 @@ class Rayleigh(Normal):
 
 
 @dataclass(frozen=True)
-class TruncatedNormal(Scalar):
+class TruncatedNormal(_Process):
     """Each component normal with T at 3 Cp sigma, and parts beyond +-T sorted out.
 
     Attributes
@@ -211,12 +188,7 @@ class TruncatedNormal(Scalar):
         Process capability Cp before sorting, above 0.
     """
 
-    capability: float = 1.0
     name: ClassVar[str] = "truncated_normal"
-
-    def __post_init__(self) -> None:
-        """Check the capability."""
-        _check_capability(self.capability)
 
     @property
     def variance(self) -> float:
@@ -286,11 +258,7 @@ class Circle(Planar):
 
     name: ClassVar[str] = "circle"
     variates: ClassVar[int] = 2
-
-    @property
-    def variance(self) -> float:
-        """1/4."""
-        return 1 / 4
+    variance: ClassVar[float] = 1 / 4
 
     def pairs(self, uniform: Array) -> Array:
         """Amplitude ``sqrt(u1)``, phase ``2 pi u2``."""
@@ -303,11 +271,7 @@ class Ring(Planar):
 
     name: ClassVar[str] = "ring"
     variates: ClassVar[int] = 1
-
-    @property
-    def variance(self) -> float:
-        """1/2."""
-        return 1 / 2
+    variance: ClassVar[float] = 1 / 2
 
     def pairs(self, uniform: Array) -> Array:
         """Phase ``2 pi u``."""
@@ -369,11 +333,6 @@ def turned(pairs: Array, uniform: Array) -> Array:
 def _polar(amplitude: Array, turns: Array) -> Array:
     angle = 2 * np.pi * turns
     return np.stack([amplitude * np.cos(angle), amplitude * np.sin(angle)], axis=-1)
-
-
-def _check_capability(capability: float) -> None:
-    if not 0 < capability < math.inf:
-        raise InputError(f"capability = {capability:g}: must be above 0; give the Cp of the process, such as 1.33")
 
 
 def _check_samples(values: tuple[float, ...]) -> None:

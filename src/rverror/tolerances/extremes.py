@@ -24,52 +24,24 @@ _FOLDED_SAMPLES = 2**17  # 1 MB: sums and peaks stay in a core's cache
 
 @dataclass(frozen=True)
 class Extremes:
-    """Sizes of the output error of many units over one revolution.
+    """Sizes of the output error of many units over one revolution."""
 
-    Attributes
-    ----------
-    peak_to_peak : ndarray, shape (units,)
-        Largest less smallest value.
-    max : ndarray, shape (units,)
-        Largest distance from the mean over the angles.
-    rms : ndarray, shape (units,)
-        About the mean over the angles.
-    offset : ndarray, shape (units,)
-        The mean over the angles, which the others leave out.
-    """
-
-    peak_to_peak: Array
-    max: Array
-    rms: Array
-    offset: Array
+    peak_to_peak: Array  #: (units,); largest less smallest value
+    max: Array  #: (units,); largest distance from the mean over the angles
+    rms: Array  #: (units,); about the mean over the angles
+    offset: Array  #: (units,); the mean over the angles, which the others leave out
 
 
 @dataclass(frozen=True)
 class Kernel(ABC):
-    """Waveforms made ready for very many combinations ``nominal + values @ waveforms``.
+    """Waveforms made ready for very many combinations ``nominal + values @ waveforms``."""
 
-    Attributes
-    ----------
-    offsets : ndarray, shape (m,)
-        Mean of each waveform, which is kept apart from it.
-    nominal_offset : float
-        Mean of the nominal.
-    factor : ndarray, shape (m, r)
-        Coordinates of the waveforms in an orthonormal basis.
-    nominal_factor : ndarray, shape (r,)
-        Coordinates of the nominal.
-    slack : ndarray, shape (m,)
-        What any sample may be off by, for a value of 1 of each waveform.
-    nominal_slack : float
-        The same for the nominal.
-    """
-
-    offsets: Array
-    nominal_offset: float
-    factor: Array
-    nominal_factor: Array
-    slack: Array
-    nominal_slack: float
+    offsets: Array  #: (m,); mean of each waveform, which is kept apart from it
+    nominal_offset: float  #: mean of the nominal
+    factor: Array  #: (m, r); coordinates of the waveforms in an orthonormal basis
+    nominal_factor: Array  #: (r,); coordinates of the nominal
+    slack: Array  #: (m,); what any sample may be off by, for a value of 1 of each waveform
+    nominal_slack: float  #: the same for the nominal
 
     @abstractmethod
     def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
@@ -81,32 +53,13 @@ class Kernel(ABC):
         """Multiplications that one combination takes."""
 
     def extremes(self, values: Array) -> Extremes:
-        """Sizes of ``nominal + values @ waveforms`` for each row of values.
-
-        Parameters
-        ----------
-        values : ndarray, shape (units, m)
-
-        Returns
-        -------
-        Extremes
-            In the unit of the waveforms.
-        """
+        """Sizes of ``nominal + values @ waveforms`` in its unit, for each row of values, shape (units, m)."""
         high, low, rms = np.empty((3, values.shape[0]))
         self._fill(values, high, low, rms)
         return Extremes(high - low, np.maximum(high, -low), rms, self.nominal_offset + values @ self.offsets)
 
     def bound(self, values: Array) -> Array:
-        """Bound on the error of each peak-to-peak: of waves left out and of rounding.
-
-        Parameters
-        ----------
-        values : ndarray, shape (units, m)
-
-        Returns
-        -------
-        ndarray, shape (units,)
-        """
+        """Bound on the error of each peak-to-peak, of waves left out and of rounding, for each row of values."""
         return np.asarray(2 * (np.abs(values) @ self.slack + self.nominal_slack), dtype=np.float64)
 
     def bound_within(self, reach: float) -> float:
@@ -116,18 +69,10 @@ class Kernel(ABC):
 
 @dataclass(frozen=True)
 class DirectKernel(Kernel):
-    """The straightforward form: the matrix product in blocks, then its maxima and minima.
+    """The straightforward form: the matrix product in blocks, then its maxima and minima."""
 
-    Attributes
-    ----------
-    waveforms : ndarray, shape (m, n)
-        Without their means.
-    nominal : ndarray, shape (n,)
-        Without its mean.
-    """
-
-    waveforms: Array
-    nominal: Array
+    waveforms: Array  #: (m, n); without their means
+    nominal: Array  #: (n,); without its mean
 
     @property
     def work(self) -> int:
@@ -150,19 +95,13 @@ class DirectKernel(Kernel):
 
 @dataclass(frozen=True)
 class FoldedKernel(Kernel):
-    """The form by orders: waves that repeat within the revolution are summed on the angles of one repeat alone.
+    """The form by orders: waves that repeat within the revolution are summed on the angles of one repeat alone."""
 
-    Attributes
-    ----------
-    levels : tuple of ndarray, each of shape (r_v, h_v)
-        Orthonormal waves of each level.  Those of all but the last change their sign after h_v samples, those of the
-        last repeat; level v + 1 is added to the first and to the second half of what level v leaves of the revolution.
-    weights : ndarray, shape (r,)
-        Mean square over the revolution of each wave.
-    """
-
+    #: (r_v, h_v); orthonormal waves of each level.  Those of all but the last change their sign after h_v samples,
+    #: those of the last repeat; level v + 1 is added to the first and to the second half of what level v leaves of the
+    #: revolution.
     levels: tuple[Array, ...]
-    weights: Array
+    weights: Array  #: (r,); mean square over the revolution of each wave
 
     @property
     def work(self) -> int:
@@ -202,22 +141,7 @@ class FoldedKernel(Kernel):
 
 
 def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:
-    """Make waveforms ready for the straightforward form.
-
-    Parameters
-    ----------
-    waveforms : ndarray, shape (m, n)
-    nominal : ndarray, shape (n,)
-
-    Returns
-    -------
-    DirectKernel
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit or a number is not finite.
-    """
+    """Make waveforms ready for the straightforward form; what they are and what is refused as for `kernel`."""
     rows, means, left_out = _centred(waveforms, nominal)
     count = rows.shape[0]
     triangle: Array = np.asarray(np.linalg.qr(rows.T, mode="r"))
@@ -225,41 +149,15 @@ def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:
     noise = 2 * _UNIT_ROUNDOFF * max(rows.shape) * values[0]  # as numpy.linalg.matrix_rank has it
     factor = (left * values)[:, values > noise]
     slack = left_out + _gamma(count + 4) * np.abs(rows).max(axis=1)
-    return DirectKernel(
-        offsets=means[:-1],
-        nominal_offset=float(means[-1]),
-        factor=np.ascontiguousarray(factor[:-1]),
-        nominal_factor=np.ascontiguousarray(factor[-1]),
-        slack=slack[:-1],
-        nominal_slack=float(slack[-1]),
-        waveforms=rows[:-1],
-        nominal=rows[-1],
-    )
+    return DirectKernel(*_common(means, factor, slack), waveforms=rows[:-1], nominal=rows[-1])
 
 
 def folded_kernel(
     waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE
 ) -> FoldedKernel:
-    """Make waveforms ready for the form by orders.
+    """Make waveforms ready for the form by orders; what they are and what is refused as for `kernel`.
 
-    Parameters
-    ----------
-    waveforms : ndarray, shape (m, n)
-    nominal : ndarray, shape (n,)
-    reach : float
-        Largest value that will multiply a waveform.
-    tolerance : float
-        Bound on the error of a peak-to-peak, as long as no value exceeds `reach`; in the unit of the waveforms.
-
-    Returns
-    -------
-    FoldedKernel
-        Its `bound_within(reach)` tells whether the tolerance was to be had: rounding may not allow it.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit or a number is not finite.
+    Its `bound_within(reach)` tells whether the tolerance was to be had: rounding may not allow it.
 
     Notes
     -----
@@ -283,19 +181,10 @@ def folded_kernel(
             factors.append(factor)
             levels.append(basis)
             weights.append(np.full(len(basis), 1 / level.shape[1]))
-    together = np.concatenate(factors, axis=1)
     rank = max(len(level) for level in levels)
     slack = left_out + _gamma(count + 2 * rank + 2 * len(folded) + 4) * (sizes + left_out)
-    return FoldedKernel(
-        offsets=means[:-1],
-        nominal_offset=float(means[-1]),
-        factor=np.ascontiguousarray(together[:-1]),
-        nominal_factor=together[-1],
-        slack=slack[:-1],
-        nominal_slack=float(slack[-1]),
-        levels=tuple(levels),
-        weights=np.concatenate(weights),
-    )
+    common = _common(means, np.concatenate(factors, axis=1), slack)
+    return FoldedKernel(*common, levels=tuple(levels), weights=np.concatenate(weights))
 
 
 def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE) -> Kernel:
@@ -306,12 +195,11 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
     waveforms : ndarray, shape (m, n)
         Such as `Stack.scaled`, rad per standard draw.
     nominal : ndarray, shape (n,)
-    reach, tolerance : float
-        As for `folded_kernel`; a tolerance of 0 asks for the straightforward form.
-
-    Returns
-    -------
-    Kernel
+    reach : float
+        Largest value that will multiply a waveform.
+    tolerance : float
+        Bound on the error of a peak-to-peak, as long as no value exceeds `reach`; in the unit of the waveforms.  0 asks
+        for the straightforward form.
 
     Raises
     ------
@@ -334,6 +222,12 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
         if folded.bound_within(reach) <= tolerance and folded.work < _WORTHWHILE * waveforms.size:
             return folded
     return direct_kernel(waveforms, nominal)
+
+
+def _common(means: Array, factor: Array, slack: Array) -> tuple[Array, float, Array, Array, Array, float]:
+    """What every kernel has, the nominal taken off the rows."""
+    rows = np.ascontiguousarray(factor[:-1])
+    return means[:-1], float(means[-1]), rows, np.ascontiguousarray(factor[-1]), slack[:-1], float(slack[-1])
 
 
 def _centred(waveforms: Array, nominal: Array) -> tuple[Array, Array, Array]:

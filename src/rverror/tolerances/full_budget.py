@@ -74,10 +74,8 @@ def error_budget(
     model : Model
     tolerances : sequence of Tolerance
         From `load_tolerances` or `tolerance`.
-    theta : array_like or quantity, shape (n,), optional
-        Nominal output angle, rad; even angles of one revolution where left out.
-    direction : float
-        +1 forward, -1 reverse.
+    theta, direction
+        As for `stack`.
     torque : float or quantity, optional
         Size of the output torque, N*mm.  With one, a sample of the units is solved at that load, contacts that open
         included, and corrects the linear result.
@@ -87,11 +85,8 @@ def error_budget(
         Points of the Sobol indices.
     contact_count : int
         Units solved at the load.
-    seed : int
-    executor : concurrent.futures.Executor, optional
-        Where the units are computed; the numbers are the same with any.
-    folder : str or path-like, optional
-        Where finished chunks of units are kept, so that an interrupted job goes on.
+    seed, executor, folder
+        As for `virtual_units`.
     progress : callable, optional
         Called with a line of text as the work goes on.
 

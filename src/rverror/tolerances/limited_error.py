@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.tolerances.market import CLOSE, ROUNDS, Found, Market, Mask, Row, convex, minimised, pulled_in
+from rverror.tolerances.market import CLOSE, ROUNDS, Found, Limited, Market, Mask, Row, minimised, pulled_in
 from rverror.tolerances.stacking import Stack
 from rverror.tolerances.worst_pair import GroupWaves
 
@@ -22,9 +22,6 @@ Ints = npt.NDArray[np.intp]
 
 #: Combinations of grades up to which the least cost at a yield is proven by trying all that cost less.
 MOST_COMBINATIONS = 200_000
-
-#: What is known of the least cost for a convex limit.
-PROVEN = "nothing costs less, by more than the gap"
 
 _ALL = slice(None)
 _CHUNK = 4_000_000  # numbers in the waveforms of one chunk of units
@@ -35,11 +32,10 @@ _REFINEMENTS = 12  # rounds of a solution on a sample
 _TRIES = 256  # combinations of grades at a time
 
 
-class MeanSquare:
+class MeanSquare(Limited):
     """Root of the mean square over angles and units: one row in the squares of the widths."""
 
     power = 2
-    proof = PROVEN
 
     def __init__(self, stack: Stack) -> None:
         """Take the mean squares of the influences, tolerance by tolerance."""
@@ -50,33 +46,13 @@ class MeanSquare:
             self.share[e] = max(0.0, float(np.sum((block.covariance() @ own) * own)) / waves.shape[1])
         self.nominal = float(np.var(stack.nominal))
 
-    def target(self, limit: float) -> float:
-        """The mean square."""
-        return limit**2
-
     def measure(self, widths: Array) -> tuple[float, Row]:
         """Rms, and the only row."""
         return math.sqrt(self.nominal + float(self.share @ widths**2)), (self.share, self.nominal)
 
-    def exceeding(self, widths: Array, limit: float) -> list[Row]:
-        """The only row, where it does."""
-        value, row = self.measure(widths)
-        return [row] if value > limit * (1 + CLOSE) else []
 
-    def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
-        """By the convex problem."""
-        return convex(market, self, limit, rows)
-
-    def refined(self, market: Market, limit: float, found: Found) -> Found:
-        """The program is exact."""
-        return found
-
-
-class WorstPeakToPeak:
+class WorstPeakToPeak(Limited):
     """P-p of the worst parts: one row for each pair of angles, of which those that matter are found as needed."""
-
-    power = 1
-    proof = PROVEN
 
     def __init__(self, stack: Stack) -> None:
         """Lay out the waves of all that the worst case chooses."""
@@ -95,10 +71,6 @@ class WorstPeakToPeak:
         self.pairs = np.unique(np.stack([begin.argmax(axis=1), begin.argmin(axis=1)], axis=1), axis=0)
         self.known: dict[bytes, tuple[int, int]] = {}  # worst pair by widths: searching all is dear
 
-    def target(self, limit: float) -> float:
-        """The p-p itself."""
-        return limit
-
     def measure(self, widths: Array) -> tuple[float, Row]:
         """Largest p-p over all pairs of angles, and the row of its pair."""
         key = widths.tobytes()
@@ -112,18 +84,7 @@ class WorstPeakToPeak:
         bound = limit * (1 + CLOSE)
         climbed = self._rows(self._climbed(widths))
         found = [(own, offset) for own, offset in climbed if own @ widths + offset > bound]
-        if found:
-            return found
-        value, row = self.measure(widths)
-        return [row] if value > bound else []
-
-    def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
-        """By the convex problem."""
-        return convex(market, self, limit, rows)
-
-    def refined(self, market: Market, limit: float, found: Found) -> Found:
-        """The program is exact."""
-        return found
+        return found or super().exceeding(widths, limit)
 
     def _rows(self, pairs: Ints) -> list[Row]:
         """Row of each pair."""
@@ -158,10 +119,9 @@ class WorstPeakToPeak:
         return (i, j) if self.nominal[i] >= self.nominal[j] else (j, i)
 
 
-class Quantile:
+class Quantile(Limited):
     """Quantile of the p-p over units drawn once: each p-p is the largest of linear rows, kept as they are met."""
 
-    power = 1
     proof = "the best of several searches on the sample; that nothing costs less is not proven"
 
     def __init__(self, stack: Stack, *, level: float, sample: int, seed: int) -> None:
@@ -187,10 +147,6 @@ class Quantile:
         self.slopes: list[Array] = []  # (sample, entries) each
         self.offsets: list[Array] = []  # (sample,) each
 
-    def target(self, limit: float) -> float:
-        """The p-p itself."""
-        return limit
-
     def measure(self, widths: Array) -> tuple[float, Row]:
         """Quantile, and the row of the units around it."""
         key = widths.tobytes()
@@ -200,11 +156,6 @@ class Quantile:
         smoothed, slope = self._smoothed(widths)
         slope = slope * (value / smoothed if smoothed else 1.0)
         return value, (slope, value - float(slope @ widths))
-
-    def exceeding(self, widths: Array, limit: float) -> list[Row]:
-        """Row at these widths, where it does."""
-        value, row = self.measure(widths)
-        return [row] if value > limit * (1 + CLOSE) else []
 
     def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
         """By the sample average from several starts, the best of which is followed to the end."""

@@ -6,9 +6,9 @@ Page ``theory/allocation.md``.  Knows costs and rows, not where they come from.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -39,31 +39,35 @@ def slope_of(limited: Limited, widths: Array) -> Array:
     return own * widths / (value or 1.0) if limited.power == 2 else own
 
 
-class Limited(Protocol):
-    """What is limited: a function of the widths that rows support from below."""
+class Limited(ABC):
+    """What is limited: a function of the widths that rows support from below.
 
-    power: int
-    proof: str  # what is known of the widths that `least` finds
+    Unless a kind says otherwise it is convex: `least` solves the convex problem, and `refined` has nothing to add.
+    """
+
+    power = 1
+    proof = "nothing costs less, by more than the gap"  #: what is known of the widths that `least` finds
 
     def target(self, limit: float) -> float:
         """What the rows must not exceed for a limit in rad."""
-        ...
+        return limit**self.power
 
+    @abstractmethod
     def measure(self, widths: Array) -> tuple[float, Row]:
         """What is limited, rad, and the row that is equal to it here."""
-        ...
 
     def exceeding(self, widths: Array, limit: float) -> list[Row]:
         """Rows above the limit here; none where the widths meet it."""
-        ...
+        value, row = self.measure(widths)
+        return [row] if value > limit * (1 + CLOSE) else []
 
     def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
         """Smooth widths of least cost, None where the least ones exceed the limit; adds the rows that it needs."""
-        ...
+        return convex(market, self, limit, rows)
 
     def refined(self, market: Market, limit: float, found: Found) -> Found:
         """What is found with grades, or better where that can be proven to be missing."""
-        ...
+        return found
 
 
 # --- what may be bought ------------------------------------------------------------------------------------------
@@ -130,25 +134,7 @@ def market_of(
     bounds: Sequence[tuple[float, float] | None] | None,
     fixed: Sequence[bool] | None,
 ) -> Market:
-    """Costs, bounds and grades laid out as arrays.
-
-    Parameters
-    ----------
-    labels : sequence of str
-    given : ndarray, shape (entries,)
-        Widths as given, core units.
-    costs, bounds, fixed
-        As for `rverror.tolerances.allocation.allocate`.
-
-    Returns
-    -------
-    Market
-
-    Raises
-    ------
-    InputError
-        If they do not go together.
-    """
+    """Costs, bounds and grades, as for `rverror.tolerances.allocation.allocate`, laid out as arrays."""
     entries = len(labels)
     limits = [None] * entries if bounds is None else list(bounds)
     kept = [False] * entries if fixed is None else [bool(keep) for keep in fixed]

@@ -48,24 +48,15 @@ _FORMAT = 1  # of the chunk files
 
 @dataclass(frozen=True)
 class IntervalEstimate:
-    """A quantile or a yield with its intervals.
+    """A quantile or a yield with its intervals."""
 
-    Attributes
-    ----------
-    value : float
-        From all units together.
-    low, high : float
-        Interval that counts the units as independent, or that of the scrambles where it reaches farther.  Infinite, or
-        0 for the lower end of a quantile, where there are too few units.
-    scramble_low, scramble_high : float
-        Interval from the scatter of the chunks, each a scramble of its own; not a number where there is one chunk.
-    """
-
-    value: float
+    value: float  #: from all units together
+    #: Lower end of the interval that counts the units as independent, or of that of the scrambles where it reaches
+    #: farther.  Where there are too few units the ends are infinite, the lower one of a quantile 0.
     low: float
-    high: float
-    scramble_low: float
-    scramble_high: float
+    high: float  #: upper end
+    scramble_low: float  #: from the scatter of the chunks, each a scramble of its own; nan where there is one chunk
+    scramble_high: float  #: upper end
 
 
 @dataclass(frozen=True)
@@ -106,7 +97,7 @@ class VirtualUnits(Viewed):
         return self.peak_to_peak.size
 
     def quantile(self, probability: float, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
-        """Size that so large a share of the units does not exceed.
+        """Size that so large a share of the units does not exceed, rad.
 
         Parameters
         ----------
@@ -116,11 +107,6 @@ class VirtualUnits(Viewed):
             ``peak_to_peak``, ``max``, ``rms`` or ``offset``.
         confidence : float
             Of the intervals.
-
-        Returns
-        -------
-        IntervalEstimate
-            rad.
 
         Raises
         ------
@@ -133,8 +119,8 @@ class VirtualUnits(Viewed):
         confidence leaves, K binomial; or the pooled quantiles at ``probability`` +- (t sigma + 1 / units), sigma from
         the scatter of the chunks (Woodruff 1952), where these reach farther.
         """
-        _check_share("probability", probability)
-        _check_share("confidence", confidence)
+        check_share("probability", probability)
+        check_share("confidence", confidence)
         sizes = getattr(self, of)
         value = float(np.quantile(sizes, probability))
         ordered, tail = np.sort(sizes), (1 - confidence) / 2
@@ -148,38 +134,18 @@ class VirtualUnits(Viewed):
         return IntervalEstimate(value, min(low, *scramble), max(high, *scramble), *scramble)
 
     def yield_at(self, limit: float, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
-        """Share of the units that do not exceed a limit.
-
-        Parameters
-        ----------
-        limit : float
-            rad.
-        of : str
-            ``peak_to_peak``, ``max``, ``rms`` or ``offset``.
-        confidence : float
-            Of the intervals.
-
-        Returns
-        -------
-        IntervalEstimate
-            Between 0 and 1.
-
-        Raises
-        ------
-        InputError
-            If the confidence is not between 0 and 1.
+        """Share of the units that do not exceed a limit, rad.
 
         Notes
         -----
-        ``low`` and ``high`` are those of Clopper and Pearson, or of Student from the scatter of the chunks, where these
-        reach farther.
+        `of` and `confidence` as for `quantile`.  ``low`` and ``high`` are those of Clopper and Pearson, or of Student
+        from the scatter of the chunks, where these reach farther.
         """
-        _check_share("confidence", confidence)
+        check_share("confidence", confidence)
         within = getattr(self, of) <= limit
-        good, count, tail = int(within.sum()), self.count, (1 - confidence) / 2
-        low = float(betaincinv(good, count - good + 1, tail)) if good else 0.0
-        high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
-        value, margin = good / count, self._scatter(within, confidence)
+        good = int(within.sum())
+        low, high = share_interval(good, self.count, confidence)
+        value, margin = good / self.count, self._scatter(within, confidence)
         scramble = [math.nan] * 2 if math.isnan(margin) else np.clip([value - margin, value + margin], 0, 1).tolist()
         return IntervalEstimate(value, min(low, *scramble), max(high, *scramble), *scramble)
 
@@ -197,47 +163,19 @@ class VirtualUnits(Viewed):
 
 @dataclass(frozen=True)
 class Sampler:
-    """What turns uniform variates into sizes: all that a worker needs of a stack, without its long arrays.
+    """What turns uniform variates into sizes: all that a worker needs of a stack, without its long arrays."""
 
-    Attributes
-    ----------
-    stack : Stack
-        Draws, and has neither samples nor components.
-    kernel : Kernel
-    """
-
-    stack: Stack
+    stack: Stack  #: draws, and has neither samples nor components
     kernel: Kernel
 
     def sizes(self, uniforms: Array) -> tuple[Extremes, float]:
-        """Sizes of units and the largest bound on the error of their peak-to-peak.
-
-        Parameters
-        ----------
-        uniforms : ndarray, shape (units, dimensions)
-
-        Returns
-        -------
-        Extremes, float
-            rad.
-        """
+        """Sizes of units by variates, shape (units, dimensions), and the largest bound on their peak-to-peaks; rad."""
         values = self.stack.standard(uniforms)
         return self.kernel.extremes(values), float(self.kernel.bound(values).max(initial=0.0))
 
 
 def sampler(stack: Stack, tolerance: float = TOLERANCE) -> Sampler:
-    """Make a stack ready for very many units.
-
-    Parameters
-    ----------
-    stack : Stack
-    tolerance : float
-        As for `virtual_units`.
-
-    Returns
-    -------
-    Sampler
-    """
+    """Make a stack ready for very many units; the tolerance as for `virtual_units`."""
     ready = kernel(stack.scaled(), stack.nominal, tolerance=tolerance)
     no_samples = np.empty((stack.influence.shape[0], 0))
     return Sampler(replace(stack, nominal=np.empty(0), influence=no_samples, components=(), theta=None), ready)
@@ -336,8 +274,7 @@ def virtual_units(
     """
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
-    if seed < 0:
-        raise InputError(f"seed = {seed}: must be 0 or more")
+    check_seed(seed)
     _check_draws(draws, stack.dimensions)
     job = _Chunks(sampler(stack, tolerance), int(count), chunk_length(count), int(seed), draws)
     store = None if folder is None else _Store(Path(folder), _digest(stack, job, tolerance), job)
@@ -372,7 +309,7 @@ def virtual_units(
 
 
 def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws = "sobol") -> Iterator[Array]:
-    """Uniform variates of one chunk, a block at a time; seeded by the seed and the index alone.
+    """Uniform variates of one chunk, a block at a time: between 0 and 1, never 0 or 1.
 
     Parameters
     ----------
@@ -381,7 +318,7 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
     dimensions : int
         Variates of a unit.
     seed, index : int
-        0 or more.
+        0 or more; the variates depend on these alone.
     draws : str
         ``sobol``: the first points of a Sobol sequence with a scramble of its own, each in the middle of its cell of
         2**-30.  ``random``: plain random numbers.
@@ -389,12 +326,6 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
     Yields
     ------
     ndarray, shape (units, dimensions)
-        Between 0 and 1, never 0 or 1.
-
-    Raises
-    ------
-    InputError
-        If a Sobol sequence of so many dimensions does not exist.
     """
     _check_draws(draws, dimensions)
     rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
@@ -423,9 +354,24 @@ def _check_draws(draws: str, dimensions: int) -> None:
         )
 
 
-def _check_share(name: str, value: float) -> None:
+def check_share(name: str, value: float, example: float = 0.95) -> None:
+    """Refuse what is no share between 0 and 1."""
     if not 0 < value < 1:
-        raise InputError(f"{name} = {value:g}: must lie between 0 and 1, such as 0.95")
+        raise InputError(f"{name} = {value:g}: must lie between 0 and 1, such as {example:g}")
+
+
+def check_seed(seed: int) -> None:
+    """Refuse what seeds nothing."""
+    if seed < 0:
+        raise InputError(f"seed = {seed}: must be 0 or more")
+
+
+def share_interval(good: float, count: float, confidence: float) -> tuple[float, float]:
+    """Interval of a share of which so many of so many units were seen, of Clopper and Pearson."""
+    tail = (1 - confidence) / 2
+    low = float(betaincinv(good, count - good + 1, tail)) if good > 0 else 0.0
+    high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
+    return low, high
 
 
 def chunk_length(count: int) -> int:
@@ -436,25 +382,10 @@ def chunk_length(count: int) -> int:
 def computed(
     task: Callable[[int], Result], indices: Iterable[int], executor: Executor | None
 ) -> Iterator[tuple[int, Result]]:
-    """Results of a task for each index as they are done, no more than a few handed out at a time.
+    """Results of a task for each index as they are done, in any order, no more than a few handed out at a time.
 
-    Parameters
-    ----------
-    task : callable
-        Of an index; must pickle where the executor has other processes.
-    indices : iterable of int
-    executor : concurrent.futures.Executor or None
-        None: in this process.
-
-    Yields
-    ------
-    int, object
-        Index and result, in any order.
-
-    Raises
-    ------
-    InputError
-        If the workers are lost.
+    The task must pickle where the executor has other processes; without an executor it runs in this one.  Workers that
+    are lost are an InputError.
     """
     if executor is None:
         for index in indices:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.tolerances.sampling import Sampler, Size, computed, sampler, uniforms
+from rverror.tolerances.sampling import Sampler, Size, check_seed, check_share, computed, sampler, uniforms
 from rverror.tolerances.stacking import Stack
 
 #: Points that indices are estimated from where no number is given.
@@ -28,28 +28,17 @@ _FEWEST = 16  # points of a replicate
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """First-order and total indices of groups of variates, with intervals.
+    """First-order and total indices of groups of variates, with intervals."""
 
-    Attributes
-    ----------
-    first, first_low, first_high : ndarray, shape (groups,)
-        Share of the variance that the group makes alone: what would be gained if it were known.
-    total, total_low, total_high : ndarray, shape (groups,)
-        Share that the group makes alone and together with others: what would be left if all others were known.
-    variance : float
-        Of the function.
-    points : int
-        Points A and B each; the function was evaluated points * (groups + 2) times.
-    """
-
-    first: Array
-    first_low: Array
-    first_high: Array
+    first: Array  #: (groups,); share of the variance that the group makes alone: what would be gained if it were known
+    first_low: Array  #: (groups,); lower end of its interval
+    first_high: Array  #: (groups,); upper end
+    #: (groups,); share that the group makes alone and together with others: what would be left if all others were known
     total: Array
-    total_low: Array
-    total_high: Array
-    variance: float
-    points: int
+    total_low: Array  #: (groups,); lower end of its interval
+    total_high: Array  #: (groups,); upper end
+    variance: float  #: of the function
+    points: int  #: points A and B each; the function was evaluated points * (groups + 2) times
 
 
 @dataclass(frozen=True)
@@ -107,15 +96,10 @@ def sobol_indices(
         Group to which each variate belongs, 0 to groups - 1; a group's variates are exchanged together.
     count : int
         Points, rounded down to a power of two for each of 16 scrambles, which have 16 at least.
-    seed : int
     confidence : float
         Of the intervals.
     executor : concurrent.futures.Executor, optional
         Where the scrambles are computed; the numbers are the same with any.
-
-    Returns
-    -------
-    SobolIndices
 
     Raises
     ------
@@ -135,10 +119,8 @@ def sobol_indices(
     >>> found.first.round(2).tolist(), found.total.round(2).tolist()
     ([0.8, 0.2], [0.8, 0.2])
     """
-    if not 0 < confidence < 1:
-        raise InputError(f"confidence = {confidence:g}: must lie between 0 and 1, such as 0.95")
-    if seed < 0:
-        raise InputError(f"seed = {seed}: must be 0 or more")
+    check_share("confidence", confidence)
+    check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
     number = int(belongs.max(initial=-1)) + 1
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
@@ -166,26 +148,10 @@ def stack_indices(
     confidence: float = 0.95,
     executor: Executor | None = None,
 ) -> SobolIndices:
-    """Indices of a size of the output error, one group for each tolerance entry.
+    """Indices of a size of the output error, one group for each tolerance entry, in their order.
 
-    Parameters
-    ----------
-    stack : Stack
-    size : str
-        ``peak_to_peak``, ``max``, ``rms`` or ``offset``.
-    count, seed, confidence, executor : optional
-        As for `sobol_indices`.
-
-    Returns
-    -------
-    SobolIndices
-        In the order of the entries; all variates of an entry are exchanged together, its instances, phases and common
-        parts included.
-
-    Raises
-    ------
-    InputError
-        If the size does not vary, or a setting is unusable.
+    All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
+    those of `sobol_indices`.
     """
     function = _SizeOf(sampler(stack), size)
     return sobol_indices(

@@ -70,23 +70,12 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Component:
-    """One toleranced parameter of one instance of a source.
+    """One toleranced parameter of one instance of a source."""
 
-    Attributes
-    ----------
-    key : str
-        A key of the catalogue.
-    indices : mapping of str to int or str
-        Which crank, disc, pin, harmonic.
-    parameter : str
-    dimension : str
-        A key of `units.CORE_UNITS`.
-    """
-
-    key: str
-    indices: Mapping[str, IndexValue]
+    key: str  #: a key of the catalogue
+    indices: Mapping[str, IndexValue]  #: which crank, disc, pin, harmonic
     parameter: str
-    dimension: str
+    dimension: str  #: a key of `units.CORE_UNITS`
 
     def __str__(self) -> str:
         """Key, indices and parameter in one word: ``crank.eccentricity(crank=0, disc=1).radial``."""
@@ -95,46 +84,26 @@ class Component:
 
 @dataclass(frozen=True)
 class WorstGroup:
-    """Components whose values the worst case chooses together.
+    """Components whose values the worst case chooses together."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"box"``: one number, within +-`radius` widths.  ``"circle"``: a vector, no longer than `radius` widths.
-    components : ndarray of int, shape (instances, 1) or (instances, 2)
-        Instances that move as one; the columns are the components of the vector.
-    radius : float
-        In widths of the tolerance.
-    """
-
+    #: ``"box"``: one number, within +-`radius` widths.  ``"circle"``: a vector, no longer than `radius` widths.
     kind: Literal["box", "circle"]
+    #: (instances, 1) or (instances, 2); instances that move as one, the columns are the components of the vector.
     components: npt.NDArray[np.intp]
-    radius: float = 1.0
+    radius: float = 1.0  #: in widths of the tolerance
 
 
 @dataclass(frozen=True)
 class Block:
-    """How the standard draws of one entry come about.
+    """How the standard draws of one entry come about."""
 
-    Attributes
-    ----------
-    first_variate, first_component : int
-        Where the entry's uniform variates and components begin.
-    instances, terms : int
-        Components are ordered by instance, then by parameter; the two of a vector stand side by side.
-    distribution : Scalar or Planar
-    correlation : float
-        Pearson correlation of the values of one parameter between any two instances, 0 to 1.
-    random_phase : bool
-        Whether each vector is turned by an angle of its own at assembly, after the correlation.
-    """
-
-    first_variate: int
-    first_component: int
+    first_variate: int  #: where the entry's uniform variates begin
+    first_component: int  #: where its components begin, ordered by instance, then by parameter
     instances: int
-    terms: int
+    terms: int  #: parameters of an instance; the two of a vector stand side by side
     distribution: Distribution
-    correlation: float = 0.0
+    correlation: float = 0.0  #: Pearson correlation of the values of one parameter between any two instances, 0 to 1
+    #: Whether each vector is turned by an angle of its own at assembly, after the correlation.
     random_phase: bool = False
 
     @property
@@ -174,17 +143,7 @@ class Block:
         return self.distribution.normal_correlation(self.correlation)
 
     def standard(self, uniforms: Array) -> Array:
-        """Standard draws.
-
-        Parameters
-        ----------
-        uniforms : ndarray, shape (units, variates)
-            The block's columns only.
-
-        Returns
-        -------
-        ndarray, shape (units, instances * terms)
-        """
+        """Standard draws, shape (units, instances * terms), from the block's columns of the uniform variates."""
         number = uniforms.shape[0]
         drawn = self._values(uniforms[:, : self._drawn])
         if self._turns:
@@ -264,12 +223,9 @@ class Stack:
     theta: Array | None = field(default=None)
 
     def scaled(self, width: Array | None = None) -> Array:
-        """Influence of the standard draws, rad: `influence` times the width of each component, shape (m, n).
+        """Influence of the standard draws, rad, shape (m, n): `influence` times the width of each component.
 
-        Parameters
-        ----------
-        width : ndarray, shape (entries,), optional
-            Core units; the widths as given where left out.
+        Widths, one for each entry, are in core units; those as given where left out.
         """
         used = self.width if width is None else np.asarray(width, dtype=np.float64)
         return self.influence * used[self.entry][:, None]
@@ -286,17 +242,7 @@ class Stack:
         return np.repeat(np.arange(len(self.blocks), dtype=np.intp), counts)
 
     def standard(self, uniforms: Array) -> Array:
-        """Standard draws s of many units: width 1, mean 0.
-
-        Parameters
-        ----------
-        uniforms : ndarray, shape (units, dimensions)
-            Variates in 0..1.
-
-        Returns
-        -------
-        ndarray, shape (units, m)
-        """
+        """Standard draws s, shape (units, m), width 1 and mean 0, from variates in 0..1, shape (units, dimensions)."""
         drawn = np.empty((uniforms.shape[0], self.influence.shape[0]))
         for block in self.blocks:
             drawn[:, block.components] = block.standard(uniforms[:, block.variates])
@@ -366,17 +312,17 @@ class Tolerance:
     def __post_init__(self) -> None:
         """Check that the values go together."""
         entry = source(self.key)
-        if source(self.key).acts == "marks":
+        if entry.acts == "marks":
             self._refuse("it turns the waveforms of others and adds none of its own; leave it out")
-        for name in self.parameters:
-            if name not in [p.name for p in entry.parameters]:
-                self._refuse(f"no parameter {name!r};{_names('parameters', [p.name for p in entry.parameters], name)}")
-        for name in self.indices:
-            if name not in [i.name for i in entry.indices]:
-                self._refuse(f"no index {name!r};{_names('indices', [i.name for i in entry.indices], name)}")
-        for name in self.mean:
-            if name not in [p.name for p in self.chosen]:
-                self._refuse(f"mean of {name!r};{_names('parameters', [p.name for p in self.chosen], name)}")
+        for problem, given, what, allowed in (
+            ("no parameter", self.parameters, "parameters", entry.parameters),
+            ("no index", self.indices, "indices", entry.indices),
+            ("mean of", self.mean, "parameters", self.chosen),
+        ):
+            known = [item.name for item in allowed]
+            for name in given:
+                if name not in known:
+                    self._refuse(f"{problem} {name!r};{_names(what, known, name)}")
         if not 0 < self.width < math.inf:
             self._refuse(f"tolerance = {self.width:g}: must be above 0; give half the allowed spread")
         if not 0 <= self.correlation <= 1:
@@ -459,13 +405,7 @@ class Tolerance:
         return f"{self.key}{_listed(self.indices)}{few}"
 
     def instances(self, mechanism: Mechanism) -> tuple[dict[str, IndexValue], ...]:
-        """Index sets that the tolerance covers in a mechanism.
-
-        Raises
-        ------
-        InputError
-            If an index is not one of the mechanism's, or a harmonic is not given.
-        """
+        """Index sets that the tolerance covers in a mechanism; each must be one of the mechanism's."""
         entry = source(self.key)
         entry.check_mechanism(mechanism)
         values = [self._index_values(index, mechanism) for index in entry.indices]
@@ -517,18 +457,11 @@ def tolerance(
     mean : float or str or quantity, or a mapping of these by parameter, optional
         Shift of the centre.
     correlation : float, optional
-        Of the values of one parameter between any two instances.
+        As in `Tolerance`.
     phase : str, optional
         ``"random"``: each vector is turned by an angle of its own at assembly.
-    parameters : sequence of str, optional
-        Which parameters; all where left out.
-    fixed : bool, optional
-        Whether allocation leaves it.
-    bounds : pair, optional
-        Least and largest width for allocation.
-    cost : Reciprocal or ReciprocalSquare or Grades, optional
-    **indices
-        Which instances: a value or several; of an index that is left out, all.
+    parameters, fixed, bounds, cost, **indices
+        As in `Tolerance`; an index may have several values.
 
     Returns
     -------
@@ -667,17 +600,8 @@ def stack(
         chosen = [i for i, p in enumerate(entry.parameters) if p in item.chosen]
         instances = item.instances(model.mechanism)
         first = blocks[-1].variates.stop if blocks else 0
-        blocks.append(
-            Block(
-                first,
-                len(components),
-                len(instances),
-                len(chosen),
-                item.distribution,
-                item.correlation,
-                item.random_phase,
-            )
-        )
+        law = item.distribution, item.correlation, item.random_phase
+        blocks.append(Block(first, len(components), len(instances), len(chosen), *law))
         for indices in instances:
             matrix = source_matrix(where.of(item.key), forces, item.key, indices)[chosen]
             rows.append(_without_rounding(matrix, _least(model.mechanism, item.chosen)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,12 +11,14 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.text import shown
 from rverror.runs.reading import refuse
 
 #: Most samples of a column: a size that a file claims is refused before memory is asked for.
 MOST_SAMPLES = 20_000_000
 #: Most columns of a file.
 MOST_COLUMNS = 10_000
+_MOST_LISTED = 8
 _EXACT = 2**53  # whole numbers beyond it have no float64 of their own
 
 RawArray = np.ndarray[Any, np.dtype[Any]]
@@ -53,10 +55,8 @@ class BenchFile:
 
     Attributes
     ----------
-    path : str
     kind : str
         ``text``, ``MAT``, ``HDF5`` or ``TDMS``.
-    entries : tuple of Entry
     properties : mapping of str to str
         Attributes, properties, or lines of the preamble.
     notes : tuple of str
@@ -102,20 +102,15 @@ def plain_number(text: str) -> float | None:
         return None
 
 
+def some_names(names: Iterable[str]) -> str:
+    """The first of some names, for messages."""
+    shortened = [shown(name, 60) for name in names]
+    return (", ".join(shortened[:_MOST_LISTED]) or "none") + (", ..." if len(shortened) > _MOST_LISTED else "")
+
+
 @contextmanager
 def refused_in_one_line(path: str, kind: str) -> Iterator[None]:
-    """Turn whatever a format's library raises at a damaged file into one line.
-
-    Parameters
-    ----------
-    path : str
-    kind : str
-        Of the file, for the message.
-
-    Raises
-    ------
-    InputError
-    """
+    """Turn whatever a format's library raises at a damaged file into one line."""
     try:
         yield
     except InputError:
@@ -130,14 +125,6 @@ def refused_in_one_line(path: str, kind: str) -> Iterator[None]:
 
 def shape_problem(shape: tuple[int, ...]) -> str:
     """Why an array of that shape is no column, with the remedy; empty where it is one.
-
-    Parameters
-    ----------
-    shape : tuple of int
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -158,14 +145,6 @@ def shape_problem(shape: tuple[int, ...]) -> str:
 
 def kind_problem(dtype: np.dtype[Any]) -> str:
     """Why values of that kind are no column, with the remedy; empty where they are.
-
-    Parameters
-    ----------
-    dtype : numpy.dtype
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -188,7 +167,6 @@ def as_samples(path: str, what: str, array: RawArray, *, time: bool = False) -> 
 
     Parameters
     ----------
-    path : str
     what : str
         Name of the column, for messages.
     array : ndarray

@@ -10,10 +10,11 @@ from typing import NoReturn
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench import hdf5 as bench_hdf5
 from rverror.runs.bench import tdms as bench_tdms
-from rverror.runs.bench.columns import BenchFile, Entry, as_samples
+from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
 from rverror.runs.bench.header import read_header
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where, unit_factor
 from rverror.runs.bench.mat import open_mat
@@ -25,15 +26,10 @@ _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
-_MOST_LISTED = 8
 
 
 def is_bench_file(path: PathLike) -> bool:
     """Tell a MAT, HDF5 or TDMS file, by content, or by name where the content says nothing.
-
-    Parameters
-    ----------
-    path : str or path-like
 
     Returns
     -------
@@ -48,13 +44,8 @@ def open_bench_file(path: PathLike, mapping: BenchMapping) -> BenchFile:
 
     Parameters
     ----------
-    path : str or path-like
     mapping : BenchMapping
         Of a text file, how it is written and which names are looked for.
-
-    Returns
-    -------
-    BenchFile
 
     Raises
     ------
@@ -75,15 +66,6 @@ def open_bench_file(path: PathLike, mapping: BenchMapping) -> BenchFile:
 
 def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     """Read a bench's file.
-
-    Parameters
-    ----------
-    path : str or path-like
-    mapping : BenchMapping
-
-    Returns
-    -------
-    Reading
 
     Raises
     ------
@@ -110,7 +92,10 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         for (key, entry), array in zip(averaged.items(), arrays[len(entries) :], strict=True)
     }
     header = read_header(file, mapping, means, notes)
-    _note_left_out(file, used, notes)
+    unused = [entry.name for entry in file.entries if not any(entry is other for other in used) and entry.name]
+    if unused:
+        count = count_of(len(unused), "column")
+        notes.append(f"{count} of the file left out, not in the mapping: {some_names(unused)}")
     size = next(iter(columns.values())).size
     return Reading(
         path=file.path,
@@ -118,13 +103,8 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         extra=extra,
         labels=np.arange(size) if file.labels is None else file.labels,
         noun=file.noun,
-        stated=header.stated,
-        stated_at=header.stated_at,
-        torque=header.torque,
-        temperature=header.temperature,
-        index=header.index,
-        metadata=header.metadata,
         notes=tuple(notes),
+        **vars(header),
     )
 
 
@@ -209,13 +189,8 @@ def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
         return ", in [columns] of the mapping"
     return (
         f", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
-        f"{_names(file.entries)}"
+        f"{some_names(entry.name for entry in file.entries)}"
     )
-
-
-def _names(entries: Sequence[Entry]) -> str:
-    names = [shown(entry.name, 60) for entry in entries]
-    return (", ".join(names[:_MOST_LISTED]) or "none") + (", ..." if len(names) > _MOST_LISTED else "")
 
 
 def _found(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
@@ -235,7 +210,8 @@ def _found(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     if not fitting:
         hint = did_you_mean(full, [entry.name for entry in file.entries])
         place = f"{file.place}: " if file.place else ""
-        refuse(file.path, f"{place}there is no column {shown(full, 60)}{at};{hint} the file has {_names(file.entries)}")
+        names = some_names(entry.name for entry in file.entries)
+        refuse(file.path, f"{place}there is no column {shown(full, 60)}{at};{hint} the file has {names}")
     if len(fitting) > 1:
         refuse(
             file.path,
@@ -245,13 +221,6 @@ def _found(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     if fitting[0].problem:
         refuse(file.path, f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
-
-
-def _note_left_out(file: BenchFile, used: Sequence[Entry], notes: list[str]) -> None:
-    unused = [entry for entry in file.entries if not any(entry is other for other in used) and entry.name]
-    if unused:
-        plural = "s" if len(unused) > 1 else ""
-        notes.append(f"{len(unused)} column{plural} of the file left out, not in the mapping: {_names(unused)}")
 
 
 def _of_one_length(

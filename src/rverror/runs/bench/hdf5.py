@@ -32,13 +32,8 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
 
     Parameters
     ----------
-    path : str or path-like
     kind : str
         ``HDF5`` or ``MAT``, for messages.
-
-    Returns
-    -------
-    BenchFile
 
     Raises
     ------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,35 +11,10 @@ from rverror.base.arrays import Array
 from rverror.base.text import did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
 from rverror.runs.bench.mapping import BenchMapping, HeaderRule
-from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, checked_value, refuse
+from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, Header, checked_value, refuse
 
 _DIMENSIONS = {"output_torque": "torque", "temperature": "temperature"}
 _MOST_LISTED = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Header:
-    """What is known of a run beside its columns.
-
-    Attributes
-    ----------
-    stated : float, optional
-        Direction: +1, -1, 0 for mixed, None where nothing is said.
-    stated_at : str
-        Where it is said, for messages.
-    torque, temperature : float, optional
-        N*mm and K.
-    index : str
-    metadata : mapping of str to str
-        All of them, as written.
-    """
-
-    stated: float | None
-    stated_at: str
-    torque: float | None
-    temperature: float | None
-    index: str
-    metadata: Mapping[str, str]
 
 
 def read_header(
@@ -50,16 +24,10 @@ def read_header(
 
     Parameters
     ----------
-    file : BenchFile
-    mapping : BenchMapping
     measured : mapping of str to (Entry, ndarray)
         Columns whose mean is meant, in their own unit, by key of the header.
     notes : list of str
         Gets what was made of them.
-
-    Returns
-    -------
-    Header
 
     Raises
     ------

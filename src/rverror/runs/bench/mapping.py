@@ -60,7 +60,6 @@ class ColumnRule:
 
     Attributes
     ----------
-    where : Where
     unit : str
         pint's notation; empty where the file says it.
     factor : float
@@ -92,7 +91,6 @@ class HeaderRule:
     ----------
     text : str
         As stated; empty where the file says it.
-    where : Where
     unit : str
         Of a number without one.
     """
@@ -108,7 +106,6 @@ class TextRules:
 
     Attributes
     ----------
-    encoding, separator, decimal, thousands : str
     skip : int
         Lines above the column names; -1 where the names themselves tell.
     """
@@ -130,10 +127,8 @@ class BenchMapping:
         File of the mapping; empty where there is none.
     group : str
         Group of HDF5 and TDMS files, or structure of MAT files, in which the names stand.
-    text : TextRules
     columns : mapping of str to ColumnRule
         By the names of a run file; empty where the bench uses these.
-    header : mapping of str to HeaderRule
     keep : mapping of str to Where
         Other columns that are kept, by their name in the run.
     """
@@ -192,10 +187,6 @@ def unit_factor(unit: str, dimension: str) -> float:
         pint's notation.
     dimension : str
         ``angle``, ``time``, ``torque`` or ``temperature``.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -261,7 +252,7 @@ def _where(toml: TomlText, place: Place, table: Mapping[str, Any], kinds: tuple[
     if len(given) != 1:
         what = "lacks" if not given else "has more than one of"
         toml.refuse(place, f"{place[-1]} {what} {', '.join(kinds)}; write {place[-1]} = {{ {example} }}")
-    stated_at = f"mapping {toml.path}" + (f", line {toml.lines[place]}" if place in toml.lines else "")
+    stated_at = _stated_at(toml, place)
     if given == ["column"]:
         number = table["column"]
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
@@ -270,9 +261,12 @@ def _where(toml: TomlText, place: Place, table: Mapping[str, Any], kinds: tuple[
     text = toml.string(place, table, given[0], "").strip()
     if not text:
         toml.refuse((*place, given[0]), f'{given[0]} is empty; write {given[0]} = "..." as the file has it')
-    if given == ["name"]:
-        return Where(name=text, stated_at=stated_at)
-    return Where(property=text, stated_at=stated_at)
+    name, property_ = (text, "") if given == ["name"] else ("", text)
+    return Where(name=name, property=property_, stated_at=stated_at)
+
+
+def _stated_at(toml: TomlText, place: Place) -> str:
+    return f"mapping {toml.path}" + (f", line {toml.lines[place]}" if place in toml.lines else "")
 
 
 def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) -> float | None:
@@ -351,8 +345,7 @@ def _header_rule(toml: TomlText, key: str, value: object) -> HeaderRule:
                            "tell")  # fmt: skip
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
-    stated_at = f"mapping {toml.path}" + (f", line {toml.lines[place]}" if place in toml.lines else "")
-    return HeaderRule(text=text, where=Where(stated_at=stated_at))
+    return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))
 
 
 def _kept(toml: TomlText, key: str, value: object) -> Where:

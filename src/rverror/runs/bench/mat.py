@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -25,14 +26,6 @@ MOST_BYTES = 2_000_000_000
 
 def open_mat(path: PathLike) -> BenchFile:
     """List the variables of a file; those of a structure as ``structure/field``.
-
-    Parameters
-    ----------
-    path : str or path-like
-
-    Returns
-    -------
-    BenchFile
 
     Raises
     ------
@@ -76,11 +69,8 @@ def _columns(variable: MatVariable, prefix: str) -> Iterator[tuple[Entry, RawArr
         for field in variable.fields:
             yield from _columns(field, f"{name}/")
         return
-    size = 1
-    for extent in variable.shape:
-        size *= extent
     problem = variable.problem or shape_problem(variable.shape)
-    yield Entry(name=name, size=size, problem=problem), variable.array
+    yield Entry(name=name, size=math.prod(variable.shape), problem=problem), variable.array
 
 
 def _version_4(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:

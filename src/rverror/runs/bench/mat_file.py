@@ -7,10 +7,11 @@ Source: MATLAB, MAT-File Format, level 5 (tags, array flags, dimensions, name, d
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,6 @@ class MatVariable:
 
     Attributes
     ----------
-    name : str
     shape : tuple of int
     array : ndarray, optional
         Real numbers; None where it holds none.
@@ -180,11 +180,8 @@ def _fields(elements: Iterator[tuple[int, memoryview]], order: str, depth: int) 
         raise DamagedError("a structure without the names of its fields")
     fields = []
     for start in range(0, len(names), length):
-        field = _variable(_next(elements, _MATRICES), order, depth + 1)
         name = _text(names[start : start + length]).partition("\0")[0]
-        fields.append(
-            MatVariable(name=name, shape=field.shape, array=field.array, fields=field.fields, problem=field.problem)
-        )
+        fields.append(replace(_variable(_next(elements, _MATRICES), order, depth + 1), name=name))
     return tuple(fields)
 
 
@@ -193,9 +190,7 @@ def _numbers(
 ) -> np.ndarray[Any, np.dtype[Any]]:
     """Real part, in the type of its class: MATLAB stores whole numbers in fewer bytes."""
     kind, content = next(elements, (0, memoryview(b"")))
-    size = 1
-    for extent in shape:
-        size *= extent
+    size = math.prod(shape)
     if kind not in _STORED or len(content) != size * np.dtype(_STORED[kind]).itemsize:
         raise DamagedError(f"{len(content)} bytes of type {kind} where {size} numbers belong")
     stored = np.frombuffer(content, dtype=order + _STORED[kind])

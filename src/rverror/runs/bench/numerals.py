@@ -36,16 +36,7 @@ class Numerals:
     thousands: str = ""
 
     def parse(self, cell: str) -> float | None:
-        """Value of a cell; None where it holds no number written so.
-
-        Parameters
-        ----------
-        cell : str
-
-        Returns
-        -------
-        float or None
-        """
+        """Value of a cell; None where it holds no number written so."""
         text = cell.strip()
         if self.thousands and self.thousands in text:
             whole, sign, rest = text.partition(self.decimal)
@@ -71,7 +62,6 @@ class Undecided:
     ----------
     place : int
         Its number in the order given.
-    cell : str
     why : str
         What speaks against a decision.
     """
@@ -89,13 +79,8 @@ def found_decimal(cells: Iterable[str], *, point_is_decimal: bool = False) -> st
 
     Parameters
     ----------
-    cells : iterable of str
     point_is_decimal : bool
         Whether a point can be nothing else, as where commas separate the columns.
-
-    Returns
-    -------
-    str or Undecided
 
     Examples
     --------

@@ -37,10 +37,6 @@ def open_tdms(path: PathLike) -> BenchFile:
     path : str or path-like
         An index file beside it is not used, for it may be of another recording.
 
-    Returns
-    -------
-    BenchFile
-
     Raises
     ------
     InputError
@@ -48,7 +44,7 @@ def open_tdms(path: PathLike) -> BenchFile:
     """
     name = str(path)
     with _opened(name) as file:
-        channels = [channel for group in file.groups() for channel in group.channels()]
+        channels = _channels(file)
         if len(channels) > MOST_COLUMNS:
             refuse(name, f"{len(channels):,} channels, at most {MOST_COLUMNS:,} are read; export fewer")
         entries = tuple(_entry(channel) for channel in channels)
@@ -60,7 +56,7 @@ def open_tdms(path: PathLike) -> BenchFile:
     def read(chosen: Sequence[Entry]) -> list[RawArray]:
         places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
         with _opened(name) as file:
-            again = [channel for group in file.groups() for channel in group.channels()]
+            again = _channels(file)
             return [np.asarray(again[place][:]) for place in places]
 
     return BenchFile(
@@ -73,6 +69,10 @@ def open_tdms(path: PathLike) -> BenchFile:
         cut_off=cut_off,
         parse=plain_number,
     )
+
+
+def _channels(file: Any) -> list[Any]:
+    return [channel for group in file.groups() for channel in group.channels()]
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
-from rverror.runs.bench.columns import BenchFile, Entry, RawArray
+from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
 from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal
 from rverror.runs.reading import COLUMN_NAME, COLUMNS, refuse
@@ -23,7 +23,6 @@ _WORDS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "bar", " ": "blanks"
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _PROPERTY = re.compile(r"[#%;\s\"]*([^:=\t;,|]+?)[\"\s]*[:=\t;,|]\s*(.*)$")
 _BLANKS = re.compile(r"[ \t]+")
-_MOST_LISTED = 8
 #: Most rows and bytes of a text, which is held in memory cell by cell.
 MOST_ROWS = 5_000_000
 MOST_BYTES = 500_000_000
@@ -43,15 +42,10 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
 
     Parameters
     ----------
-    path : str or path-like
     rules : TextRules
         What is stated of it.
     wanted : sequence of str or int
         Names of columns, or their numbers from 1; where there is none, the names of a run file.
-
-    Returns
-    -------
-    BenchFile
 
     Raises
     ------
@@ -108,14 +102,8 @@ def decoded(path: str, raw: bytes, encoding: str) -> str:
 
     Parameters
     ----------
-    path : str
-    raw : bytes
     encoding : str
         Empty where nothing is stated: then UTF-8 it must be.
-
-    Returns
-    -------
-    str
 
     Raises
     ------
@@ -147,13 +135,8 @@ def split_cells(line: str, separator: str) -> list[str]:
 
     Parameters
     ----------
-    line : str
     separator : str
         A blank stands for any number of blanks and tabs.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------
@@ -185,8 +168,7 @@ def _found_names(path: str, lines: Sequence[str], rules: TextRules, wanted: Sequ
     )
     candidates = _candidates(path, lines, rules)
     for i in candidates:
-        found = [_Names(i, sign, tuple(trimmed(split_cells(_bare(lines[i]), sign)))) for sign in tried]
-        fitting = [names for names in found if fits(names.cells)]
+        fitting = [names for sign in tried if fits((names := _names_in(lines, i, sign)).cells)]
         # A single name holds no separator: every sign fits then, and the one that splits the line is meant.
         split = [names for names in fitting if len(names.cells) > 1] or fitting[:1]
         if len(split) > 1:
@@ -205,9 +187,11 @@ def _candidates(path: str, lines: Sequence[str], rules: TextRules) -> list[int]:
     return filled[:1] if rules.skip >= 0 else filled
 
 
-def _bare(line: str) -> str:
-    """Line of names without the comment sign that some programs put before them."""
-    return line.lstrip().lstrip("#%").strip(" ") if line.lstrip().startswith(("#", "%")) else line
+def _names_in(lines: Sequence[str], at: int, separator: str) -> _Names:
+    """Names in a line, without the comment sign that some programs put before them."""
+    line = lines[at]
+    bare = line.lstrip().lstrip("#%").strip(" ") if line.lstrip().startswith(("#", "%")) else line
+    return _Names(at, separator, tuple(trimmed(split_cells(bare, separator))))
 
 
 def trimmed(cells: Sequence[str]) -> list[str]:
@@ -254,11 +238,7 @@ def _refuse_names(
 ) -> NoReturn:
     """Say which name is missing in the line that has most of them."""
     best = max(
-        (
-            _Names(i, sign, tuple(trimmed(split_cells(_bare(lines[i]), sign))))
-            for i in candidates[:1000]
-            for sign in tried
-        ),
+        (_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried),
         key=lambda names: (len(set(texts) & set(names.cells)), _near(names.cells, texts)),
     )
     stated = ", ".join(_WORDS[sign] for sign in tried)
@@ -276,11 +256,8 @@ def _refuse_names(
             "the encoding in the mapping",
         )
     hint = did_you_mean(missing[0], [cell for cell in best.cells if cell and cell not in texts])
-    listed = ", ".join(shown(cell, 60) for cell in best.cells[:_MOST_LISTED])
-    more = ", ..." if len(best.cells) > _MOST_LISTED else ""
-    refuse(
-        path, f"line {best.line + 1}: there is no column {shown(missing[0], 60)};{hint} the names are {listed}{more}"
-    )
+    names = some_names(best.cells)
+    refuse(path, f"line {best.line + 1}: there is no column {shown(missing[0], 60)};{hint} the names are {names}")
 
 
 def _near(cells: Sequence[str], texts: Sequence[str]) -> int:

@@ -20,11 +20,8 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
 
     Parameters
     ----------
-    file : BenchFile
     key : str
         ``input_angle``, ``output_angle``, ``te`` or ``time``.
-    rule : ColumnRule
-    entry : Entry
     array : ndarray
         As stored.
     notes : list of str
