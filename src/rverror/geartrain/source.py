@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import Protocol
 
@@ -23,6 +23,8 @@ IndexValue = int | str
 Indices = Mapping[str, IndexValue]
 Orders = Callable[[Mechanism, Indices], tuple[float, ...]]
 
+_ACTS = frozenset({"contacts", "output", "reading", "marks"})
+_FOLLOWS = frozenset({"angle", "time", "speed"})
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
 _CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "direction"})
 
@@ -111,6 +113,11 @@ class Source:
     false_minima : bool
         Whether pins that open and close can make it look like an error of the opposite sign: a fit from nothing that
         stays far from the noise is then started again from sizes that a workshop makes.
+
+    Raises
+    ------
+    ValueError
+        If `acts`, `follows` or `needs` is none of its words.
     """
 
     key: str
@@ -133,6 +140,20 @@ class Source:
     tried: bool = True
     late: bool = False
     false_minima: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the words among the fields: a misspelt one would silently mean something else."""
+        geometry = {field.name for field in fields(Reducer)}
+        for name, given, allowed in (
+            ("acts", (self.acts,), _ACTS),
+            ("follows", (self.follows,), _FOLLOWS),
+            ("needs", self.needs, {"time", "torque"} | geometry),
+        ):
+            for word in given:
+                if word not in allowed:
+                    known = ", ".join(sorted(allowed - geometry))
+                    more = " or a parameter of a reducer" if name == "needs" else ""
+                    raise ValueError(f"{self.key}: {name} = {word!r}; it must be one of {known}{more}")
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.

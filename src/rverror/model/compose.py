@@ -101,37 +101,12 @@ def influence(
 
 
 def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mapping[str, IndexValue]) -> Array:
-    """Influence matrix of one source for given contact forces.
-
-    Parameters
-    ----------
-    motion : Pose
-    forces : mapping of str to ndarray
-        From `closed_form_forces` or `linearise`.
-    key : str
-    indices : mapping
-
-    Returns
-    -------
-    ndarray, shape (terms, n)
-    """
+    """Influence of one source, (terms, n), by contact forces from `closed_form_forces` or `linearise`."""
     return project(forces, source(key).vector(motion, **indices), motion.theta.size)
 
 
 def effect_matrix(motion: Pose, forces: ContactForces, effects: tuple[Effect, ...]) -> Array:
-    """Influence of every parameter of every effect, one under another.
-
-    Parameters
-    ----------
-    motion : Pose
-    forces : mapping of str to ndarray
-    effects : tuple of Effect
-
-    Returns
-    -------
-    ndarray, shape (parameters, n)
-        In the order of the effects and of each source's parameters.
-    """
+    """Influence of every parameter of every effect, one under another in their order, (parameters, n)."""
     if not effects:
         return np.zeros((0, motion.theta.size))
     return np.concatenate([source_matrix(motion, forces, e.key, e.indices) for e in effects])
@@ -158,14 +133,8 @@ def transmission_error(
     model : Model
     theta : array_like or quantity, shape (n,), or Conditions
         Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
-    direction : float or array_like, optional
-        +1 forward, -1 reverse; read from the angles where left out.
-    time : array_like or quantity, shape (n,), optional
-        Needed by ``sensor.time_offset``.
-    torque : float or quantity, optional
-        Needed by ``load.torsion``.
-    forces : mapping of str to ndarray, optional
-        Contact forces per unit of output torque, from `linearise`; the closed form where left out.
+    direction, time, torque, forces : optional
+        As in `influence`.
 
     Returns
     -------
