@@ -7,6 +7,7 @@ import os
 import pickle
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pint
@@ -14,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import rverror
 from recordings import bench, recording
 from rverror import Drive, Model, reducer
 from rverror.base.errors import InputError
@@ -694,3 +696,22 @@ def test_cycloidal_data_are_a_torque_record() -> None:
     assert run.te_column is None
     with pytest.raises(InputError, match=r"torque record holds one angle.*only a \[drive\] model"):
         run.error(13.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "size", "words"),
+    [
+        ("sensor.time_offset", {"offset": "1 ms"}, "a time.s. column; add it to the file"),
+        ("load.torsion", {"compliance": 1e-9}, "the output_torque; add it to the file"),
+        (
+            "involute.spline_clearance",
+            {"crank": 0, "clearance": "20 um"},
+            "the reducer's spline_radius; add it to the model",
+        ),
+    ],
+)
+def test_what_a_declared_effect_lacks_is_asked_for_where_it_belongs(key: str, size: dict[str, Any], words: str) -> None:
+    unit = rverror.Model(rverror.reducer("RV-40E", spline_radius=None), (rverror.effect(key, **size),))
+    run = rverror.run_from_arrays(input_angle=121 * np.linspace(0, 1, 64), te=np.zeros(64))
+    with pytest.raises(InputError, match=f"one.csv: {key} needs {words} or remove the effect"):
+        run.check_effects(unit, "one.csv")

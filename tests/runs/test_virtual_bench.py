@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pint
 import pytest
 from scipy import stats
 
+import rverror
 from rverror import (
     Drive,
     InputError,
@@ -597,3 +599,14 @@ def test_what_cannot_be_simulated_is_refused(model: Model, keywords: dict[str, A
 def test_a_run_asked_for_twice_is_refused(keywords: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"forward.*twice; give each"):
         simulate_runs(PERFECT, **keywords)
+
+
+def test_a_reading_of_ones_own_is_simulated_on_a_reducer() -> None:
+    """It adds what it says to the output, whether or not it could act in a drive too."""
+    encoder = rverror.CATALOGUE["sensor.encoder_eccentricity"]
+    own = replace(encoder, key="sensor.tape_joint", in_drives=False)
+    with rverror.extended(own):
+        unit = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect(own.key, cos="9 arcsec"),))
+        error = rverror.simulate(unit, points=64, revolutions=2).error(unit)
+    expected = 9 * np.pi / 648000 * np.cos(2 * np.pi * np.arange(128) / 64)
+    np.testing.assert_allclose(error, expected, atol=1e-12)

@@ -140,12 +140,12 @@ class Run(Viewed):
         InputError
             Naming the effect, what it needs and the remedy.
         """
-        words = {"time": "a time[s] column", "torque": "the output_torque"}
+        words = {"time": ("a time[s] column", "file"), "torque": ("the output_torque", "file")}
         for item in model.effects:
             missing = source(item.key).lacks(model.mechanism, self)
             if missing:
-                what = words.get(missing, missing)
-                raise InputError(f"{name}: {item.key} needs {what}; add it to the file or remove the effect")
+                what, where = words.get(missing, (f"the reducer's {missing}", "model"))
+                raise InputError(f"{name}: {item.key} needs {what}; add it to the {where} or remove the effect")
 
     def error(self, ratio: Reducer | Drive | Model | float) -> Array:
         """Transmission error, actual output angle less nominal output angle; its offset is left in.

@@ -20,12 +20,13 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import shown
+from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, samples_needed
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error
 from rverror.model.effects import Model
-from rverror.model.readings import misread, unread
+from rverror.model.readings import added, misread, unread
 from rverror.runs.measurement import Run, run_from_arrays
 from rverror.statics.loaded_state import equilibrium
 
@@ -423,8 +424,7 @@ def _error(model: Model, conditions: Conditions, *, points: int, method: str) ->
             transmission_error(gears, part) if method == "closed" else equilibrium(gears, part).transmission_error
             for part in parts
         ]
-        chain = Model(Drive(ratio=unit.ratio), misread(model))  # what is read needs no contacts
-        read = transmission_error(chain, conditions)
+        read = added(misread(model), motion(Drive(ratio=unit.ratio), conditions))  # what is read needs no contacts
     except ValueError as problem:  # an effect that lacks a condition, such as the torque
         raise InputError(str(problem)) from problem
     return np.resize(np.concatenate(solved), theta.size) + read

@@ -201,13 +201,13 @@ class Geometry:
         """What it closes, made once."""
         name = (effect.key, *sorted(effect.indices.items()))
         if name not in self._closings:
-            error = self.error(effect)
-            self._closings[name] = (
-                error
-                if isinstance(error, Clearance)
-                else tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
-            )
+            self._closings[name] = self._closing(self.error(effect))
         return self._closings[name]
+
+    def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance:
+        if isinstance(error, Clearance):
+            return error
+        return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
 
     @cached_property
     def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
