@@ -20,7 +20,8 @@ THETA = 2 * np.pi / 40 * np.arange(24) / 24
 def laid_out(model: rverror.Model, theta: np.ndarray, *, direction: float, torque: float) -> tuple[Stretch, System]:
     motion = pose(model.mechanism, theta, direction=direction, torque=torque)
     contacts = geometry(motion)
-    return Stretch(contacts), loaded_system(contacts, error_closing(contacts, model.effects), torque)
+    stretch = Stretch(contacts, model.mechanism, torque)
+    return stretch, loaded_system(stretch, error_closing(contacts, model.effects), torque)
 
 
 def bad_parts(unit: rverror.Reducer, rng: np.random.Generator, size: float) -> tuple[rverror.Effect, ...]:

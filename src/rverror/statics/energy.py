@@ -4,7 +4,8 @@ Carrier, discs, cranks (x, y, angle each) and sun (x, y) take the pose of least 
 
     E(x) = 1/2 sum k_c p_c(x)^2 - f . x,
 
-over contacts c that close by p_c, 0 where an open pin or flank has p_c < 0 and where a journal floats in its clearance.
+over contacts c that close by p_c, 0 where an open pin or flank has p_c < 0 and where a journal floats in its clearance;
+pins and flanks that close by a power law hold another energy each (`elasticity`).
 It is convex, so a semismooth Newton method with a line search finds it.  The closing of a pin, of a flank and of each
 component of a bearing is J_c x + e_c: J_c holds the action lines of the nominal pose, e_c the same error vectors as in
 the closed form.
@@ -26,6 +27,7 @@ from rverror.geartrain.contacts import closed_form_forces
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
+from rverror.statics.elasticity import Elasticity, PowerLaw, elasticity
 
 Steps = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -39,6 +41,7 @@ _LOOSER_UNLOADING = 1e4  # than the tolerance at the last load
 _FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
 _EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDING = 2e-14  # of stiffness times displacement, in sums of which the parts cancel
+_OF_ALL_ANGLES = ("reducer", "pin_law", "flank_law", "first_disc")  # of a system
 _STRIDE = 8  # every so many angles is solved first; those between start from their neighbours
 
 
@@ -90,7 +93,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
     discs, cranks = reducer.discs, reducer.cranks
     total = {
         "pin": np.zeros((discs, reducer.pins, n)),
-        "mesh": np.full((cranks, 2, n), -reducer.gear_backlash / 2),
+        "mesh": np.zeros((cranks, 2, n)),
         "cam": np.zeros((discs, cranks, 2, n)),
         "carrier": np.zeros((cranks, 2, n)),
     }
@@ -161,15 +164,6 @@ def joint_rows(motion: Contacts) -> Array:
     return rows
 
 
-def joint_stiffness(reducer: Reducer) -> Array:
-    """Stiffness (joints,) in the order of `joint_rows`, N/mm."""
-    stiffness = reducer.stiffness
-    bearings = np.repeat(
-        [stiffness.crank_bearing, stiffness.carrier_bearing], [reducer.discs * reducer.cranks, reducer.cranks]
-    )
-    return np.append(bearings, [stiffness.main_bearing, stiffness.sun_support])
-
-
 @dataclass(frozen=True)
 class Springs:
     """Bearings without clearance: stiffness matrix, rows times stiffness, largest row sum of the matrix."""
@@ -210,6 +204,16 @@ class Geometry:
         return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
 
     @cached_property
+    def pins_by_disc(self) -> Array:
+        """How each pin closes with x, y and angle of its disc, (n, discs, 3, pins)."""
+        return np.ascontiguousarray(self.pin_rows.transpose(0, 2, 1, 3))
+
+    @cached_property
+    def on_pins(self) -> Array:
+        """What each disc feels of each pin per unit of its stiffness, (n, discs, 3, 3, pins)."""
+        return self.pins_by_disc[:, :, :, None] * self.pins_by_disc[:, :, None]
+
+    @cached_property
     def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
         return {}
 
@@ -217,19 +221,40 @@ class Geometry:
     def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance]:
         return {}
 
+
+@dataclass(frozen=True)
+class Elastic:
+    """A gear train whose contacts give way, at n angles: a geometry and how stiff it is.
+
+    The geometry's own reducer says where things are; stiffness, backlash and contact law are those of `reducer`.
+
+    Attributes
+    ----------
+    contacts : Geometry
+    reducer : Reducer
+    """
+
+    contacts: Geometry
+    reducer: Reducer
+
+    @cached_property
+    def elasticity(self) -> Elasticity:
+        """Stiffness of every contact."""
+        return elasticity(self.reducer)
+
     @cached_property
     def all_springs(self) -> Springs:
         """`springs` where none floats."""
-        return self._springs(np.ones(self.joint_rows.shape[1], dtype=np.bool_))
+        return self._springs(np.ones(self.contacts.joint_rows.shape[1], dtype=np.bool_))
 
     def springs(self, floats: Flags) -> Springs:
         """Bearings that do not float in a clearance."""
         return self._springs(~floats) if floats.any() else self.all_springs
 
     def _springs(self, chosen: Flags) -> Springs:
-        n, size = len(self.joint_rows), self.joint_rows.shape[-1]
-        rows = self.joint_rows[:, chosen].reshape(n, -1, size)
-        weighted = np.repeat(joint_stiffness(self.motion.reducer)[chosen], 2)[:, None] * rows
+        n, size = len(self.contacts.joint_rows), self.contacts.joint_rows.shape[-1]
+        rows = self.contacts.joint_rows[:, chosen].reshape(n, -1, size)
+        weighted = np.repeat(self.elasticity.joint[:, chosen], 2, axis=1)[..., None] * rows
         matrix = np.swapaxes(rows, 1, 2) @ weighted
         return Springs(matrix, weighted, np.abs(matrix).sum(axis=2).max(axis=1))
 
@@ -253,6 +278,8 @@ class System:
     """
 
     reducer: Reducer
+    pin_law: PowerLaw
+    flank_law: PowerLaw
     first_disc: int  # column of its x
     load: Array  # (n, size)
     spring_matrix: Array  # (n, size, size)
@@ -260,8 +287,10 @@ class System:
     spring_scale: Array  # (n,), largest row sum of the matrix
     pin_rows: Array  # (n, 3, discs, pins), on x, y and angle of the disc
     pin_error: Array  # (n, discs, pins)
+    pin_stiffness: Array  # (n, discs or 1, pins or 1)
     flank_rows: Array  # (n, 2 cranks, size)
     flank_error: Array
+    flank_stiffness: Array  # (n, 2 cranks or 1)
     journal_rows: Array  # (n, journals, 2, size), of bearings with clearance
     journal_error: Array  # (n, journals, 2)
     clearance: Array  # (n, journals)
@@ -276,8 +305,8 @@ class System:
 
     def take(self, at: Any) -> System:
         """The same at some of the angles."""
-        arrays = {f.name: getattr(self, f.name)[at] for f in fields(self) if f.name not in ("reducer", "first_disc")}
-        return replace(self, **arrays)
+        names = [f.name for f in fields(self) if f.name not in _OF_ALL_ANGLES]
+        return replace(self, **{name: getattr(self, name)[at] for name in names})
 
     @property
     def _of_discs(self) -> slice:
@@ -296,13 +325,12 @@ class System:
 
     def state(self, x: Array) -> State:
         """Contacts, energy and its gradient in the pose `x`."""
-        stiffness = self.reducer.stiffness
         disc, rows = self.discs(x), self.pin_rows
         pins = rows[:, 0] * disc[:, 0] + rows[:, 1] * disc[:, 1] + rows[:, 2] * disc[:, 2] + self.pin_error
         flanks = (self.flank_rows @ x[..., None])[..., 0] + self.flank_error
         spring = (self.spring_matrix @ x[..., None])[..., 0]
-        pin_force = stiffness.pin_contact * np.maximum(pins, 0.0)
-        flank_force = stiffness.gear_mesh * np.maximum(flanks, 0.0)
+        pin_force = self.pin_law.force(pins, self.pin_stiffness)
+        flank_force = self.flank_law.force(flanks, self.flank_stiffness)
         gradient = spring + self.spring_force - self.load
         gradient += (flank_force[:, None] @ self.flank_rows)[:, 0]
         on_discs = np.einsum("nki,ncki->nkc", pin_force, rows)
@@ -311,8 +339,8 @@ class System:
             0.5 * (x * spring).sum(axis=1),
             (x * self.spring_force).sum(axis=1),
             -(x * self.load).sum(axis=1),
-            0.5 / stiffness.pin_contact * np.einsum("nki,nki->n", pin_force, pin_force),
-            0.5 / stiffness.gear_mesh * (flank_force**2).sum(axis=1),
+            np.einsum("nki,nki->n", pin_force, pins) / (self.pin_law.exponent + 1),
+            (flank_force * flanks).sum(axis=1) / (self.flank_law.exponent + 1),
         ]
         journals = self.journal_rows @ x[:, None, :, None]
         journals = journals[..., 0] + self.journal_error
@@ -350,17 +378,15 @@ class System:
         share = share[..., None, None]
         return np.asarray(touching * (share * np.eye(2) + (1 - share) * radial), dtype=np.float64)
 
-    def matrix(self, *, pins: Flags, flanks: Flags, journals: Array) -> Array:
-        """Stiffness with the contacts in `pins` and `flanks` closed and the journals on the given stiffnesses."""
-        stiffness, rows = self.reducer.stiffness, self.pin_rows
+    def matrix(self, *, pins: Array, flanks: Array, journals: Array) -> Array:
+        """Stiffness with that of each pin, of each flank and of each journal."""
+        rows = self.pin_rows
         matrix = self.spring_matrix.copy()
-        closed = np.where(pins, stiffness.pin_contact, 0.0)[:, None] * rows
-        blocks = np.einsum("nbki,ncki->nkbc", closed, rows)
+        blocks = np.einsum("nbki,ncki->nkbc", pins[:, None] * rows, rows)
         for k in range(self.reducer.discs):
             at = slice(self.first_disc + 3 * k, self.first_disc + 3 * k + 3)
             matrix[:, at, at] += blocks[:, k]
-        held = np.where(flanks, stiffness.gear_mesh, 0.0)[..., None] * self.flank_rows
-        matrix += np.swapaxes(self.flank_rows, 1, 2) @ held
+        matrix += np.swapaxes(self.flank_rows, 1, 2) @ (flanks[..., None] * self.flank_rows)
         if journals.size:
             n, size = self.load.shape
             weighted = (journals @ self.journal_rows).reshape(n, -1, size)
@@ -369,19 +395,26 @@ class System:
 
     def newton_matrix(self, state: Closed) -> Array:
         """Second derivative of the energy."""
-        return self.matrix(pins=state.pins > 0, flanks=state.flanks > 0, journals=self.journal_matrices(state.journals))
+        return self.matrix(
+            pins=self.pin_law.tangent(state.pins, self.pin_stiffness),
+            flanks=self.flank_law.tangent(state.flanks, self.flank_stiffness),
+            journals=self.journal_matrices(state.journals),
+        )
 
     def held(self, *, pins: Flags, flanks: Flags, along: Array) -> Array:
-        """Pose with the contacts in `pins` and `flanks` held closed and each journal at its clearance's end `along`."""
-        stiffness = self.reducer.stiffness
+        """Pose with the contacts in `pins` and `flanks` held closed and each journal at its clearance's end `along`.
+
+        Contacts of a power law are taken at their declared stiffness: it is a place to start from.
+        """
         away = self.journal_error - self.clearance[..., None] * along
         springs = self.journal_stiffness[..., None, None] * np.eye(2)
         gradient = self.spring_force - self.load
         gradient = gradient + np.einsum("nqcd,nqc->nd", self.journal_rows, self.journal_stiffness[..., None] * away)
-        gradient += ((stiffness.gear_mesh * flanks * self.flank_error)[:, None] @ self.flank_rows)[:, 0]
-        on_discs = np.einsum("nki,ncki->nkc", stiffness.pin_contact * pins * self.pin_error, self.pin_rows)
+        pin_stiffness, flank_stiffness = self.pin_stiffness * pins, self.flank_stiffness * flanks
+        gradient += ((flank_stiffness * self.flank_error)[:, None] @ self.flank_rows)[:, 0]
+        on_discs = np.einsum("nki,ncki->nkc", pin_stiffness * self.pin_error, self.pin_rows)
         gradient[:, self._of_discs] += on_discs.reshape(len(gradient), -1)
-        return -solved(self.matrix(pins=pins, flanks=flanks, journals=springs), gradient)
+        return -solved(self.matrix(pins=pin_stiffness, flanks=flank_stiffness, journals=springs), gradient)
 
     def driven(self) -> Array:
         """Pose with all of the loaded side held closed: where each solution starts."""
@@ -445,20 +478,22 @@ def geometry(motion: Contacts) -> Geometry:
     )
 
 
-def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
-    """Energy of a reducer with errors, under a torque that resists its motion."""
-    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
-    cams, k, floats = reducer.discs * reducer.cranks, joint_stiffness(reducer), errors.clearance > 0
-    springs = contacts.springs(floats)
+def loaded_system(elastic: Elastic, errors: Errors, torque: float) -> System:
+    """Energy of a gear train with errors, under a torque that resists its motion."""
+    contacts, reducer, stiff = elastic.contacts, elastic.reducer, elastic.elasticity
+    n, cams, floats = contacts.motion.theta.size, reducer.discs * reducer.cranks, errors.clearance > 0
+    springs = elastic.springs(floats)
     load = np.zeros((n, springs.rows.shape[-1]))
     load[:, 2] = -contacts.motion.direction * torque
-    along = np.zeros((len(k), 2, n))
+    along = np.zeros((len(floats), 2, n))
     if floats.any():
         forces = closed_form_forces(contacts.motion)
         along[:cams] = forces["cam direction"].reshape(cams, 2, n)
         along[cams:-2] = forces["carrier direction"]
     return System(
         reducer=reducer,
+        pin_law=stiff.pin_law,
+        flank_law=stiff.flank_law,
         first_disc=Layout(reducer).disc[0],
         load=load,
         spring_matrix=springs.matrix,
@@ -466,16 +501,23 @@ def loaded_system(contacts: Geometry, errors: Errors, torque: float) -> System:
         spring_force=(errors.joint[:, ~floats].reshape(n, 1, -1) @ springs.rows)[:, 0],
         pin_rows=contacts.pin_rows,
         pin_error=errors.pin,
+        pin_stiffness=_at_each(stiff.pin, n),
         flank_rows=contacts.flank_rows,
-        flank_error=errors.flank,
+        flank_error=errors.flank - reducer.gear_backlash / 2,
+        flank_stiffness=_at_each(stiff.flank, n),
         journal_rows=contacts.joint_rows[:, floats],
         journal_error=errors.joint[:, floats],
         clearance=np.tile(errors.clearance[floats], (n, 1)),
-        journal_stiffness=np.tile(k[floats], (n, 1)),
+        journal_stiffness=_at_each(stiff.joint[:, floats], n),
         driving_pins=contacts.driving_pins,
         driving_flanks=contacts.driving_flanks,
         driving_force=samples_first(along[floats]),
     )
+
+
+def _at_each(stiffness: Array, n: int) -> Array:
+    """Stiffness at each of n angles."""
+    return np.broadcast_to(stiffness, (n, *stiffness.shape[1:]))
 
 
 def minimise(system: System, torque: float, start: Array | None = None) -> tuple[Array, Steps, Flags]:

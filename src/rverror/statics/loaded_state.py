@@ -24,7 +24,7 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Clearance, ContactForces, Contacts, project
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import Conditions
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.condensation import Stretch
@@ -39,7 +39,6 @@ from rverror.statics.energy import (
     error_closing,
     flank_lever,
     geometry,
-    joint_stiffness,
     loaded_system,
     minimise,
     refined,
@@ -49,6 +48,21 @@ from rverror.statics.energy import (
 _AT_ONCE = 1024  # angles solved together: bounds the memory
 _MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
+
+
+#: What else the output depends on, in the order of rows of `Solved.softening`: the logarithm of the compliance (one
+#: over the stiffness) of each kind of contact, backlash in mm, exponents of the contact law.
+SOFTENING = (
+    "pin_contact",
+    "crank_bearing",
+    "carrier_bearing",
+    "gear_mesh",
+    "sun_support",
+    "main_bearing",
+    "gear_backlash",
+    "pin_exponent",
+    "flank_exponent",
+)
 
 
 class NotConvergedError(RuntimeError):
@@ -235,7 +249,7 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
         raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
     where = motion(mechanism, conditions)
     assert isinstance(where, Contacts)
-    return Statics(where, size)
+    return Statics(Travel(where), where.reducer, size)
 
 
 def _check_reducer(mechanism: Mechanism) -> None:
@@ -244,37 +258,97 @@ def _check_reducer(mechanism: Mechanism) -> None:
 
 
 @dataclass(frozen=True)
+class Travel:
+    """Contact geometry along one motion, whatever errors and stiffnesses are: shared by all that is solved along it.
+
+    Attributes
+    ----------
+    motion : Contacts
+    """
+
+    motion: Contacts
+
+    @cached_property
+    def _kept(self) -> tuple[Geometry, ...]:
+        return tuple(self._made())
+
+    def _made(self) -> Iterator[Geometry]:
+        whole = self.motion
+        for first in range(0, whole.theta.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
+            assert isinstance(where, Contacts)
+            yield geometry(where)
+
+    @property
+    def short(self) -> bool:
+        """Whether what belongs to its angles is few enough to be kept."""
+        return self.motion.theta.size <= _MOST_KEPT
+
+    def geometries(self) -> Iterable[Geometry]:
+        """Geometry of one stretch of angles after another; that of few angles is kept."""
+        return self._kept if self.short else self._made()
+
+
+@dataclass(frozen=True)
 class Statics:
     """Statics of a reducer along one motion, prepared once for many sets of errors.
 
     Attributes
     ----------
-    motion : Contacts
+    travel : Travel
+    reducer : Reducer
+        Whose stiffness, backlash and contact law count.
     torque : float
         Size of the output torque, N*mm.
     read_at : ndarray, shape (n,), optional
         Angles of the bench where they are not the gear's, rad.
     """
 
-    motion: Contacts
+    travel: Travel
+    reducer: Reducer
     torque: float
     read_at: Array | None = None
+
+    @property
+    def motion(self) -> Contacts:
+        """Nominal motion."""
+        return self.travel.motion
+
+    def elastic(self, reducer: Reducer) -> Statics:
+        """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
+
+        What the geometry gives, error vectors and closings among it, is made once for both.
+
+        Parameters
+        ----------
+        reducer : Reducer
+
+        Returns
+        -------
+        Statics
+
+        Raises
+        ------
+        ValueError
+            If anything but stiffness, backlash and contact law differs.
+        """
+        if reducer == self.reducer:
+            return self
+        check_same_geometry(self.reducer, reducer)
+        return replace(self, reducer=reducer)
 
     @cached_property
     def _kept(self) -> tuple[Stretch, ...]:
         return tuple(self._made())
 
     def _made(self) -> Iterator[Stretch]:
-        whole = self.motion
-        for first in range(0, whole.theta.size, _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], self.torque))
-            assert isinstance(where, Contacts)
-            yield Stretch(geometry(where))
+        under = self.torque or _NO_LOAD * self.reducer.stiffness.pin_contact * self.reducer.pin_circle_radius**2
+        return (Stretch(where, self.reducer, under) for where in self.travel.geometries())
 
     def stretches(self) -> Iterable[Stretch]:
-        """Contact geometry of one stretch of angles after another; that of few angles is kept for the next errors."""
-        return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
+        """One stretch of angles after another; few are kept with what they condense to for the next errors."""
+        return self._kept if self.travel.short else self._made()
 
     def solutions(
         self, effects: tuple[Effect, ...], start: Array | None = None, *, quick: bool = False
@@ -283,23 +357,21 @@ class Statics:
 
         Quickly, what is condensed is trusted wherever the loaded flanks, and no others, carry.
         """
-        unit, first = self.motion.reducer, 0
-        trace = _NO_LOAD * unit.stiffness.pin_contact * unit.pin_circle_radius**2
+        first = 0
         for stretch in self.stretches():
             last = first + stretch.contacts.motion.theta.size
             near = None if start is None else start[first:last]
-            solution = _settle(stretch, felt(effects), self.torque or trace, near, quick=quick)
+            solution = _settle(stretch, felt(effects), near, quick=quick)
             yield solution if self.torque else solution.unloaded()
             first = last
 
-    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> tuple[Array, Array, Array]:
-        """Turn of the carrier (n,), its change per parameter (parameters, n), and the poses (n, unknowns)."""
-        errors, rows, poses = [], [], []
-        for part in self.solutions(effects, start, quick=True):
-            errors.append(part.transmission_error)
-            rows.append(part.influences(effects))
-            poses.append(part.x)
-        return np.concatenate(errors), np.concatenate(rows, axis=1), np.concatenate(poses)
+    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Solved:
+        """Turn of the carrier and its changes with all parameters, from one solution."""
+        parts = [
+            Solved(part.transmission_error, part.influences(effects), part.softening(), part.x)
+            for part in self.solutions(effects, start, quick=True)
+        ]
+        return parts[0] if len(parts) == 1 else Solved.joined(parts)
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque, to some 1e-10 of the largest influence."""
@@ -327,16 +399,45 @@ class Statics:
         return replace(state, transmission_error=turned, theta=read.theta)
 
 
+@dataclass(frozen=True)
+class Solved:
+    """Turn of the carrier at n angles, and its change with all that it depends on.
+
+    Attributes
+    ----------
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrix : ndarray, shape (parameters, n)
+        Change per parameter of each effect.
+    softening : ndarray, shape (9, n)
+        Change per unit of each of `SOFTENING`.
+    poses : ndarray, shape (n, unknowns)
+    """
+
+    transmission_error: Array
+    matrix: Array
+    softening: Array
+    poses: Array
+
+    @classmethod
+    def joined(cls, parts: list[Solved]) -> Solved:
+        """Of all stretches."""
+        return cls(
+            np.concatenate([part.transmission_error for part in parts]),
+            np.concatenate([part.matrix for part in parts], axis=1),
+            np.concatenate([part.softening for part in parts], axis=1),
+            np.concatenate([part.poses for part in parts]),
+        )
+
+
 def _side_by_side(forces: list[ContactForces]) -> ContactForces:
     return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
 
 
-def _settle(
-    stretch: Stretch, effects: tuple[Effect, ...], torque: float, start: Array | None, *, quick: bool = False
-) -> _Solution:
-    contacts, motion = stretch.contacts, stretch.contacts.motion
-    errors = error_closing(contacts, effects)
-    energy = loaded_system(contacts, errors, torque)
+def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool = False) -> _Solution:
+    motion, torque = stretch.contacts.motion, stretch.torque
+    errors = error_closing(stretch.contacts, effects)
+    energy = loaded_system(stretch, errors, torque)
     steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
     if not energy.clearance.size:
         start, steps, found = stretch.condensed.settled(energy, torque, start)
@@ -347,7 +448,7 @@ def _settle(
         else:
             found &= ((closed.flanks > 0) == energy.driving_flanks).all(axis=1)
         if found.all():
-            return _Solution(stretch, errors, energy, start, closed, steps, torque)
+            return _Solution(stretch, errors, energy, start, closed, steps)
     x, more, found = minimise(energy, torque, start)
     steps = steps + more
     if not found.all():
@@ -356,7 +457,7 @@ def _settle(
             f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
             f"{where} deg ...); raise the torque, or check for errors and clearances far above 0.1 mm"
         )
-    return _Solution(stretch, errors, energy, x, energy.state(x), steps, torque)
+    return _Solution(stretch, errors, energy, x, energy.state(x), steps)
 
 
 @dataclass(frozen=True)
@@ -369,7 +470,6 @@ class _Solution:
     x: Array
     closed: Closed
     steps: Steps
-    torque: float
     unloading: Array | float = 0.0  # what taking the load off adds to the pose
 
     @property
@@ -399,7 +499,7 @@ class _Solution:
         parts = samples_last(self.x + self.unloading)
         bodies = parts[3:-2].reshape(-1, 3, n)
         state = self.closed if isinstance(self.closed, State) else self.energy.state(self.x)
-        residual = GRADIENT_TOLERANCE * state.imbalance / self.energy.tolerance(self.torque)
+        residual = GRADIENT_TOLERANCE * state.imbalance / self.energy.tolerance(self.stretch.torque)
         return Equilibrium(
             transmission_error=self.transmission_error,
             pose={
@@ -422,15 +522,19 @@ class _Solution:
         """Closing of each bearing, (n, joints, 2)."""
         return np.asarray(np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, self.x) + self.errors.joint)
 
-    def _contact_forces(self) -> dict[str, Array]:
-        stiffness = self.contacts.motion.reducer.stiffness
-        force = joint_stiffness(self.contacts.motion.reducer)[:, None] * self._joints()
+    def _joint_forces(self) -> Array:
+        """Force of each bearing, (n, joints, 2)."""
+        force = self.stretch.elasticity.joint[..., None] * self._joints()
         if self._journals().any():
             force[:, self._journals()] = self.energy.journal_forces(self.closed.journals)[1]
+        return np.asarray(force, dtype=np.float64)
+
+    def _contact_forces(self) -> dict[str, Array]:
+        system = self.energy
         return self._by_contact(
-            pins=stiffness.pin_contact * np.maximum(self.closed.pins, 0.0),
-            flanks=stiffness.gear_mesh * np.maximum(self.closed.flanks, 0.0),
-            joints=force,
+            pins=system.pin_law.force(self.closed.pins, system.pin_stiffness),
+            flanks=system.flank_law.force(self.closed.flanks, system.flank_stiffness),
+            joints=self._joint_forces(),
         )
 
     def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
@@ -457,32 +561,63 @@ class _Solution:
         """Unit vectors along which bearings carry."""
         return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(self._joints()).items()}
 
+    @cached_property
+    def _quick_per_torque(self) -> tuple[Array, Array, Array]:
+        return self._per_torque(quick=True)
+
     def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array]:
         """Change of the force of pins, flanks and joints per unit of output torque, samples first."""
-        stiffness, closed, system = self.contacts.motion.reducer.stiffness, self.closed, self.energy
+        closed, system = self.closed, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
         answer = -self._answer(unit, quick=quick)
         pins = (system.pin_rows * system.discs(answer)).sum(axis=1)
         flanks = (system.flank_rows @ answer[..., None])[..., 0]
         joints = np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, answer)
-        change = joint_stiffness(self.contacts.motion.reducer)[:, None] * joints
+        change = self.stretch.elasticity.joint[..., None] * joints
         where = self._journals()
         if where.any():
             matrices = system.journal_matrices(closed.journals)
             change[:, where] = (matrices @ joints[:, where][..., None])[..., 0]
         return (
-            stiffness.pin_contact * (closed.pins > 0) * pins,
-            stiffness.gear_mesh * (closed.flanks > 0) * flanks,
-            change,
+            system.pin_law.tangent(closed.pins, system.pin_stiffness) * pins,
+            system.flank_law.tangent(closed.flanks, system.flank_stiffness) * flanks,
+            np.asarray(change, dtype=np.float64),
         )
+
+    def softening(self) -> Array:
+        """Change of the output angle per unit of each of `SOFTENING`, (9, n).
+
+        A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
+        lambda the change of its force per unit of output torque.
+        """
+        pins, flanks, joints = self._quick_per_torque
+        system, closed, reducer = self.energy, self.closed, self.stretch.reducer
+        stiffness, cams = reducer.stiffness, reducer.discs * reducer.cranks
+        work = (joints * self._joint_forces()).sum(axis=2)
+        yielded = pins * np.maximum(closed.pins, 0.0) * system.pin_stiffness
+        shut = flanks * np.maximum(closed.flanks, 0.0) * system.flank_stiffness
+        by_pin_exponent = pins * system.pin_law.change_with_exponent(closed.pins, system.pin_stiffness)
+        by_flank_exponent = flanks * system.flank_law.change_with_exponent(closed.flanks, system.flank_stiffness)
+        rows = {
+            "pin_contact": yielded.sum(axis=(1, 2)) / stiffness.pin_contact,
+            "crank_bearing": work[:, :cams].sum(axis=1) / stiffness.crank_bearing,
+            "carrier_bearing": work[:, cams:-2].sum(axis=1) / stiffness.carrier_bearing,
+            "gear_mesh": shut.sum(axis=1) / stiffness.gear_mesh,
+            "sun_support": work[:, -1] / stiffness.sun_support,
+            "main_bearing": work[:, -2] / stiffness.main_bearing,
+            "gear_backlash": flanks.sum(axis=1) / 2,
+            "pin_exponent": by_pin_exponent.sum(axis=(1, 2)),
+            "flank_exponent": by_flank_exponent.sum(axis=1),
+        }
+        return -np.stack([rows[name] for name in SOFTENING])
 
     def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
         return {**self._changes(quick=quick), **self._directions(), "output": np.ones((1, len(self.x)))}
 
     def _changes(self, *, quick: bool) -> dict[str, Array]:
-        pins, flanks, joints = self._per_torque(quick=quick)
+        pins, flanks, joints = self._quick_per_torque if quick else self._per_torque(quick=False)
         return self._by_contact(pins=pins, flanks=flanks, joints=joints)
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:

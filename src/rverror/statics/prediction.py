@@ -13,7 +13,7 @@ from rverror.base.arrays import Array
 from rverror.geartrain.action_line import ContactForces, Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders, true_period
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.geartrain.source import IndexValue
 from rverror.model import sensor
 from rverror.model.catalogue import source
@@ -40,8 +40,13 @@ class Prediction:
         Where the equilibrium predicts: poses at the angles at which it was solved.
     repeats : bool
         Whether those are angles of one repeat, and not of all samples.
+    softening : ndarray, shape (9, n), optional
+        Change per unit of each of `loaded_state.SOFTENING`: of the logarithm of each compliance, of the backlash, mm,
+        and of the exponents of the contact law.  None where the closed form predicts, which knows none of them.
     effects : tuple of Effect
         What it was predicted for.
+    mechanism : Reducer or Drive, optional
+        Of which.
     conditions : Conditions, optional
         Where.
     """
@@ -50,7 +55,9 @@ class Prediction:
     matrix: Array
     poses: Array | None = None
     repeats: bool = False
+    softening: Array | None = None
     effects: tuple[Effect, ...] = ()
+    mechanism: Mechanism | None = None
     conditions: Conditions | None = None
 
 
@@ -96,6 +103,31 @@ class Predictor:
 
     mechanism: Mechanism
     conditions: Conditions
+    _first: Predictor | None = None  # whose geometry is this one's
+
+    def elastic(self, mechanism: Mechanism) -> Predictor:
+        """The same for a reducer with other stiffness, backlash or contact law; what geometry gives is made once.
+
+        Parameters
+        ----------
+        mechanism : Reducer or Drive
+            A drive has no stiffness: only the same one.
+
+        Returns
+        -------
+        Predictor
+
+        Raises
+        ------
+        ValueError
+            If anything but stiffness, backlash and contact law differs.
+        """
+        if mechanism == self.mechanism:
+            return self
+        if not (isinstance(mechanism, Reducer) and isinstance(self.mechanism, Reducer)):
+            raise ValueError("only the stiffness of a reducer can be another one; make a new predictor for a drive")
+        check_same_geometry(self.mechanism, mechanism)
+        return Predictor(mechanism, self.conditions, self._first or self)
 
     def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
         """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.
@@ -111,9 +143,13 @@ class Predictor:
         -------
         Prediction
         """
-        if near and near.conditions is self.conditions and near.effects == model.effects:
+        if near and near.conditions is self.conditions and near.effects == model.effects and self._made(near):
             return near
-        return replace(self._predicted(model, near), effects=model.effects, conditions=self.conditions)
+        found = self._predicted(model, near)
+        return replace(found, effects=model.effects, mechanism=self.mechanism, conditions=self.conditions)
+
+    def _made(self, near: Prediction) -> bool:
+        return near.mechanism is self.mechanism or near.mechanism == self.mechanism
 
     def _predicted(self, model: Model, near: Prediction | None) -> Prediction:
         gears = felt(model.effects)
@@ -183,11 +219,22 @@ class Predictor:
 
     @cached_property
     def _whole(self) -> Statics:
-        return self._statics(self.conditions.theta)
+        return self._same("_whole") or self._statics(self.conditions.theta)
+
+    def _same(self, name: str) -> Statics | None:
+        """Statics that share their geometry with those of the first predictor."""
+        if self._first is None:
+            return None
+        assert isinstance(self.mechanism, Reducer)
+        statics: Statics = getattr(self._first, name)
+        return statics.elastic(self.mechanism)
 
     @cached_property
     def _repeat(self) -> Statics:
         """Over one repeat, with four angles for each that the samples hold."""
+        same = self._same("_repeat")
+        if same is not None:
+            return same
         period = 2 * math.pi / self._repeat_order
         sampled = period / self._step if self.conditions.theta.size > 1 else 1.0
         points = max(2 ** math.ceil(math.log2(4 * sampled)), _FEWEST_PER_REPEAT)
@@ -196,6 +243,8 @@ class Predictor:
     @cached_property
     def _waves(self) -> Array:
         """Cosines and less sines of the harmonics of the repeat at all samples, shape (2 count, n)."""
+        if self._first is not None:
+            return self._first._waves
         ahead = self.conditions.theta - self.conditions.theta[0]
         count = self._repeat.motion.theta.size // 2 if self.conditions.folds else self._unfolded
         phase = self._repeat_order * np.outer(np.arange(count), ahead)
@@ -250,8 +299,10 @@ class Predictor:
 
         Folded orders move with every jitter of the sampling, so the error has them but no size is drawn from them.
         """
-        rows = self._at_samples(np.vstack([one.transmission_error, one.matrix]), folding=1)
-        return replace(one, transmission_error=rows[0], matrix=rows[1:])
+        assert one.softening is not None  # solved
+        rows = self._at_samples(np.vstack([one.transmission_error, one.softening, one.matrix]), folding=1)
+        count = 1 + len(one.softening)
+        return replace(one, transmission_error=rows[0], softening=rows[1:count], matrix=rows[count:])
 
 
 def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
@@ -263,9 +314,8 @@ def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
 
 def _loaded(statics: Statics, effects: tuple[Effect, ...], start: Array | None) -> Prediction:
     """Prediction at the angles of the statics, from likely poses over the same stretch."""
-    return Prediction(
-        *statics.predict(effects, None if start is None else _resampled(start, statics.motion.theta.size))
-    )
+    found = statics.predict(effects, None if start is None else _resampled(start, statics.motion.theta.size))
+    return Prediction(found.transmission_error, found.matrix, found.poses, softening=found.softening)
 
 
 def _resampled(poses: Array, points: int) -> Array:

@@ -207,11 +207,12 @@ def _of_reducer(result: Reducer) -> Table:
     rows: list[tuple[str, float, Unit]] = []
     for item in dataclasses.fields(result):
         value = getattr(result, item.name)
-        if item.name in ("name", "stiffness") or value is None:
+        if item.name in ("name", "stiffness", "contact_law") or value is None:
             continue
         rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
     springs = dataclasses.asdict(result.stiffness)
     rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
+    rows += [(f"contact_law.{name}", value, NUMBER) for name, value in dataclasses.asdict(result.contact_law).items()]
     return _of_values(result, rows)
 
 
