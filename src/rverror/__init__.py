@@ -11,7 +11,7 @@ from rverror.base.units import ARCSEC, to_core, to_display
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import ErrorVector
 from rverror.geartrain.kinematics import Conditions, folded_order, frame_orders, fundamental_orders
-from rverror.geartrain.mechanism import ContactLaw, Drive, Reducer, Stiffness, reducer
+from rverror.geartrain.mechanism import ContactLaw, Drive, Reducer, Stiffness, StiffnessUncertainty, reducer
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
 from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
@@ -96,6 +96,7 @@ __all__ = [
     "Source",
     "Stack",
     "Stiffness",
+    "StiffnessUncertainty",
     "Tolerance",
     "TorsionCurve",
     "VirtualUnits",

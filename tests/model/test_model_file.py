@@ -15,7 +15,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recordings import bench, recording
-from rverror import CATALOGUE, Drive, Effect, Model, Reducer, Stiffness, effect, reducer
+from rverror import (
+    CATALOGUE,
+    ContactLaw,
+    Drive,
+    Effect,
+    Model,
+    Reducer,
+    Stiffness,
+    StiffnessUncertainty,
+    effect,
+    reducer,
+)
 from rverror.base.errors import InputError
 from rverror.geartrain.mechanism import PRESETS
 from rverror.model.model_file import COUNTS, QUANTITIES, append_effects, load_model, save_model
@@ -102,6 +113,56 @@ def test_good_file(tmp_path: Path, change: Any) -> None:
     )  # fmt: skip
 
 
+def test_stiffness_uncertainty_and_contact_law(tmp_path: Path) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(
+        '[reducer]\npreset = "RV-40E"\n[reducer.stiffness_uncertainty]\npin_contact = "40 %"\ncrank_bearing = 0\n'
+        "gear_mesh = 0.1\n[reducer.contact_law]\npin_exponent = 1.11\n"
+    )
+    unit = load_model(file).mechanism
+    assert unit == reducer(
+        "RV-40E",
+        stiffness_uncertainty=StiffnessUncertainty(pin_contact=0.4, crank_bearing=0.0, gear_mesh=0.1),
+        contact_law=ContactLaw(pin_exponent=1.11),
+    )
+    assert isinstance(unit, Reducer)
+    assert unit.stiffness_uncertainty.main_bearing == 0.25
+    save_model(file, Model(unit), overwrite=True)
+    text = file.read_text()
+    assert "[reducer.stiffness_uncertainty]\npin_contact = 0.4\ncrank_bearing = 0.0\ngear_mesh = 0.1\n\n" in text
+    assert text.endswith("[reducer.contact_law]\npin_exponent = 1.11\n")
+    save_model(file, Model(reducer("RV-40E")), overwrite=True)
+    assert "stiffness" not in file.read_text()
+    assert "contact_law" not in file.read_text()
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("[reducer.contact_law]\npin_exponent = 2", "line 4: pin_exponent = 2.0: must be a number from 1 (linear"),
+        ("[reducer.contact_law]\npin_exponent = '10/9'", "line 4: pin_exponent = '10/9': must be a bare number; write"),
+        ("[reducer.contact_law]\npins = 1", "line 4: unknown key of [reducer.contact_law] 'pins'"),
+        (
+            "[reducer.stiffness_uncertainty]\npin_contact = '-1 %'",
+            "line 4: pin_contact = -0.01: must be a number from 0",
+        ),
+        (
+            "[reducer.stiffness_uncertainty]\npin_contact = '1 N'",
+            "line 4: pin_contact = '1 N': must be a number or a per",
+        ),
+        ("[reducer.stiffness_uncertainty]\npin_contact = inf", "line 4: pin_contact = inf: must be a number from 0"),
+        ("stiffness_uncertainty = 0.1", "line 3: stiffness_uncertainty = 0.1 is no table"),
+    ],
+)
+def test_mistakes_in_them_are_named_with_their_line(tmp_path: Path, lines: str, message: str) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(f'[reducer]\npreset = "RV-40E"\n{lines}\n')
+    with pytest.raises(InputError) as caught:
+        load_model(file)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_all_parameters(tmp_path: Path) -> None:
     assert load(tmp_path, FULL).mechanism == Reducer(
         sun_teeth=9, planet_teeth=27, module=1.5, pressure_angle=math.radians(20), disc_lobes=39, pins=40,
@@ -174,7 +235,7 @@ compliance = "0.5 arcsec/(N*m)"
 
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
-    assert {*COUNTS, *QUANTITIES, "stiffness", "name"} == names
+    assert {*COUNTS, *QUANTITIES, "stiffness", "stiffness_uncertainty", "contact_law", "name"} == names
     for name, (dimension, example) in QUANTITIES.items():
         kind = "angle" if name == "pressure_angle" else "torque" if name == "rated_torque" else "length"
         assert dimension == kind
@@ -364,6 +425,15 @@ def effects(draw: st.DrawFn, mechanism: Reducer | Drive) -> Effect:
     return effect(entry.key, uncertainty=sigma, origin=draw(TEXTS), **named)
 
 
+numbers = st.fixed_dictionaries(
+    {},
+    optional={
+        "stiffness_uncertainty": st.builds(StiffnessUncertainty, pin_contact=st.floats(0, 10), gear_mesh=st.just(0.1)),
+        "contact_law": st.builds(ContactLaw, pin_exponent=st.floats(1, 1.5), flank_exponent=st.floats(1, 1.5)),
+    },
+)
+
+
 @st.composite
 def models(draw: st.DrawFn) -> Model:
     mechanism: Reducer | Drive
@@ -373,7 +443,8 @@ def models(draw: st.DrawFn) -> Model:
         unit = draw(reducers(discs=(2, 4)))
         name, backlash = draw(TEXTS | st.just("RV-40E")), draw(st.floats(0, 0.2))
         torque = draw(st.none() | st.floats(1, 1e7))
-        mechanism = variant(unit, name=name, stiffness=stiffness, gear_backlash=backlash, rated_torque=torque)
+        own = {"stiffness": stiffness, "gear_backlash": backlash, "rated_torque": torque} | draw(numbers)
+        mechanism = variant(unit, name=name, **own)
     elif kind == "preset":
         changes: dict[str, Any] = draw(
             st.fixed_dictionaries(
@@ -387,7 +458,7 @@ def models(draw: st.DrawFn) -> Model:
                 },
             )
         )
-        mechanism = reducer(draw(st.sampled_from(sorted(PRESETS))), **changes)
+        mechanism = reducer(draw(st.sampled_from(sorted(PRESETS))), **changes, **draw(numbers))
     else:
         turns = st.floats(-1e6, 1e6).filter(bool)
         mechanism = Drive(

@@ -145,6 +145,8 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "module",
         "gear_backlash",
         "stiffness",
+        "stiffness_uncertainty",
+        "contact_law",
         "rated_torque",
         "crank_circle_radius",
         "name",

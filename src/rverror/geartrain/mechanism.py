@@ -60,6 +60,56 @@ class Stiffness:
             object.__setattr__(self, item.name, value)
 
 
+@dataclass(frozen=True, kw_only=True)
+class StiffnessUncertainty:
+    """How well each contact stiffness is known: 1 sigma of its logarithm; 0 is exact.
+
+    Parameters
+    ----------
+    pin_contact, crank_bearing, carrier_bearing, gear_mesh, sun_support, main_bearing : float
+        As in `Stiffness`; 0.25, near enough 25 %, where left out.
+
+    Raises
+    ------
+    ValueError
+        If a value is below 0 or no finite number.
+
+    Notes
+    -----
+    Nobody knows a contact stiffness better than to a quarter unless it was measured: bearings are preloaded, housings
+    bend.  `diagnose` refits every stiffness within it.
+
+    Examples
+    --------
+    >>> StiffnessUncertainty(crank_bearing=0.1).gear_mesh
+    0.25
+    """
+
+    pin_contact: float = 0.25
+    crank_bearing: float = 0.25
+    carrier_bearing: float = 0.25
+    gear_mesh: float = 0.25
+    sun_support: float = 0.25
+    main_bearing: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Check that each value is a size."""
+        for item in dataclasses.fields(self):
+            object.__setattr__(self, item.name, _at_least(item.name, getattr(self, item.name), "0 (exact)", 0.0))
+
+
+def _at_least(name: str, given: Any, bound: str, least: float, most: float = math.inf) -> float:
+    if (
+        isinstance(given, bool)
+        or not isinstance(given, (int, float))
+        or not least <= given <= most
+        or given == math.inf
+    ):
+        end = f" to {most:g}" if most < math.inf else " on"
+        raise ValueError(f"{name} = {given!r}: must be a number from {bound}{end}")
+    return float(given)
+
+
 #: N.  Force at which a declared contact stiffness holds where the contact closes by a power law: the middle, on a
 #: logarithmic scale, of what the most loaded pin and the flanks of an RV-40E carry between a bench's 20 N*m (20 N,
 #: 13 N) and the rated 412 N*m (400 N, 270 N), so a law changes the windup between these torques little.
@@ -99,13 +149,11 @@ class ContactLaw:
     def __post_init__(self) -> None:
         """Check that each exponent is that of a contact."""
         for item in dataclasses.fields(self):
-            given = getattr(self, item.name)
-            if isinstance(given, bool) or not isinstance(given, (int, float)) or not 1.0 <= given <= 1.5:
-                raise ValueError(
-                    f"{item.name} = {given!r}: must be a number from 1 (linear) to 1.5 (point contact); "
-                    "a line contact has 10/9 = 1.11"
-                )
-            object.__setattr__(self, item.name, float(given))
+            object.__setattr__(
+                self,
+                item.name,
+                _at_least(item.name, getattr(self, item.name), "1 (linear, 10/9: line contact)", 1.0, 1.5),
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,6 +180,8 @@ class Reducer(Viewed):
         Play of each sun-planet mesh along the line of action, mm.
     stiffness : Stiffness
         Contact stiffnesses; the closed form does not use them.
+    stiffness_uncertainty : StiffnessUncertainty
+        How well they are known.
     contact_law : ContactLaw
         By which powers pins and flanks close; linear where left out.  The closed form does not use it.
     rated_torque : float, optional
@@ -173,6 +223,7 @@ class Reducer(Viewed):
     discs: int
     gear_backlash: float = 0.020
     stiffness: Stiffness = field(default_factory=Stiffness)
+    stiffness_uncertainty: StiffnessUncertainty = field(default_factory=StiffnessUncertainty)
     contact_law: ContactLaw = field(default_factory=ContactLaw)
     rated_torque: float | None = None
     spline_radius: float | None = None
@@ -293,7 +344,7 @@ class Reducer(Viewed):
 
 
 #: Parameters of a reducer that leave its geometry as it is.
-ELASTIC = ("stiffness", "gear_backlash", "contact_law")
+ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law")
 
 
 def check_same_geometry(one: Reducer, other: Reducer) -> None:

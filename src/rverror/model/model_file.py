@@ -13,7 +13,16 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
-from rverror.geartrain.mechanism import PRESETS, Drive, Mechanism, Reducer, Stiffness, reducer
+from rverror.geartrain.mechanism import (
+    PRESETS,
+    ContactLaw,
+    Drive,
+    Mechanism,
+    Reducer,
+    Stiffness,
+    StiffnessUncertainty,
+    reducer,
+)
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, effect
@@ -33,6 +42,13 @@ QUANTITIES = {
 COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
 _STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
+#: Tables of bare numbers below [reducer], and how people write one.
+_NUMBERS: Mapping[str, tuple[type[StiffnessUncertainty] | type[ContactLaw], str]] = {
+    "stiffness_uncertainty": (StiffnessUncertainty, "'25 %'"),
+    "contact_law": (ContactLaw, "1.11"),
+}
+_KEYS_OF_REDUCER = ("preset", "name", *COUNTS, *QUANTITIES, "stiffness", *_NUMBERS)
+_PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
 def load_model(path: PathLike) -> Model:
@@ -195,7 +211,7 @@ def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
 
 def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     place = ("reducer",)
-    where.check_keys(place, table, ("preset", "name", *COUNTS, *QUANTITIES, "stiffness"), "key of [reducer]")
+    where.check_keys(place, table, _KEYS_OF_REDUCER, "key of [reducer]")
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key in QUANTITIES:
@@ -211,6 +227,9 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
         values["name"] = where.string(place, table, "name", "")
     if "stiffness" in table:
         values["stiffness"] = _stiffness(where, table["stiffness"])
+    for key in _NUMBERS:
+        if key in table:
+            values[key] = _numbers(where, key, table[key])
     if "preset" in table:
         preset = where.string(place, table, "preset", "")
         if preset not in PRESETS:
@@ -242,6 +261,29 @@ def _stiffness(where: TomlText, value: object) -> Stiffness:
         return Stiffness(**given)
     except ValueError as error:
         where.refuse(_first_word(where, place, str(error)), str(error))
+
+
+def _numbers(where: TomlText, key: str, value: object) -> StiffnessUncertainty | ContactLaw:
+    kind, example = _NUMBERS[key]
+    place = ("reducer", key)
+    table = _table(where, place, value)
+    where.check_keys(place, table, [f.name for f in dataclasses.fields(kind)], f"key of [reducer.{key}]")
+    given = {name: _number(where, (*place, name), item, example) for name, item in table.items()}
+    try:
+        return kind(**given)
+    except ValueError as error:
+        where.refuse(_first_word(where, place, str(error)), f"{error}; write it like {example}")
+
+
+def _number(where: TomlText, place: Place, value: object, example: str) -> float:
+    """A bare number, or a percentage where the example is one."""
+    percent = "%" in example
+    if isinstance(value, str) and percent and (match := _PERCENT.fullmatch(value.strip())):
+        return float(match[1]) / 100
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        kind = "a number or a percentage" if percent else "a bare number"
+        where.refuse(place, f"{place[-1]} = {shown(value)}: must be {kind}; write it like {example}")
+    return float(value)
 
 
 def _first_word(where: TomlText, place: Place, message: str) -> Place:
@@ -372,11 +414,16 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
             lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
         elif key in COUNTS:
             lines.append(f"{key} = {value}")
-        elif key != "stiffness" and (key, value) != ("name", "custom"):
+        elif key != "stiffness" and key not in _NUMBERS and (key, value) != ("name", "custom"):
             lines.append(f"{key} = {_string(value)}")
     if "stiffness" in values:
         lines += ["", "[reducer.stiffness]"]
         lines += [f"{key} = {_written(getattr(values['stiffness'], key), 'stiffness')}" for key in _STIFFNESS]
+    for key, (kind, _) in _NUMBERS.items():
+        plain, own = kind(), values.get(key, kind())
+        told = [f.name for f in dataclasses.fields(kind) if getattr(own, f.name) != getattr(plain, f.name)]
+        if told:
+            lines += ["", f"[reducer.{key}]", *(f"{name} = {getattr(own, name)!r}" for name in told)]
     return "\n".join(lines)
 
 

@@ -202,17 +202,21 @@ def _bracket(name: str) -> str:
     return name[name.rindex("[") + 1 : -1] if name.endswith("]") and "[" in name else ""
 
 
+#: What a reducer has one number of for each kind of contact.
+_BY_CONTACT = ("stiffness", "stiffness_uncertainty", "contact_law")
+
+
 @_table.register
 def _of_reducer(result: Reducer) -> Table:
     rows: list[tuple[str, float, Unit]] = []
     for item in dataclasses.fields(result):
         value = getattr(result, item.name)
-        if item.name in ("name", "stiffness", "contact_law") or value is None:
+        if item.name in ("name", *_BY_CONTACT) or value is None:
             continue
         rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
-    springs = dataclasses.asdict(result.stiffness)
+    springs, law = dataclasses.asdict(result.stiffness), dataclasses.asdict(result.contact_law)
     rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
-    rows += [(f"contact_law.{name}", value, NUMBER) for name, value in dataclasses.asdict(result.contact_law).items()]
+    rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != 1.0]
     return _of_values(result, rows)
 
 
