@@ -14,7 +14,7 @@ from catalogue_tables import mechanism_for, shown_indices
 
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC, DISPLAY_UNITS, unit_factor
-from rverror.geartrain.action_line import Clearance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Drive, Reducer, reducer
 from rverror.geartrain.source import IndexValue, Parameter, Source
@@ -131,7 +131,7 @@ def _plot(entry: Source, indices: Mapping[str, IndexValue], lines: list[_Lines],
 
 def _conditions(entry: Source) -> str:
     """What the influence was computed for, where it depends on it."""
-    if entry.key == "load.torsion":
+    if "torque" in entry.needs:
         return ", at the rated 412 N m"
     return ", one output turn a minute" if entry.key in ("sensor.time_offset", "sensor.drift") else ""
 
@@ -149,7 +149,7 @@ def _sketch_caption(entry: Source, example: str) -> str:
     return "; ".join(said)
 
 
-def _vectors(entry: Source, indices: Mapping[str, IndexValue]) -> tuple[ErrorVector | Clearance, ...]:
+def _vectors(entry: Source, indices: Mapping[str, IndexValue]) -> tuple[ErrorVector | Clearance | Compliance, ...]:
     motion = pose(mechanism_for(entry), [_ANGLE, _ANGLE + 1e-3], time=[0.0, 1.0], torque=1.0)
     found = entry.vector(motion, **indices)
     return found if isinstance(found, tuple) else (found,)
@@ -224,11 +224,17 @@ _OUTLINES: Mapping[str, Callable[[Mapping[str, IndexValue], Reducer, Places], li
 }
 
 
-def _marks(vector: ErrorVector | Clearance, unit: Reducer, where: Places) -> Iterator[str]:
+def _marks(vector: ErrorVector | Clearance | Compliance, unit: Reducer, where: Places) -> Iterator[str]:
     """Arrows, turns or gaps at the contacts that a vector touches."""
     if isinstance(vector, Clearance):
         for point in where.contact[vector.contact].reshape(-1, 2):
             yield _circle(point, _cam(unit), "hot") + _circle(point, 1.25 * _cam(unit), "gap")
+        return
+    if isinstance(vector, Compliance):
+        points = where.contact[vector.contact][vector.at]
+        shown = points[0] if vector.contact == "pin" else points[:, 0] if vector.contact == "mesh" else points
+        radius = unit.pin_radius if vector.contact == "pin" else 0.5 * _cam(unit)
+        yield from (_circle(point, radius, "hot") for point in shown.reshape(-1, 2))
         return
     if vector.contact == "output":
         yield _turn(_CENTRE, _dial(unit) + 3)

@@ -264,6 +264,7 @@ take the place of vectors there. In the formulas:
   $C(x)$: a turn by $x$.
 - $e$ or what stands in its place: the parameters, in the order in which they are listed; $c$ and $s$ those of a cosine
   and a sine, $h$ the harmonic.
+- $f_i$, $f_j$, $f_{kj}$: the force that a contact carries, N, proportional to the load; a vector at bearings.
 - Upper signs: forward, or the flank that carries forward; lower signs: reverse. Clearances take the $\lambda$ of the
   bearings as positive.
 """

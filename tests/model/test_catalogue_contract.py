@@ -12,7 +12,7 @@ import pytest
 import rverror
 from rverror import CATALOGUE, Drive, Effect, Model, Reducer
 from rverror.base.units import CORE_UNITS
-from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Contacts, ErrorVector
+from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Source
@@ -29,10 +29,14 @@ NAMES = {
     "involute.planet_eccentricity": ("crank", "x y"),
     "involute.sun_pitch": ("harmonic", "cos sin"),
     "involute.planet_pitch": ("crank harmonic", "cos sin"),
+    "involute.mesh_compliance": ("crank", "compliance"),
+    "involute.sun_compliance_wave": ("harmonic", "cos sin"),
+    "involute.planet_compliance_wave": ("crank harmonic", "cos sin"),
     "involute.tooth_thinning": ("member", "thinning"),
     "involute.spline_clearance": ("crank", "clearance"),
     "crank.eccentricity": ("crank disc", "radial tangential"),
     "crank.bearing_clearance": ("", "clearance"),
+    "crank.bearing_compliance": ("crank disc", "compliance"),
     "crank.index": ("crank", "angle"),
     "cycloid.disc_profile": ("disc harmonic", "cos sin"),
     "cycloid.disc_pitch": ("disc harmonic", "cos sin"),
@@ -40,10 +44,13 @@ NAMES = {
     "cycloid.pin_position": ("pin", "radial tangential"),
     "cycloid.pin_circle": ("harmonic", "radial_cos radial_sin tangential_cos tangential_sin"),
     "cycloid.pin_radius": ("pin", "deviation"),
+    "cycloid.pin_compliance": ("pin", "compliance"),
+    "cycloid.pin_compliance_wave": ("harmonic", "cos sin"),
     "cycloid.profile_modification": ("", "equidistant shift"),
     "cycloid.disc_bore_position": ("disc crank", "radial tangential"),
     "coupling.carrier_bore_position": ("crank", "radial tangential"),
     "coupling.bearing_clearance": ("", "clearance"),
+    "coupling.bearing_compliance": ("crank", "compliance"),
     "coupling.carrier_runout": ("", "x y"),
     "thermal.growth": ("", "housing discs cranks carrier gears"),
     "load.torsion": ("", "compliance"),
@@ -112,11 +119,8 @@ def test_matrix(key: str, mechanism: Mechanism) -> None:
     theta = np.linspace(-1, 2, 37)
     before = theta.tobytes()
     for indices in index_sets(entry, mechanism):
-        needed: dict[str, dict[str, Any]] = {
-            "sensor.time_offset": {"time": theta / 0.3},
-            "load.torsion": {"torque": TORQUE},
-        }
-        options = needed.get(key, {})
+        given = {"time": theta / 0.3, "torque": TORQUE}
+        options: dict[str, Any] = {name: value for name, value in given.items() if name in entry.needs}
         found = rverror.influence(mechanism, theta, key, **options, **indices)
         assert found.matrix.shape == (len(entry.parameters), 37)
         assert found.matrix.dtype == np.float64
@@ -140,7 +144,8 @@ def test_source_leaves_the_pose_alone_and_names_a_contact(key: str, mechanism: M
         error = CATALOGUE[key].vector(motion, **indices)
         for part in error if isinstance(error, tuple) else (error,):
             assert part.contact in CONTACT_AXES
-            terms = 1 if isinstance(part, Clearance) else len(part.vector)
+            rows = part.share if isinstance(part, Compliance) else [0] if isinstance(part, Clearance) else part.vector
+            terms = len(rows)
             assert terms == len(CATALOGUE[key].parameters)
         source_matrix(motion, forces, key, indices)
     assert frozen(motion) == before
@@ -180,13 +185,15 @@ def natural_size(mechanism: Mechanism, entry: Source) -> float:
     dimension = entry.parameters[0].dimension
     if dimension == "length" and isinstance(mechanism, Reducer):
         return 1 / (mechanism.ratio * mechanism.sun_pitch_radius)
+    if dimension == "contact_compliance" and isinstance(mechanism, Reducer):
+        return TORQUE / (mechanism.ratio * mechanism.sun_pitch_radius) ** 2
     return {"temperature_rise": 1e-6, "compliance": TORQUE}.get(dimension, 1e-3)
 
 
 @pytest.mark.parametrize("factor", [0.1, 7.0])
 @pytest.mark.parametrize("name", ["RV-40E", "one disc"])
 def test_homogeneous_in_length(name: str, factor: float) -> None:
-    """All lengths times s: columns per mm times 1/s, columns per rad, kelvin or rad per torque as they were."""
+    """All lengths times s: columns per mm times 1/s, per mm/N times 1/s^2, the rest as it was."""
     small = MECHANISMS[name]
     assert isinstance(small, Reducer)
     theta = np.linspace(0.1, 2.5, 41)
@@ -200,7 +207,8 @@ def test_homogeneous_in_length(name: str, factor: float) -> None:
             continue
         for indices in index_sets(entry, small):
             one, other = (source_matrix(*state, key, indices) for state in states)
-            power = np.array([p.dimension == "length" for p in entry.parameters])[:, None]
+            powers = {"length": 1, "contact_compliance": 2}
+            power = np.array([powers.get(p.dimension, 0) for p in entry.parameters])[:, None]
             expected = one / factor**power
             size = natural_size(small, entry) / factor ** power.max()
             np.testing.assert_allclose(other, expected, rtol=1e-9, atol=1e-9 * size, err_msg=f"{key} {indices}")
@@ -245,7 +253,7 @@ def test_what_is_at_the_output_is_what_no_contact_feels(key: str, entry: Source)
     motion = pose(unit, theta, time=theta, torque=TORQUE)
     error = entry.vector(motion, **index_sets(entry, unit)[0])
     parts = error if isinstance(error, tuple) else (error,)
-    felt = {part.contact for part in parts if isinstance(part, ErrorVector)}
+    felt = {part.contact for part in parts if isinstance(part, (ErrorVector, Compliance))}
     assert entry.at_output == (felt == {"output"})
     assert entry.at_output or "output" not in felt
 

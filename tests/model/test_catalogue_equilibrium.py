@@ -21,7 +21,7 @@ from oracle import REALISTIC, Oracle
 from oracle_cases import CASES as ORACLE_CASES
 from rverror import CATALOGUE, Linearisation, Model, Reducer, Stiffness
 from rverror.base.arrays import cross, dot, radial_and_tangential
-from rverror.geartrain.action_line import Clearance, ContactForces, Contacts, ErrorVector
+from rverror.geartrain.action_line import Clearance, Compliance, ContactForces, Contacts, ErrorVector
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.compose import source_matrix
@@ -48,6 +48,7 @@ RIGID = Stiffness(
 #: The same for clearances: a force in equal cams finds its share of the clearance only where that is less than the cams
 #: give way, and in carrier bearings 1e7 times as stiff as the pins rounding leaves no digits of so small a difference.
 RIGID_WITH_PLAY = dataclasses.replace(RIGID, crank_bearing=2e8, carrier_bearing=2e10, main_bearing=2e10)
+SHARING = {"crank.bearing_compliance": "crank_bearing", "coupling.bearing_compliance": "carrier_bearing"}
 #: Half of what is asked for.  What these stiffnesses leave is 2e-3 at the most: the cams of a crank, in parallel with a
 #: carrier bearing 1e3 times as stiff, take that share of a separating force.
 LIMIT = 5e-3
@@ -57,7 +58,7 @@ def rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=-1)))
 
 
-def parts(motion: Contacts, key: str, indices: dict[str, Any]) -> tuple[ErrorVector | Clearance, ...]:
+def parts(motion: Contacts, key: str, indices: dict[str, Any]) -> tuple[ErrorVector | Clearance | Compliance, ...]:
     error = CATALOGUE[key].vector(motion, **indices)
     return error if isinstance(error, tuple) else (error,)
 
@@ -71,6 +72,11 @@ def uncancelled(motion: Contacts, forces: ContactForces, key: str, indices: dict
             total += np.sqrt(dot(force, force)).reshape(-1, motion.theta.size).sum(axis=0)
             continue
         force = forces[part.contact][part.at]
+        if isinstance(part, Compliance):
+            work = RATED * dot(force, force)
+            axes = tuple(range(work.ndim - 1))
+            total += [np.broadcast_to(np.abs(work * term).sum(axis=axes), motion.theta.shape) for term in part.share]
+            continue
         axes = tuple(range(force.ndim - 1))
         total += [np.broadcast_to(np.abs(force * term).sum(axis=axes), motion.theta.shape) for term in part.vector]
     return rms(total)
@@ -142,7 +148,7 @@ def test_closed_form_is_the_finite_difference(key: str, name: str, sense: int) -
     for indices in index_sets(entry, nominal.reducer):
         timed = key == "sensor.time_offset"  # the clock is the run's, so here the prediction of a run is solved again
         motion = dataclasses.replace(nominal, time=theta / 0.3 if timed else None)
-        play = isinstance(parts(motion, key, indices)[0], Clearance)
+        play = key in SHARING or isinstance(parts(motion, key, indices)[0], Clearance)
         unit = preset(name, stiffness=RIGID_WITH_PLAY if play else RIGID)
 
         def solved(
@@ -161,6 +167,8 @@ def test_closed_form_is_the_finite_difference(key: str, name: str, sense: int) -
         slopes = []
         for parameter in entry.parameters:
             step = 2e-5 * parameter.plausible  # 0.2 to 3 nm, where the pins are pressed in by 3 um
+            if key in SHARING:  # equal bearings share a force: a softer one takes less of it
+                step = 0.02 / getattr(unit.stiffness, SHARING[key])
             back = max(-step, parameter.least)
             (ahead, touching), (behind, before) = (solved({parameter.name: size}) for size in (step, back))
             if touching is not None:

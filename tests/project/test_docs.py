@@ -273,6 +273,38 @@ def test_clearances_of_the_catalogue_lag_by_the_sum_of_the_forces(key, contact, 
     np.testing.assert_allclose(source_matrix(motion, forces, key, {})[0], lag, rtol=1e-12)
 
 
+#: Indices, and the compliance of the contact in forward motion's shape: pins by disc, bearings, flanks.
+COMPLIANT = {
+    "cycloid.pin_compliance": ({"pin": 3}, "pin", (slice(None), slice(3, 4)), lambda g: [1]),
+    "cycloid.pin_compliance_wave": ({"harmonic": 2}, "pin", (), lambda g: g.wave(2 * g.gamma)[:, None]),
+    "crank.bearing_compliance": ({"crank": 1, "disc": 0}, "cam", (slice(0, 1), slice(1, 2)), lambda g: [1]),
+    "coupling.bearing_compliance": ({"crank": 1}, "carrier", (slice(1, 2),), lambda g: [1]),
+    "involute.mesh_compliance": ({"crank": 1}, "mesh", (slice(1, 2),), lambda g: [1]),
+    "involute.sun_compliance_wave": (
+        {"harmonic": 2}, "mesh", (), lambda g: g.wave(2 * (g.beta - g.R * g.theta))[:, :, None],
+    ),
+    "involute.planet_compliance_wave": (
+        {"crank": 1, "harmonic": 3}, "mesh", (slice(1, 2),),
+        lambda g: g.wave(3 * (g.beta[1] + np.pi - g.nu * g.theta))[:, None, None],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("key", COMPLIANT)
+def test_compliances_of_the_catalogue_give_way_under_the_force_that_is_carried(key, sign):
+    g, motion = plane(sign)
+    indices, contact, at, read = COMPLIANT[key]
+    forces = closed_form_forces(motion)
+    carried = sign * TORQUE * forces[contact][at]
+    expected = []
+    for wave in read(g):  # -e f at each contact, as an error vector is projected
+        shown = np.broadcast_to(np.asarray(wave, float), (*carried.shape[:-2], carried.shape[-1]))
+        work = (forces[contact][at] * carried).sum(axis=-2) * shown
+        expected.append(-work.reshape(-1, motion.theta.size).sum(axis=0))
+    np.testing.assert_allclose(source_matrix(motion, forces, key, indices), expected, rtol=1e-12)
+
+
 def test_growth_of_the_catalogue():
     g, motion = plane(1)
     parts = {error.contact: error for error in source("thermal.growth").vector(motion)}
@@ -292,7 +324,7 @@ def test_growth_of_the_catalogue():
 def test_every_source_has_an_equation_that_is_read():
     others = {"crank.bearing_clearance", "coupling.bearing_clearance", "thermal.growth", "shaft.eccentricity"}
     assert all(entry.equation for entry in CATALOGUE.values())
-    assert set(CATALOGUE) == set(READ) | others
+    assert set(CATALOGUE) == set(READ) | set(COMPLIANT) | others
 
 
 # --- the identities that the theory pages state ------------------------------------------------------------------

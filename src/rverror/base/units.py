@@ -30,6 +30,7 @@ CORE_UNITS = {
     "temperature": "kelvin",
     "temperature_rise": "kelvin",
     "compliance": "rad/(N*mm)",
+    "contact_compliance": "mm/N",
     "slope": "dimensionless",
 }
 
@@ -43,6 +44,7 @@ DISPLAY_UNITS = {
     "temperature": "degC",
     "temperature_rise": "K",
     "compliance": "arcsec/(N*m)",
+    "contact_compliance": "um/kN",
     "slope": "arcsec/turn",
 }
 
@@ -65,6 +67,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
     "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
     "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
+    "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
 }
 

@@ -67,10 +67,13 @@ class Contacts(Pose):
 
 #: Bearings, whose force has no fixed direction: ``"cam direction"`` and ``"carrier direction"`` hold it.
 BEARINGS = ("cam", "carrier")
+#: Contacts that can be more compliant than nominal.
+YIELDING = ("pin", "cam", "carrier", "mesh")
 
 #: Force of the driving on the driven part at each contact per unit of output torque, 1/mm (torques: 1), keyed and
 #: shaped as in `CONTACT_AXES` with the sample axis last; for each of `BEARINGS` also the unit vector along which the
-#: force acts in the motion at hand.
+#: force acts in the motion at hand, and under a known load ``"pin carried"`` and the like for each of `YIELDING`: the
+#: force under which it gives way, N, by a power law of contact the one that would press a linear contact in as far.
 ContactForces = Mapping[str, Array]
 
 
@@ -107,8 +110,27 @@ class Clearance:
     contact: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Compliance:
+    """Contacts that give way more than their stiffness says: an error along the force that they carry, of its size.
+
+    Attributes
+    ----------
+    contact : str
+        ``"pin"``, ``"cam"``, ``"carrier"`` or ``"mesh"``.
+    share : ndarray, shape (terms, axes of the contact but xy, n or 1)
+        Compliance more than nominal, mm/N per unit of each parameter.  Axes of length 1 stand for all entries.
+    at : tuple of slice
+        Which entries of the contact's leading axes it touches; all where empty.
+    """
+
+    contact: str
+    share: Array
+    at: tuple[slice, ...] = ()
+
+
 #: What a source returns: a part that grows shifts more than one contact, so it has one error vector for each.
-SourceVector = ErrorVector | Clearance | tuple[ErrorVector, ...]
+SourceVector = ErrorVector | Clearance | Compliance | tuple[ErrorVector, ...]
 
 
 def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
@@ -132,14 +154,29 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
     -----
     The action-line increment of source 000 with all contacts at once: the force direction is the action line, and the
     virtual work replaces its division by n1 . n2.  A clearance c displaces the driven part by c along the force, so it
-    costs c times the force whatever its direction: the output lags.
+    costs c times the force whatever its direction: the output lags.  A compliance c moves the driven part by c times
+    the force that is carried, against it: the output by -T lambda^2 c in the closed form, T signed as the motion.
     """
     if isinstance(error, tuple):
         return np.asarray(sum(project(forces, part, samples) for part in error), dtype=np.float64)
     if isinstance(error, Clearance):
         along = dot(forces[error.contact], forces[f"{error.contact} direction"])
         return -np.broadcast_to(along.sum(axis=tuple(range(along.ndim - 1))), (1, samples))
+    if isinstance(error, Compliance):
+        work = dot(forces[error.contact][error.at], _carried(forces, error.contact)[error.at])
+        given = (error.share * work).sum(axis=tuple(range(1, work.ndim)))
+        return -np.array(np.broadcast_to(given, (len(error.share), samples)), dtype=np.float64)
     force = forces[error.contact][error.at]
     axes = tuple(range(force.ndim - 1))
     columns = [np.broadcast_to((force * term).sum(axis=axes), (samples,)) for term in error.vector]
     return np.array(columns, dtype=np.float64)
+
+
+def _carried(forces: ContactForces, contact: str) -> Array:
+    """Force under which a contact gives way, N."""
+    own = forces.get(f"{contact} carried")
+    if own is not None:
+        return own
+    if "load" not in forces:
+        raise ValueError("a compliance needs the torque; give torque, or a run file with output_torque")
+    return np.asarray(forces["load"] * forces[contact])

@@ -134,7 +134,8 @@ def closed_form_forces(where: Pose) -> ContactForces:
     Returns
     -------
     mapping of str to ndarray
-        For every key of `action_line.CONTACT_AXES`; only ``output`` for a drive.
+        For every key of `action_line.CONTACT_AXES`; only ``output`` for a drive.  Under a known torque ``"load"`` is
+        that torque with the sign of the motion, shape (1, n), for what gives way under it.
     """
     output = np.ones((1, where.theta.size))
     if not isinstance(where, Contacts):
@@ -143,7 +144,9 @@ def closed_form_forces(where: Pose) -> ContactForces:
     cams = cam_forces(where, pin_forces=pins)
     meshes = mesh_forces(where)
     bores = carrier_forces(cam_forces=cams, mesh_forces=meshes)
+    load = {} if where.torque is None else {"load": (abs(where.torque) * where.direction)[None]}
     return {
+        **load,
         "pin": pins,
         "cam": cams,
         "cam direction": unit_vectors(cams * where.direction),

@@ -5,10 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from rverror.base.arrays import Array, only, radial_and_tangential
-from rverror.geartrain.action_line import Clearance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import CRANK, Indices, Source, bore_orders, clearance, lengths, rv
+from rverror.geartrain.source import (
+    CRANK,
+    Indices,
+    Source,
+    bore_orders,
+    chosen,
+    clearance,
+    compliances,
+    lengths,
+    or_all,
+    pin_wave_orders,
+    rv,
+)
 
 
 def carrier_forces(*, cam_forces: Array, mesh_forces: Array) -> Array:
@@ -77,6 +89,28 @@ def bearing_clearance(contacts: Contacts) -> Clearance:
     return Clearance(contact="carrier")
 
 
+def bearing_compliance(contacts: Contacts, *, crank: int | str) -> Compliance:
+    """Compliance of one crank bearing in the carrier, or of all of them, more than nominal.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int or "all"
+        Which bearing.
+
+    Returns
+    -------
+    Compliance
+        Term compliance; positive is softer.
+
+    Notes
+    -----
+    Source 001 counts the stiffness of the bearings without an error of its own.  "all" is how far the declared
+    ``carrier_bearing`` is off.
+    """
+    return Compliance(contact="carrier", share=np.ones((1, 1, 1)), at=(chosen(crank),))
+
+
 def carrier_runout(contacts: Contacts) -> ErrorVector:
     """Offset of the bore circle against the carrier's axis of rotation, fixed in the carrier.
 
@@ -115,6 +149,13 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (unit.cranks * fundamental_orders(unit)["bearing"],) if unit.discs == 1 else ()
 
 
+def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """Constant where two or more discs balance."""
+    if rv(mechanism).discs > 1:
+        return ()
+    return pin_wave_orders(mechanism, {}) if indices["crank"] == "all" else bore_orders(mechanism, {})
+
+
 SOURCES = (
     Source(
         "coupling.carrier_bore_position", carrier_bore_position, (CRANK,),
@@ -129,6 +170,14 @@ SOURCES = (
         "radial clearance of all crank bearings in the carrier",
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
         hidden="the force on a bore is constant in the carrier, and so is its journal's place",
+    ),
+    Source(
+        "coupling.bearing_compliance", bearing_compliance, (or_all("crank", lambda unit: range(unit.cranks)),),
+        compliances(3, "compliance"),
+        "bearing", _compliance_orders, "001, K x = F + E", "crank bearing in the carrier softer than nominal",
+        needs=("torque",), tried=False,
+        equation=r"$\delta = -e\, f_j$",
+        hidden="the force on a bore is constant in the carrier",
     ),
     Source(
         "coupling.carrier_runout", carrier_runout, (), lengths(50, "x", "y"),

@@ -7,10 +7,26 @@ import math
 import numpy as np
 
 from rverror.base.arrays import Array, dot, only, radial_and_tangential
-from rverror.geartrain.action_line import Clearance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
-from rverror.geartrain.source import CRANK, DISC, Indices, Source, angles, clearance, constant, leads, lengths, rv
+from rverror.geartrain.source import (
+    CRANK,
+    DISC,
+    Indices,
+    Source,
+    angles,
+    bore_orders,
+    chosen,
+    clearance,
+    compliances,
+    constant,
+    leads,
+    lengths,
+    or_all,
+    pin_wave_orders,
+    rv,
+)
 
 
 def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
@@ -127,6 +143,29 @@ def bearing_clearance(contacts: Contacts) -> Clearance:
     return Clearance(contact="cam")
 
 
+def bearing_compliance(contacts: Contacts, *, crank: int | str, disc: int | str) -> Compliance:
+    """Compliance of one cam bearing, of all of a crank or a disc, or of all, more than nominal.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank, disc : int or "all"
+        Which bearing.
+
+    Returns
+    -------
+    Compliance
+        Term compliance; positive is softer.
+
+    Notes
+    -----
+    Source 001 counts the stiffness of the bearings without an error of its own.  The force of one bearing turns and
+    changes its size once a turn of the crank against the carrier, and so does what it gives way by.  "all" for both is
+    how far the declared ``crank_bearing`` is off.
+    """
+    return Compliance(contact="cam", share=np.ones((1, 1, 1, 1)), at=(chosen(disc), chosen(crank)))
+
+
 def index(contacts: Contacts, *, crank: int) -> ErrorVector:
     """Angle by which a crank leads its planet gear.
 
@@ -154,6 +193,13 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
 
 
+def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All bearings of a disc, or of a crank, even the turning force out but for the ripple of the pins."""
+    if "all" in indices.values():
+        return pin_wave_orders(mechanism, {})
+    return bore_orders(mechanism, {})
+
+
 SOURCES = (
     Source(
         "crank.eccentricity", eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
@@ -164,6 +210,14 @@ SOURCES = (
         "crank.bearing_clearance", bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
+    ),
+    Source(
+        "crank.bearing_compliance", bearing_compliance,
+        (or_all("crank", lambda unit: range(unit.cranks)), or_all("disc", lambda unit: range(unit.discs))),
+        compliances(3, "compliance"),
+        "bearing", _compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
+        needs=("torque",),
+        equation=r"$\delta = -e\, f_{kj}$",
     ),
     Source(
         "crank.index", index, (CRANK,), angles(600, "angle"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rverror.base.arrays import Array, cross, dot, only, radial_and_tangential
-from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
@@ -19,10 +19,13 @@ from rverror.geartrain.source import (
     Indices,
     Source,
     bore_orders,
+    chosen,
+    compliances,
     every,
     harmonics,
     leads,
     lengths,
+    or_all,
     pin_wave_orders,
     rv,
 )
@@ -469,6 +472,51 @@ def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVec
     return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))
 
 
+def pin_compliance(contacts: Contacts, *, pin: int | str) -> Compliance:
+    """Compliance of one pin's contacts, or of all of them, more than nominal.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    pin : int or "all"
+        Which pin, against every disc.
+
+    Returns
+    -------
+    Compliance
+        Term compliance; positive is softer.
+
+    Notes
+    -----
+    Source 001 counts the stiffness of the pins without an error of its own.  "all" is how far the declared
+    ``pin_contact`` is off.
+    """
+    return Compliance(contact="pin", share=np.ones((1, 1, 1, 1)), at=(slice(None), chosen(pin)))
+
+
+def pin_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
+    """Wave of the pins' compliance over their angle gamma in the housing: a housing that bends between its feet.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    harmonic : int
+        h, waves around the pin circle.
+
+    Returns
+    -------
+    Compliance
+        Terms cos, sin.
+
+    Notes
+    -----
+    Its wave in the output grows in proportion to the load, lagging forward and leading in reverse.
+    """
+    gamma = pin_positions(contacts.reducer)
+    waves = np.stack([np.cos(harmonic * gamma), np.sin(harmonic * gamma)])
+    return Compliance(contact="pin", share=waves[:, None, :, None])
+
+
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """Discs pass a pin one after another: only multiples of the number of discs stay."""
     if indices.get("pin") == "all":
@@ -523,6 +571,21 @@ SOURCES = (
         alike_at_pins=lambda indices: indices["pin"] == "all",
         false_minima=True,
         equation=r"$\delta = e\, n_i$",
+    ),
+    Source(
+        "cycloid.pin_compliance", pin_compliance, (or_all("pin", lambda unit: range(unit.pins)),),
+        compliances(5, "compliance"),
+        "housing", _one_pin_orders, "001, K x = F + E", "contacts of one pin, or of all, softer than nominal",
+        alike_at_pins=lambda indices: indices["pin"] == "all",
+        needs=("torque",), tried=False,
+        equation=r"$\delta = -e\, f_i\, n_i$",
+    ),
+    Source(
+        "cycloid.pin_compliance_wave", pin_compliance_wave, (harmonics(1, 4),), compliances(3, "cos", "sin"),
+        "housing", pin_wave_orders, "001, K x = F + E", "wave of the pins' compliance around the pin circle",
+        needs=("torque",),
+        equation=r"$\delta = -(c\cos h\gamma_i + s\sin h\gamma_i)\, f_i\, n_i$",
+        hidden="evenly spaced discs cancel harmonics that are no multiple of their number",
     ),
     Source(
         "cycloid.profile_modification", profile_modification, (), lengths(50, "equidistant", "shift"),

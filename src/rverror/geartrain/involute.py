@@ -7,10 +7,24 @@ import math
 import numpy as np
 
 from rverror.base.arrays import Array, only, radial_and_tangential
-from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector
 from rverror.geartrain.kinematics import frame_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
-from rverror.geartrain.source import CRANK, Indices, Source, clearance, constant, every, harmonics, leads, lengths, rv
+from rverror.geartrain.source import (
+    CRANK,
+    Indices,
+    Source,
+    chosen,
+    clearance,
+    compliances,
+    constant,
+    every,
+    harmonics,
+    leads,
+    lengths,
+    or_all,
+    rv,
+)
 
 #: Sign of the tangential motion that each flank drives: flank 0 forward, flank 1 reverse.
 _FLANK_SIGN = np.array([1.0, -1.0])
@@ -262,6 +276,72 @@ def spline_clearance(contacts: Contacts, *, crank: int) -> ErrorVector:
     return ErrorVector(contact="spline", vector=vector, at=(only(crank),))
 
 
+def mesh_compliance(contacts: Contacts, *, crank: int | str) -> Compliance:
+    """Compliance of one planet's mesh with the sun, or of all of them, more than nominal.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank : int or "all"
+        Which planet.
+
+    Returns
+    -------
+    Compliance
+        Term compliance, along the line of action, either flank; positive is softer.
+
+    Notes
+    -----
+    Source 001 counts the stiffness of the meshes without an error of its own.  "all" is how far the declared
+    ``gear_mesh`` is off.
+    """
+    return Compliance(contact="mesh", share=np.ones((1, 1, 1, 1)), at=(chosen(crank),))
+
+
+def sun_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
+    """Wave of the mesh compliance over the angle on the sun, c cos(h chi) + s sin(h chi).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    harmonic : int
+        h, waves around the gear.
+
+    Returns
+    -------
+    Compliance
+        Terms cos, sin.
+
+    Notes
+    -----
+    Taken at the pitch point, as in `sun_pitch`.
+    """
+    chi = contacts.crank_position - contacts.ratio * contacts.theta
+    return Compliance(contact="mesh", share=_waves(harmonic, chi)[:, :, None])
+
+
+def planet_compliance_wave(contacts: Contacts, *, crank: int, harmonic: int) -> Compliance:
+    """Wave of one mesh's compliance over the angle chi on the planet, c cos(h chi) + s sin(h chi).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    crank, harmonic : int
+        Which planet; h, waves around the gear.
+
+    Returns
+    -------
+    Compliance
+        Terms cos, sin.
+
+    Notes
+    -----
+    Taken at the pitch point, as in `planet_pitch`.
+    """
+    chi = contacts.crank_position[only(crank)] + np.pi - frame_orders(contacts.reducer)["planet"] * contacts.theta
+    return Compliance(contact="mesh", share=_waves(harmonic, chi)[:, :, None], at=(only(crank),))
+
+
 def _waves(harmonic: int, angle: Array) -> Array:
     return np.stack([np.cos(harmonic * angle), np.sin(harmonic * angle)])
 
@@ -307,6 +387,28 @@ SOURCES = (
         "involute.planet_pitch", planet_pitch, (CRANK, harmonics(1, 3)), lengths(50, "cos", "sin"),
         "planet", leads("planet"), "001, section 2", "cumulative pitch error of a planet",
         equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
+    ),
+    Source(
+        "involute.mesh_compliance", mesh_compliance, (or_all("crank", lambda unit: range(unit.cranks)),),
+        compliances(5, "compliance"),
+        "carrier", constant, "001, K x = F + E", "mesh of a planet with the sun softer than nominal",
+        needs=("torque",), tried=False,
+        equation=r"$\delta = -e\, f_j\, n_j$",
+        hidden="the force on a flank is constant",
+    ),
+    Source(
+        "involute.sun_compliance_wave", sun_compliance_wave, (harmonics(1, 4),), compliances(2, "cos", "sin"),
+        "sun", _sun_pitch_orders, "001, K x = F + E", "wave of the mesh compliance around the sun",
+        needs=("torque",), tried=False,
+        equation=r"$\delta = -(c\cos h\chi + s\sin h\chi)\, f_j\, n_j$, $\chi = \beta_j - R\theta$",
+        hidden="the meshes cancel what is no multiple of the number of planets",
+    ),
+    Source(
+        "involute.planet_compliance_wave", planet_compliance_wave, (CRANK, harmonics(1, 3)),
+        compliances(2, "cos", "sin"),
+        "planet", leads("planet"), "001, K x = F + E", "wave of a mesh's compliance around the planet",
+        needs=("torque",), tried=False,
+        equation=r"$\delta = -(c\cos h\chi + s\sin h\chi)\, f_j\, n_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(
         "involute.tooth_thinning", tooth_thinning, (_MEMBER,), lengths(150, "thinning"),

@@ -253,6 +253,20 @@ def every(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index
     return Index(name, of, of)
 
 
+def or_all(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index:
+    """Index of which ``"all"`` is allowed beside every value, and diagnosis tries the values alone."""
+
+    def of(mechanism: Mechanism) -> Sequence[IndexValue]:
+        return values(rv(mechanism))
+
+    return Index(name, lambda mechanism: [*of(mechanism), "all"], of)
+
+
+def chosen(value: IndexValue) -> slice:
+    """Entry of an index, or all of them."""
+    return slice(None) if value == "all" else slice(int(value), int(value) + 1)
+
+
 def harmonics(first: int, tried: int) -> Index:
     """Harmonic from `first` on, of which diagnosis tries those up to `tried`."""
     return Index("harmonic", lambda mechanism: range(first, 1000), lambda mechanism: range(first, tried + 1))
@@ -271,6 +285,11 @@ def lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
 def clearance(plausible_um: float) -> tuple[Parameter, ...]:
     """A clearance, which cannot be below nothing."""
     return (Parameter("clearance", "length", plausible_um * 1e-3, least=0.0),)
+
+
+def compliances(plausible_um_per_kn: float, *names: str) -> tuple[Parameter, ...]:
+    """Parameters that are compliances of contacts."""
+    return tuple(Parameter(name, "contact_compliance", plausible_um_per_kn * 1e-6) for name in names)
 
 
 def angles(plausible_arcsec: float, *names: str) -> tuple[Parameter, ...]:

@@ -15,6 +15,7 @@ errors.  What their law adds to that, q = f(p) - k p, one force for each loaded 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -47,14 +48,24 @@ class Stretch(Elastic):
     ----------
     torque : float
         Size of the output torque, N*mm, above 0.
+    like : Stretch, optional
+        The same without compliances beyond the nominal ones.
     """
 
     torque: float
 
+    like: Stretch | None = None
+
     @cached_property
     def condensed(self) -> Condensed:
         """Without clearance, onto the discs."""
+        if self.like is not None and not self.more.keys() - {"pin"}:
+            return self.like.condensed  # pins have no part in it
         return condensed(self)
+
+    def softer(self, more: Mapping[str, Array]) -> Stretch:
+        """The same with contacts that give way `more`, as of `energy.Errors.compliance`."""
+        return replace(self, more=more, like=self) if more else self
 
 
 @dataclass(frozen=True)
@@ -271,6 +282,7 @@ class Condensed:
             spring_force=self._on_discs(springs),
             flank_rows=np.zeros((n, 0, count)),
             flank_error=np.zeros((n, 0)),
+            flank_stiffness=np.zeros((n, 0)),
             journal_rows=np.zeros((n, 0, 2, count)),
             driving_flanks=np.zeros((n, 0), dtype=np.bool_),
         )

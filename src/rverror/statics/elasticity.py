@@ -11,6 +11,7 @@ tangent stiffness is n f / p, its energy f p / (n + 1), and at constant force it
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,16 +108,58 @@ class Elasticity:
     flank_law: PowerLaw
 
 
-def elasticity(reducer: Reducer) -> Elasticity:
-    """Declared stiffness of every contact of a reducer."""
+def elasticity(reducer: Reducer, more: Mapping[str, Array]) -> Elasticity:
+    """Stiffness of every contact of a reducer: as declared, and less where it gives way `more`.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    more : mapping of str to ndarray
+        Compliance more than nominal, mm/N, samples first, of contacts of ``"pin"`` (n, discs, pins), ``"mesh"``
+        (n, 2 cranks), ``"cam"`` (n, discs cranks) and ``"carrier"`` (n, cranks), where any is.
+
+    Returns
+    -------
+    Elasticity
+
+    Raises
+    ------
+    ValueError
+        If some contact would be stiffer than rigid.
+    """
     stiffness, law = reducer.stiffness, reducer.contact_law
     bearings = np.repeat(
         [stiffness.crank_bearing, stiffness.carrier_bearing], [reducer.discs * reducer.cranks, reducer.cranks]
     )
     return Elasticity(
-        pin=np.full((1, 1, 1), stiffness.pin_contact),
-        flank=np.full((1, 1), stiffness.gear_mesh),
-        joint=np.append(bearings, [stiffness.main_bearing, stiffness.sun_support])[None],
+        pin=_softened("pin", np.full((1, 1, 1), stiffness.pin_contact), more),
+        flank=_softened("mesh", np.full((1, 1), stiffness.gear_mesh), more),
+        joint=_softened_bearings(reducer, np.append(bearings, [stiffness.main_bearing, stiffness.sun_support]), more),
         pin_law=PowerLaw(law.pin_exponent),
         flank_law=PowerLaw(law.flank_exponent),
     )
+
+
+def _softened_bearings(reducer: Reducer, declared: Array, more: Mapping[str, Array]) -> Array:
+    cams = reducer.discs * reducer.cranks
+    parts = {"cam": declared[None, :cams], "carrier": declared[None, cams:-2]}
+    if not parts.keys() & more.keys():
+        return declared[None]
+    n = max(len(one) for one in more.values())
+    softened = [_softened(contact, part, more) for contact, part in parts.items()]
+    return np.concatenate(
+        [np.broadcast_to(part, (n, part.shape[1])) for part in (*softened, declared[None, -2:])], axis=1
+    )
+
+
+def _softened(contact: str, declared: Array, more: Mapping[str, Array]) -> Array:
+    if contact not in more:
+        return declared
+    compliance = 1 / declared + more[contact]
+    if not (compliance > 0).all():
+        least = float(more[contact].min())
+        raise ValueError(
+            f"{contact}: compliances of {least * 1e6:.4g} um/kN in all make a contact stiffer than rigid; they must be "
+            f"above {-1e6 / float(declared.max()):.4g} um/kN: make them less negative, or the declared stiffness lower"
+        )
+    return np.asarray(1 / compliance)

@@ -14,7 +14,8 @@ the closed form.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +23,14 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array, dot, radial_and_tangential, unit_vectors
-from rverror.geartrain.action_line import BEARINGS, Clearance, Contacts, ErrorVector, SourceVector
+from rverror.geartrain.action_line import (
+    BEARINGS,
+    Clearance,
+    Compliance,
+    Contacts,
+    ErrorVector,
+    SourceVector,
+)
 from rverror.geartrain.contacts import closed_form_forces
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
@@ -53,6 +61,9 @@ class Errors:
     flank: Array  # (n, 2 cranks)
     joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
     clearance: Array  # (joints,)
+    compliance: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # mm/N more than nominal, where any, as `elasticity` takes
 
 
 @dataclass(frozen=True)
@@ -98,10 +109,18 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
         "carrier": np.zeros((cranks, 2, n)),
     }
     clearance = dict.fromkeys(BEARINGS, 0.0)
+    softer: dict[str, Array] = {}
     for effect in effects:
         closings = contacts.closings(effect)
         if isinstance(closings, Clearance):
             clearance[closings.contact] += max(effect.values[0], 0.0)
+            continue
+        if isinstance(closings, Compliance):
+            shape = total[closings.contact].shape
+            whole = softer.setdefault(
+                closings.contact, np.zeros((*shape[:-2], n) if closings.contact in BEARINGS else shape)
+            )
+            whole[closings.at] += np.tensordot(effect.values, closings.share, axes=1)
             continue
         for one in closings:
             for value, row in zip(effect.values, one.rows, strict=True):
@@ -110,7 +129,11 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
     joints = np.concatenate([total["cam"].reshape(-1, 2, n), total["carrier"], held])
     bearings = np.repeat([clearance["cam"], clearance["carrier"], 0.0], [discs * cranks, cranks, 2])
     return Errors(
-        samples_first(total["pin"]), samples_first(total["mesh"].reshape(-1, n)), samples_first(joints), bearings
+        samples_first(total["pin"]),
+        samples_first(total["mesh"].reshape(-1, n)),
+        samples_first(joints),
+        bearings,
+        {contact: samples_first(more if contact == "pin" else more.reshape(-1, n)) for contact, more in softer.items()},
     )
 
 
@@ -191,15 +214,15 @@ class Geometry:
             self._errors[name] = source(effect.key).vector(self.motion, **effect.indices)
         return self._errors[name]
 
-    def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance:
+    def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance | Compliance:
         """What it closes, made once."""
         name = (effect.key, *sorted(effect.indices.items()))
         if name not in self._closings:
             self._closings[name] = self._closing(self.error(effect))
         return self._closings[name]
 
-    def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance:
-        if isinstance(error, Clearance):
+    def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance | Compliance:
+        if isinstance(error, (Clearance, Compliance)):
             return error
         return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
 
@@ -218,7 +241,7 @@ class Geometry:
         return {}
 
     @cached_property
-    def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance]:
+    def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance | Compliance]:
         return {}
 
 
@@ -232,15 +255,18 @@ class Elastic:
     ----------
     contacts : Geometry
     reducer : Reducer
+    more : mapping of str to ndarray
+        Compliance of contacts more than nominal, as `elasticity.elasticity` takes it.
     """
 
     contacts: Geometry
     reducer: Reducer
+    more: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
     @cached_property
     def elasticity(self) -> Elasticity:
         """Stiffness of every contact."""
-        return elasticity(self.reducer)
+        return elasticity(self.reducer, self.more)
 
     @cached_property
     def all_springs(self) -> Springs:

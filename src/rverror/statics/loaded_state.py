@@ -21,7 +21,7 @@ import numpy.typing as npt
 from rverror.base import units
 from rverror.base.arrays import Array, unit_vectors
 from rverror.base.viewed import Viewed
-from rverror.geartrain.action_line import Clearance, ContactForces, Contacts, project
+from rverror.geartrain.action_line import YIELDING, Clearance, Compliance, ContactForces, Contacts, project
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
@@ -437,6 +437,11 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
 def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool = False) -> _Solution:
     motion, torque = stretch.contacts.motion, stretch.torque
     errors = error_closing(stretch.contacts, effects)
+    try:
+        stretch = stretch.softer(errors.compliance)
+        stretch.elasticity  # noqa: B018 - refuses what is stiffer than rigid
+    except ValueError as error:
+        raise NotConvergedError(str(error)) from error
     energy = loaded_system(stretch, errors, torque)
     steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
     if not energy.clearance.size:
@@ -537,6 +542,16 @@ class _Solution:
             joints=self._joint_forces(),
         )
 
+    def _carried(self) -> dict[str, Array]:
+        """Forces under which contacts give way: by a power law those that press a linear contact in as far."""
+        system = self.energy
+        carried = self._by_contact(
+            pins=system.pin_stiffness * np.maximum(self.closed.pins, 0.0),
+            flanks=system.flank_stiffness * np.maximum(self.closed.flanks, 0.0),
+            joints=self._joint_forces(),
+        )
+        return {f"{key} carried": carried[key] for key in YIELDING}
+
     def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
         """Sizes of forces, samples first, as vectors of the driving on the driven part, samples last."""
         reducer, n = self.contacts.motion.reducer, len(self.x)
@@ -614,7 +629,12 @@ class _Solution:
 
     def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        return {**self._changes(quick=quick), **self._directions(), "output": np.ones((1, len(self.x)))}
+        return {
+            **self._changes(quick=quick),
+            **self._directions(),
+            **self._carried(),
+            "output": np.ones((1, len(self.x))),
+        }
 
     def _changes(self, *, quick: bool) -> dict[str, Array]:
         pins, flanks, joints = self._quick_per_torque if quick else self._per_torque(quick=False)
@@ -626,5 +646,7 @@ class _Solution:
         errors = [self.contacts.error(effect) for effect in effects]
         if any(isinstance(error, Clearance) for error in errors):
             forces |= self._directions()
+        if any(isinstance(error, Compliance) for error in errors):
+            forces |= self._carried()
         rows = [project(forces, error, n) for error in errors]
         return np.concatenate([np.zeros((0, n)), *rows])

@@ -20,7 +20,7 @@ from rverror.diagnosis.harmonics.runs import FitRun, whitened
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Candidate
 from rverror.diagnosis.search import Journal, Name
-from rverror.geartrain.action_line import Clearance, Contacts
+from rverror.geartrain.action_line import Clearance, Compliance, Contacts
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
@@ -93,7 +93,7 @@ class Alikes:
         result = {}
         for key, indices in self.candidates:
             entry = source(key)
-            if entry.at_output or isinstance(entry.vector(motion, **indices), Clearance):
+            if entry.at_output or isinstance(entry.vector(motion, **indices), (Clearance, Compliance)):
                 continue
             units = [Effect(key, indices, tuple(row)) for row in np.eye(len(entry.parameters))]
             rows = [_flat(error_closing(contacts, (unit,))) - zero for unit in units]

@@ -13,7 +13,7 @@ from rverror.base import units
 from rverror.base.arrays import Array, radial_and_tangential, unit_vectors
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
-from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Contacts
+from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Compliance, Contacts
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.cycloid import pin_positions, profile
 from rverror.geartrain.kinematics import frame_orders
@@ -154,6 +154,9 @@ def error_vectors(model: Model, motion: Contacts, forces: Mapping[str, Array]) -
             if isinstance(part, Clearance):
                 along = unit_vectors(forces[part.contact][..., None])[..., 0]
                 total[part.contact] -= effect.values[0] * along
+            elif isinstance(part, Compliance):  # as far as the contact gives way under its force
+                given = np.tensordot(effect.values, part.share, axes=1)[..., :1]
+                total[part.contact][part.at] -= given * forces[part.contact][part.at]
             elif part is None or part.contact not in total:
                 angles.append(effect.key)
             else:
