@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from rverror import CATALOGUE
+
 CASES: list[tuple[str, dict[str, Any]]] = [
     ("involute.center_distance", {"crank": 1}),
     ("involute.sun_eccentricity", {}),
@@ -43,6 +45,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
 
 #: Clearances have no derivative at zero: tests/statics/test_clearance.py.
 #: Not in the oracle: clearance, growth (a similarity is tested instead), and what touches no contact.
+#: Compliances act through the force that is carried: tests/statics/test_compliance.py.
 #: One lobe is a sum of waves of the profile: tests/geartrain/test_disc_lobe.py.
 ELSEWHERE = {
     "crank.bearing_clearance",
@@ -50,4 +53,5 @@ ELSEWHERE = {
     "thermal.growth",
     "load.torsion",
     "cycloid.disc_lobe",
+    *(key for key in CATALOGUE if "compliance" in key),
 }

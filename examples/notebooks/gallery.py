@@ -51,7 +51,8 @@ unit.plot(theta=0.1).figure
 #
 # Lengths are 5 um, angles 10 arcsec, and a part is 10 K warmer. Where a source has an index (which pin, which
 # harmonic), one with the lowest order is drawn; its fellows differ in phase. `direction` stands for what only the
-# direction of motion changes, `bearing` for play in which the load moves a journal.
+# direction of motion changes, `bearing` for play in which the load moves a journal. Compliances of contacts are left
+# out: their waves have no size of their own, they grow with the load.
 
 # %%
 theta = np.linspace(0, 2 * np.pi, 4 * 4096, endpoint=False)
@@ -111,7 +112,8 @@ def family(*names):
     """Print what the sources of some families leave; a figure of the waves."""
     rows = {}
     for key, entry in rverror.CATALOGUE.items():
-        if key.partition(".")[0] not in names or not entry.applies_to(unit):
+        soft = entry.parameters[0].dimension == "contact_compliance"
+        if key.partition(".")[0] not in names or not entry.applies_to(unit) or soft:
             continue
         indices = shown_indices(entry)
         motion = {"direction": 1.0, "time": theta, "torque": 20e3}  # one rad a second; N*mm

@@ -188,7 +188,9 @@ def gallery(p: Played, says: Prose) -> None:
     order = {key: int(np.argmax(of)) for key, of in lines.items()}
 
     says("what every error source of the catalogue does to the output of an RV-40E")
-    assert set(shown) == {key for key, entry in CATALOGUE.items() if entry.applies_to(unit)}
+    says("Compliances of contacts are left out")
+    soft = {key for key, entry in CATALOGUE.items() if entry.parameters[0].dimension == "contact_compliance"}
+    assert set(shown) == {key for key, entry in CATALOGUE.items() if entry.applies_to(unit)} - soft
     assert all(f"{key} (" in p.printed or f"{key}, " in p.printed for key in shown)
     says(
         "40 and its multiples in carrier, disc, crank or planet, 39 and its multiples in the housing, 120 and its "

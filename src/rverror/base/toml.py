@@ -19,6 +19,7 @@ EXAMPLES = {
     "time": "0.5 ms",
     "temperature_rise": "10 K",
     "compliance": "0.5 arcsec/(N*m)",
+    "contact_compliance": "1 um/kN",
     "slope": "10 arcsec/turn",
 }
 
