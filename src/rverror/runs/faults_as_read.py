@@ -1,0 +1,190 @@
+"""First search for faults: samples and steps of a run as read that the neighbours on neither side foretell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.runs.fault_bounds import (
+    ROUNDS,
+    WIDEST_SLIP,
+    FaultBounds,
+    Found,
+    Index,
+    Mask,
+    Step,
+    blockwise,
+    peaks,
+    scatter,
+)
+
+#: Neighbours of one side; their parabola bears orders up to some 200 at 2048 samples a turn.
+NEAR = 8
+
+# Samples over which scatter is told: it follows what a part of the turn has more of than others.
+_BLOCK = 64
+
+
+def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds) -> Found:
+    """Find spikes and slips that are certain whatever the gear error is.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle of a stretch without gaps and reversals, rad.
+    error : ndarray, shape (n,)
+        Transmission error, rad.
+    floor : float
+        What is smaller is none, rad.
+    bounds : FaultBounds
+
+    Returns
+    -------
+    Found
+    """
+    if theta.size < 4 * NEAR:
+        return Found({}, ())
+    sides = _Sides(theta)
+    values = error.copy()
+    off: dict[int, float] = {}
+    for _ in range(ROUNDS):
+        more = _bursts(sides, values, floor, bounds)
+        for at in more:
+            off[at] = off.get(at, 0.0) + more[at]
+            values[at] -= more[at]
+        if not more:
+            break
+        # What their neighbours foretell stands in for them, anew as those lose theirs.
+        places = np.array(sorted(off), dtype=np.intp)
+        places = places[(places >= NEAR) & (places < theta.size - NEAR)]
+        before, after = sides.fitted(values)
+        x = sides.at[places]
+        foretold = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
+        for at, value in zip(places.tolist(), foretold.tolist(), strict=True):
+            off[at] += float(values[at]) - value
+            values[at] = value
+    steps: list[Step] = []
+    for _ in range(ROUNDS):
+        further = _steps(sides, values, floor, bounds)
+        for step in further:
+            values[step.last :] -= step.size
+        steps += further
+        if not further:
+            break
+    return Found(off, tuple(steps))
+
+
+class _Sides:
+    """Least-squares parabolas through the neighbours on each side of every sample."""
+
+    def __init__(self, theta: Array) -> None:
+        steps = np.abs(np.diff(theta))
+        usual = float(np.median(steps[steps > 0])) if steps.any() else 1.0
+        self.at = (theta - theta[0]) / usual
+        self.size = theta.size
+        even = bool(np.max(np.abs(steps / usual - 1)) < 0.02)
+        self._before = self._solved(-NEAR, even)
+        self._after = self._solved(0, even)
+
+    def _solved(self, first: int, even: bool) -> Array:
+        """Matrices from neighbours to coefficients over the distance from k, shape (n or 1, 3, near)."""
+        if even:
+            x = np.sign(self.at[-1]) * np.arange(first, first + NEAR, dtype=np.float64)[None]
+        else:
+            windows = np.lib.stride_tricks.sliding_window_view(self.at, NEAR)
+            centres = self.at[NEAR:] if first else self.at[: windows.shape[0]]
+            x = windows[: centres.size] - centres[:, None]
+        powers = np.stack([np.ones_like(x), x, x * x], axis=1)
+        normal = powers @ np.swapaxes(powers, 1, 2)
+        normal[:, range(3), range(3)] += 1e-9  # several samples at one angle
+        return np.asarray(np.linalg.solve(normal, powers), dtype=np.float64)
+
+    def fitted(self, values: Array) -> tuple[Array, Array]:
+        """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""
+        windows = np.lib.stride_tricks.sliding_window_view(values, NEAR)
+        before, after = np.zeros((3, self.size)), np.zeros((3, self.size))
+        before[:, NEAR:] = _applied(self._before, windows[:-1])
+        after[:, : windows.shape[0]] = _applied(self._after, windows)
+        return before, after
+
+    def along(self, coefficients: Array, k: Index, x: Array) -> Array:
+        """Values of the parabolas of samples k at places x."""
+        a, b, c = coefficients[:, k]
+        d = x - self.at[k]
+        return np.asarray(a + d * (b + d * c), dtype=np.float64)
+
+
+def _applied(matrices: Array, windows: Array) -> Array:
+    if len(matrices) == 1:
+        return np.asarray(matrices[0] @ windows.T, dtype=np.float64)
+    return np.asarray((matrices @ windows[..., None])[..., 0].T, dtype=np.float64)
+
+
+def _bursts(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> dict[int, float]:
+    """Samples that both sides say are off, with how far; of neighbours the worst only."""
+    before, after = sides.fitted(values)
+    best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
+    off_by = {}
+    for length in range(1, bounds.longest_burst + 1):
+        k = np.arange(NEAR, sides.size - length - NEAR + 1)  # first of the burst
+        off, by_before, by_after = np.empty((3, length, k.size))
+        for j in range(length):
+            x, value = sides.at[k + j], values[k + j]
+            by_before[j] = value - sides.along(before, k, x)
+            by_after[j] = value - sides.along(after, k + length, x)
+            # The two parabolas err by a cubic, in opposite senses, so that their mean hardly errs.
+            share = (j + 1) / (length + 1)
+            off[j] = (1 - share) * by_before[j] + share * by_after[j]
+        mean = off.mean(axis=0)
+        sense, half = np.sign(mean), 0.5 * np.abs(mean)
+        # A kink is foretold from one of its sides, and so is a slip.
+        alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
+        score = _score(mean, alone, floor, bounds)
+        better = score > best[k]
+        best[k[better]], lengths[k[better]] = score[better], length
+        off_by[length] = off
+    found: dict[int, float] = {}
+    for first in peaks(best, 0.0, 2 * NEAR):
+        length = int(lengths[first])
+        found |= {first + j: float(off_by[length][j, first - NEAR]) for j in range(length)}
+    return found
+
+
+def _steps(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> list[Step]:
+    """Steps between the parabolas of both sides; of neighbours the largest only."""
+    before, after = sides.fitted(values)
+    best = np.zeros(sides.size)
+    step_at: dict[int, tuple[int, Array]] = {}
+    change = np.abs(np.diff(values, prepend=values[0]))
+    for width in range(WIDEST_SLIP + 1):
+        k = np.arange(NEAR, sides.size - width - NEAR + 1)
+        x = 0.5 * (sides.at[k - 1] + sides.at[k + width])
+        size = sides.along(after, k + width, x) - sides.along(before, k, x)
+        # The change has to be as sudden as none near it: gear error rises over several samples.
+        rise = np.abs(values[k + width] - values[k - 1])
+        sudden = rise > np.maximum(2 * (width + 1) * _largest_near(change, width)[k], 0.5 * np.abs(size))
+        score = _score(size, sudden, floor, bounds)
+        better = score > 1.1 * best[k]  # the narrower one unless the wider is clearly better
+        best[k[better]] = score[better]
+        step_at |= {int(i): (width, size) for i in k[better]}
+    found = []
+    for first in peaks(best, 0.0, 2 * NEAR):
+        width, size = step_at[first]
+        this = float(size[first - NEAR])
+        found.append(Step(first, first + width, this, abs(this) / float(best[first])))
+    return found
+
+
+def _score(size: Array, able: Mask, floor: float, bounds: FaultBounds) -> Array:
+    """Size against its scatter where that is certain, else 0."""
+    usual = np.maximum(*blockwise(size, _BLOCK, scatter))
+    sure = able & (np.abs(size) > floor) & (np.abs(size) > bounds.certain * usual)
+    return np.where(sure, np.abs(size) / np.maximum(usual, np.finfo(np.float64).tiny), 0.0)
+
+
+def _largest_near(change: Array, width: int) -> Array:
+    """Largest change from one sample to the next near k, but for those from k - 1 to k + width."""
+    reach = NEAR - 1
+    padded = np.pad(change, (reach, reach + width))
+    offsets = (*range(-reach, 0), *range(width + 1, width + reach + 1))
+    return np.asarray(np.max([padded[reach + o : reach + o + change.size] for o in offsets], axis=0))

@@ -1,0 +1,309 @@
+"""Second search for faults: spikes and slips in a fit's residual, by likelihood ratios against its coloured noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.runs.fault_bounds import (
+    ROUNDS,
+    FaultBounds,
+    Found,
+    Index,
+    Mask,
+    Step,
+    blockwise,
+    peaks,
+    scatter,
+    scatter_of_changes,
+)
+
+# Order of the filter: white noise beside a correlation over 40 samples is forgotten over 6.
+_ORDER = 24
+# Samples of which the noise's colour is read at a time, so that a slip spoils one block only; such a block has so many
+# times the power of the usual one.
+_BLOCK = 1024
+_WILD = 2.0
+# Samples over which scatter is told, and by how much it exceeds the usual where that is no chance.
+_NEAR = 512
+_LOUDER = 1.15
+# Where twice the log likelihood is less by no more than this a slip may be too: 98.6 % for one unknown.
+_DOUBT = 6.0
+
+
+def faults_in_noise(
+    values: Array,
+    good: Mask,
+    pieces: Sequence[tuple[int, int]],
+    known: Sequence[int],
+    floor: float,
+    bounds: FaultBounds,
+) -> Found:
+    """Find spikes and slips in a residual.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Residual on a series of even steps, rad.
+    good : ndarray of bool, shape (n,)
+        Where there is a sample; other values are not looked at.
+    pieces : sequence of (int, int)
+        First and one after the last place of each unbroken part; together the whole series.
+    known : sequence of int
+        Places of slips that are known: what is left of them is told first.
+    floor : float
+        What is smaller is none, rad.
+    bounds : FaultBounds
+
+    Returns
+    -------
+    Found
+        A slip's transition is where it may have happened; of known slips what was left.
+    """
+    values, good = np.where(good, values, 0.0), good.copy()
+    tests = int(np.count_nonzero(good))
+    if tests < 4 * bounds.least_side or np.ptp(values[good]) == 0:
+        return Found({}, ())
+    off: dict[int, float] = {}
+    steps = {k: Step(k, k, 0.0, math.nan) for k in known}
+    for _ in range(ROUNDS):
+        white = _whitened(values, good, pieces, _colour(values, good, pieces))
+        spikes, slips = _spike_scores(white, tests, bounds), _slip_scores(white, tests, bounds)
+        taken: list[tuple[int, int]] = []
+        for k, step in steps.items():
+            # The colour is better known now, and with it the size; of two that are near one would take the other's.
+            if all(k == other or abs(k - other) > bounds.reach for other in steps):
+                more, spread = float(slips.size[k]), float(slips.spread[k])
+                values[k:] -= more
+                steps[k] = Step(step.first, step.last, step.size + more, spread)
+                if abs(more) > spread:
+                    taken.append((k, bounds.reach))
+        new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _ORDER)]
+        new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, bounds.reach)]
+        for score, k, single in sorted(new, reverse=True):
+            # What is near a larger one waits until that is out.
+            if any(abs(k - other) <= wait for other, wait in taken):
+                continue
+            taken.append((k, _ORDER if single else bounds.reach))
+            if single:
+                for j in range(k, min(k + int(spikes.length[k]), good.size)):
+                    if good[j]:
+                        good[j], off[j] = False, float(spikes.size[k])
+                continue
+            doubtful = (slips.score * slips.threshold) ** 2 > (score * slips.threshold) ** 2 - _DOUBT
+            first = k - int(np.argmin(np.append(doubtful[k::-1], False))) + 1
+            last = k + int(np.argmin(np.append(doubtful[k:], False)))
+            last = max(k, last - 1)
+            good[first:last] = False
+            values[k:] -= slips.size[k]
+            steps[k] = Step(first, last, float(slips.size[k]), float(slips.spread[k]))
+        if not taken:
+            break
+    return Found(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
+
+
+# --- the noise --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Colour:
+    """Autoregressive model of the noise.
+
+    Attributes
+    ----------
+    filters : ndarray, shape (order + 1, order + 1)
+        Row p: the prediction error filter of order p, 1 first.
+    spread : ndarray, shape (order + 1,)
+        Standard deviation of its output.
+    """
+
+    filters: Array
+    spread: Array
+
+
+def _colour(values: Array, good: Mask, pieces: Sequence[tuple[int, int]]) -> _Colour:
+    """Autocovariance of blocks about their means, large values cut, wild blocks left out."""
+    order = min(_ORDER, int(np.count_nonzero(good)) // 8)
+    sums: list[list[float]] = []
+    counts: list[int] = []
+    for first, last in pieces:
+        for a, b in pairwise(np.linspace(first, last, max(round((last - first) / _BLOCK), 1) + 1).astype(int).tolist()):
+            use = good[a:b]
+            count = int(np.count_nonzero(use))
+            if count < 2 * order:
+                continue
+            about = np.where(use, values[a:b] - values[a:b][use].mean(), 0.0)
+            cut = 4 * float(scatter(about[use]))
+            padded = np.pad(np.clip(about, -cut, cut), (0, order))
+            sums.append([float(padded[: b - a] @ padded[h : h + b - a]) for h in range(order + 1)])
+            counts.append(count)
+    if not sums:  # crumbs only: white
+        sums, counts = [[float(values[good] @ values[good]), *[0.0] * order]], [int(np.count_nonzero(good))]
+    table, number = np.array(sums), np.array(counts)
+    power = table[:, 0] / number
+    usual = power <= _WILD * np.median(power)  # a slip inside a block looks like slow noise
+    covariance = table[usual].sum(axis=0) / number[usual].sum()
+    filters, spread = np.zeros((order + 1, order + 1)), np.zeros(order + 1)
+    filters[:, 0] = 1.0
+    variance = float(covariance[0]) or 1.0
+    spread[0] = math.sqrt(variance)
+    for p in range(1, order + 1):  # Levinson's recursion: filters of every order on the way
+        longer = np.append(filters[p - 1, :p], 0.0)
+        reflection = -float(longer[:-1] @ covariance[p:0:-1]) / variance
+        filters[p, : p + 1] = longer + reflection * longer[::-1]
+        variance *= max(1.0 - reflection * reflection, 1e-6)
+        spread[p] = math.sqrt(variance)
+    return _Colour(filters, spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Whitened:
+    """Innovations of the residual, of a constant and of a trend, in units of their scatter; 0 where no sample is.
+
+    Attributes
+    ----------
+    values, level, trend : ndarray, shape (n,)
+    good : ndarray of bool, shape (n,)
+    louder : ndarray, shape (n,)
+        Scatter near each sample where it is more than usual, else 1.
+    filter : ndarray, shape (order + 1,)
+        What makes the innovations of the residual.
+    """
+
+    values: Array
+    level: Array
+    trend: Array
+    good: Mask
+    louder: Array
+    filter: Array
+
+
+def _whitened(values: Array, good: Mask, pieces: Sequence[tuple[int, int]], colour: _Colour) -> _Whitened:
+    order = colour.spread.size - 1
+    rows = np.stack([values, np.ones(values.size), np.linspace(-1, 1, values.size)])
+    out = np.zeros_like(rows)
+    for first, last in pieces:
+        part = rows[:, first:last].copy()
+        for k in np.flatnonzero(~good[first:last]).tolist():
+            p = min(k, order)  # a hole holds what its past foretells, so that it adds nothing
+            part[:, k] = -part[:, k - p : k] @ colour.filters[p, p:0:-1]
+        for row, into in zip(part, out[:, first:last], strict=True):
+            into[:] = np.convolve(row, colour.filters[order])[: row.size] / colour.spread[order]
+        for k in range(min(order, last - first)):  # the first samples have a shorter past
+            out[:, first + k] = part[:, k::-1] @ colour.filters[k, : k + 1] / colour.spread[k]
+    out[:, ~good] = 0.0
+    have = np.flatnonzero(good)
+    near, usual = blockwise(out[0, have], _NEAR, scatter_of_changes)
+    usual = usual or 1.0
+    louder = np.where(near > _LOUDER * usual, near / usual, 1.0)
+    at = np.minimum(np.searchsorted(have, np.arange(good.size)), have.size - 1)
+    out /= usual
+    return _Whitened(out[0], out[1], out[2], good, louder[at], colour.filters[order] / (colour.spread[order] * usual))
+
+
+# --- the likelihood ratios --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """Faults at every sample by generalised least squares.
+
+    Attributes
+    ----------
+    size, spread : ndarray, shape (n,)
+        Estimate and its standard deviation.
+    score : ndarray, shape (n,)
+        Size over spread, in units of the threshold.
+    threshold : float
+    length : ndarray of int, shape (n,)
+        Samples of the burst.
+    """
+
+    size: Array
+    spread: Array
+    score: Array
+    threshold: float
+    length: Index
+
+
+def _spike_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
+    """Bursts that begin at each sample, of the length that stands out most."""
+    n = white.values.size
+    good = white.good.astype(np.float64)
+    level = np.zeros(n)
+    power = _near(white.level**2, bounds.reach)
+    np.divide(_near(white.level * white.values, bounds.reach), power, out=level, where=power > 0)
+    about = white.values - level * white.level
+    best = _Scores(np.zeros(n), np.ones(n), np.zeros(n), 1.0, np.ones(n, dtype=np.intp))
+    for length in range(1, bounds.longest_burst + 1):
+        chance = bounds.spike_chance if length == 1 else bounds.burst_chance / (bounds.longest_burst - 1)
+        threshold = math.sqrt(chi_square(chance / tests, 1))
+        kernel = np.convolve(white.filter, np.ones(length))
+        power = _ahead(good, kernel * kernel)
+        sure = white.good & (power > 0.25 * float(kernel @ kernel))
+        power = np.where(sure, power, 1.0)
+        size = np.where(sure, _ahead(about, kernel) / power, 0.0)
+        spread = white.louder / np.sqrt(power)
+        score = np.abs(size) / spread / threshold
+        better = score > best.score
+        for old, new in ((best.size, size), (best.spread, spread), (best.score, score)):
+            old[better] = new[better]
+        best.length[better] = length
+    return best
+
+
+def _slip_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
+    """Steps at each sample, from a level over `reach` samples on each side, and once more from a common trend too."""
+    n, reach = white.values.size, bounds.reach
+    k = np.arange(n)
+    good = white.good.astype(np.float64)
+    # The whitened step rises as the running sum of the filter, and is the whitened level from there on.
+    rise = np.asarray(np.cumsum(white.filter), dtype=np.float64)
+
+    def after(values: Array) -> Array:
+        """Sum of the step's product with values over its side."""
+        return _ahead(values * good, rise) + _between(
+            values * white.level, np.minimum(k + rise.size, n), np.minimum(k + reach, n)
+        )
+
+    own = _ahead(good, rise * rise) + _between(white.level**2, np.minimum(k + rise.size, n), np.minimum(k + reach, n))
+    by_level, by_trend, by_value = after(white.level), after(white.trend), after(white.values)
+    level, both = _near(white.level**2, reach), _near(white.level * white.trend, reach)
+    trend = _near(white.trend**2, reach)
+    value, slope = _near(white.level * white.values, reach), _near(white.trend * white.values, reach)
+    sides = np.minimum(_between(good, np.maximum(k - reach, 0), k), _between(good, k, np.minimum(k + reach, n)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power, got = own - by_level**2 / level, by_value - by_level * value / level
+        across, left = by_trend - by_level * both / level, trend - both**2 / level
+        straight = (got - across * (slope - both * value / level) / left) / np.sqrt(power - across**2 / left)
+    sure = (sides >= bounds.least_side) & (power > 1e-6 * own)
+    threshold = math.sqrt(chi_square(bounds.slip_chance / tests, 1))
+    power = np.where(sure, power, 1.0)
+    size = np.where(sure, got / power, 0.0)
+    spread = white.louder / np.sqrt(power)
+    able = white.good & (np.abs(straight) > bounds.straight * threshold * white.louder)
+    score = np.where(able, np.abs(size) / spread / threshold, 0.0)
+    return _Scores(size, spread, score, threshold, np.ones(n, dtype=np.intp))
+
+
+def _ahead(values: Array, kernel: Array) -> Array:
+    """Sum over j of kernel_j values_(k + j), at every k."""
+    return np.asarray(np.convolve(values, kernel[::-1])[kernel.size - 1 :], dtype=np.float64)
+
+
+def _between(values: Array, first: Index, last: Index) -> Array:
+    """Sum of the values from one place to before another."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return np.asarray(total[last] - total[np.minimum(first, last)], dtype=np.float64)
+
+
+def _near(values: Array, reach: int) -> Array:
+    """Sum of the values from `reach` before each place to before `reach` after it."""
+    k = np.arange(values.size)
+    return _between(values, np.maximum(k - reach, 0), np.minimum(k + reach, values.size))
