@@ -21,6 +21,8 @@ from rverror.runs.fault_bounds import (
 #: Neighbours of one side; their parabola bears orders up to some 200 at 2048 samples a turn.
 NEAR = 8
 
+# Times its scatter beyond which a difference may be a fault.
+_DOUBTFUL = 5.0
 # Samples over which scatter is told: it follows what a part of the turn has more of than others.
 _BLOCK = 64
 
@@ -46,23 +48,21 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         return Found({}, ())
     sides = _Sides(theta)
     values = error.copy()
-    off: dict[int, float] = {}
+    off: set[int] = set()
+    doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
-        more = _bursts(sides, values, floor, bounds)
-        for at in more:
-            off[at] = off.get(at, 0.0) + more[at]
-            values[at] -= more[at]
+        more = _bursts(sides, values, np.where(np.isnan(doubtful), values, doubtful), floor, bounds)
         if not more:
             break
-        # What their neighbours foretell stands in for them, anew as those lose theirs.
+        off |= more
         places = np.array(sorted(off), dtype=np.intp)
         places = places[(places >= NEAR) & (places < theta.size - NEAR)]
+        values[places] = np.where(np.isnan(doubtful), values, doubtful)[places]
+        doubtful[:] = np.nan
+        # What their neighbours foretell stands in for them, anew as those lose theirs.
         before, after = sides.fitted(values)
         x = sides.at[places]
-        foretold = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
-        for at, value in zip(places.tolist(), foretold.tolist(), strict=True):
-            off[at] += float(values[at]) - value
-            values[at] = value
+        values[places] = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
     steps: list[Step] = []
     for _ in range(ROUNDS):
         further = _steps(sides, values, floor, bounds)
@@ -71,7 +71,22 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         steps += further
         if not further:
             break
-    return Found(off, tuple(steps))
+    return Found({at: float(error[at] - values[at]) for at in sorted(off)}, tuple(steps))
+
+
+def _apart(values: Array, widths: tuple[int, ...]) -> Array:
+    """Medians of the neighbourhood where a sample is far from them, else NaN.
+
+    Those stand in for what may be faults while scatter is told: each fault would spoil what 16 neighbours foretell.
+    """
+    found = np.full(values.size, np.nan)
+    for width in widths:
+        padded = np.pad(values, width // 2, mode="reflect")
+        middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=-1)
+        rest = values - middle
+        far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
+        found[far] = middle[far]
+    return found
 
 
 class _Sides:
@@ -120,14 +135,15 @@ def _applied(matrices: Array, windows: Array) -> Array:
     return np.asarray((matrices @ windows[..., None])[..., 0].T, dtype=np.float64)
 
 
-def _bursts(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> dict[int, float]:
-    """Samples that both sides say are off, with how far; of neighbours the worst only."""
-    before, after = sides.fitted(values)
+def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: FaultBounds) -> set[int]:
+    """Samples that both sides say are off; of neighbours the worst only.  `clean` has no doubtful ones."""
+    before, after = sides.fitted(clean)
     best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
-    off_by = {}
+    rest = clean - values
     for length in range(1, bounds.longest_burst + 1):
         k = np.arange(NEAR, sides.size - length - NEAR + 1)  # first of the burst
         off, by_before, by_after = np.empty((3, length, k.size))
+        cleaned = np.zeros(k.size)
         for j in range(length):
             x, value = sides.at[k + j], values[k + j]
             by_before[j] = value - sides.along(before, k, x)
@@ -135,51 +151,51 @@ def _bursts(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> 
             # The two parabolas err by a cubic, in opposite senses, so that their mean hardly errs.
             share = (j + 1) / (length + 1)
             off[j] = (1 - share) * by_before[j] + share * by_after[j]
+            cleaned += rest[k + j] / length
         mean = off.mean(axis=0)
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is foretold from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
-        score = _score(mean, alone, floor, bounds)
+        score = _score(mean, mean + cleaned, alone, floor, bounds)
         better = score > best[k]
         best[k[better]], lengths[k[better]] = score[better], length
-        off_by[length] = off
-    found: dict[int, float] = {}
-    for first in peaks(best, 0.0, 2 * NEAR):
-        length = int(lengths[first])
-        found |= {first + j: float(off_by[length][j, first - NEAR]) for j in range(length)}
-    return found
+    return {first + j for first in peaks(best, 0.0, 2 * NEAR) for j in range(int(lengths[first]))}
 
 
 def _steps(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> list[Step]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
     before, after = sides.fitted(values)
+    change = np.diff(values, prepend=values[0])
+    # Scatter is told without the changes that may be slips.
+    smooth = _apart(change, (5,))
+    clean = values - np.cumsum(np.where(np.isnan(smooth), 0.0, change - smooth))
+    clean_before, clean_after = sides.fitted(clean)
     best = np.zeros(sides.size)
-    step_at: dict[int, tuple[int, Array]] = {}
-    change = np.abs(np.diff(values, prepend=values[0]))
+    step_at: dict[int, tuple[int, float]] = {}
     for width in range(WIDEST_SLIP + 1):
         k = np.arange(NEAR, sides.size - width - NEAR + 1)
         x = 0.5 * (sides.at[k - 1] + sides.at[k + width])
         size = sides.along(after, k + width, x) - sides.along(before, k, x)
+        usual = sides.along(clean_after, k + width, x) - sides.along(clean_before, k, x)
         # The change has to be as sudden as none near it: gear error rises over several samples.
         rise = np.abs(values[k + width] - values[k - 1])
-        sudden = rise > np.maximum(2 * (width + 1) * _largest_near(change, width)[k], 0.5 * np.abs(size))
-        score = _score(size, sudden, floor, bounds)
+        sudden = rise > np.maximum(2 * (width + 1) * _largest_near(np.abs(change), width)[k], 0.5 * np.abs(size))
+        score = _score(size, usual, sudden, floor, bounds)
         better = score > 1.1 * best[k]  # the narrower one unless the wider is clearly better
         best[k[better]] = score[better]
-        step_at |= {int(i): (width, size) for i in k[better]}
+        step_at |= {int(i): (width, float(value)) for i, value in zip(k[better], size[better], strict=True)}
     found = []
     for first in peaks(best, 0.0, 2 * NEAR):
-        width, size = step_at[first]
-        this = float(size[first - NEAR])
+        width, this = step_at[first]
         found.append(Step(first, first + width, this, abs(this) / float(best[first])))
     return found
 
 
-def _score(size: Array, able: Mask, floor: float, bounds: FaultBounds) -> Array:
-    """Size against its scatter where that is certain, else 0."""
-    usual = np.maximum(*blockwise(size, _BLOCK, scatter))
-    sure = able & (np.abs(size) > floor) & (np.abs(size) > bounds.certain * usual)
-    return np.where(sure, np.abs(size) / np.maximum(usual, np.finfo(np.float64).tiny), 0.0)
+def _score(size: Array, usual: Array, able: Mask, floor: float, bounds: FaultBounds) -> Array:
+    """Size against the scatter of what is usual, where that is certain, else 0."""
+    spread = np.maximum(*blockwise(usual, _BLOCK, scatter))
+    sure = able & (np.abs(size) > floor) & (np.abs(size) > bounds.certain * spread)
+    return np.where(sure, np.abs(size) / np.maximum(spread, np.finfo(np.float64).tiny), 0.0)
 
 
 def _largest_near(change: Array, width: int) -> Array:
