@@ -183,6 +183,9 @@ def find_faults(
     return found
 
 
+# Counts below this, rad, do not show.
+_FINEST = 1e-3 * ARCSEC
+
 # --- the series of angles ---------------------------------------------------------------------------------------------
 
 
@@ -210,7 +213,7 @@ def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
         doubled=int(np.count_nonzero(doubled)),
         still=still,
         turned=tuple(int(places[i]) for i in turned),
-        count=_count(theta, error),
+        count=_count(theta + error),
     )
 
 
@@ -280,19 +283,20 @@ def _segments(found: Faults) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
-def _count(theta: Array, error: Array) -> float:
-    """Count to which the reading theta + error is rounded, rad; 0 where its values lie on no grid."""
-    values = np.unique(theta + error)
-    apart = np.diff(values)
-    apart = apart[apart > 1e-9 * ARCSEC + 8 * np.spacing(np.max(np.abs(values), initial=1.0))]
-    if apart.size < 2 * NEAR:
+def _count(reading: Array) -> float:
+    """Count to which a reading is rounded, rad; 0 where its steps are whole multiples of nothing."""
+    apart = np.diff(np.unique(reading))
+    apart = apart[apart > _FINEST]
+    if apart.size < 4 * NEAR:
         return 0.0
-    least = float(np.quantile(apart, 0.02))
-    apart = apart[apart < 20 * least]
-    off = np.abs(apart - least * np.rint(apart / least))
-    # On a grid of even nominal angles the reading is off by the error's own changes, on counts by printed digits.
-    on_counts = off.mean() < 0.1 * np.abs(np.diff(error)).mean() and np.mean(off < 0.05 * least) > 0.98
-    return least if apart.size >= NEAR and on_counts else 0.0
+    # Even angles far apart on the grid share most of their distance, so that only what differs tells the count.
+    differ = np.diff(np.unique(apart))
+    differ = differ[differ > _FINEST]
+    if not differ.size:
+        return 0.0
+    count = float(np.quantile(differ, 0.1))
+    multiples = (apart - np.median(apart)) / count
+    return count if np.mean(np.abs(multiples - np.rint(multiples)) < 0.05) > 0.98 else 0.0
 
 
 # --- the two searches -------------------------------------------------------------------------------------------------

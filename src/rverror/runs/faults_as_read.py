@@ -22,7 +22,7 @@ from rverror.runs.fault_bounds import (
 NEAR = 8
 
 # Times its scatter beyond which a difference may be a fault.
-_DOUBTFUL = 5.0
+_DOUBTFUL = 4.0
 # Samples over which scatter is told: it follows what a part of the turn has more of than others.
 _BLOCK = 64
 
@@ -63,15 +63,29 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         before, after = sides.fitted(values)
         x = sides.at[places]
         values[places] = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
+    found = {at: float(error[at] - values[at]) for at in sorted(off)}
     steps: list[Step] = []
     for _ in range(ROUNDS):
-        further = _steps(sides, values, floor, bounds)
+        further = _steps(sides, values, floor)
         for step in further:
             values[step.last :] -= step.size
         steps += further
         if not further:
             break
-    return Found({at: float(error[at] - values[at]) for at in sorted(off)}, tuple(steps))
+    return Found(found, tuple(_set_apart(steps, bounds)))
+
+
+def _set_apart(steps: list[Step], bounds: FaultBounds) -> list[Step]:
+    """Steps that are certain, and so much larger than all others that no gear error makes them.
+
+    At light load a gear train jumps from contact to contact, by sizes that go down gradually.
+    """
+    steps = sorted(steps, key=lambda step: -abs(step.size))
+    sizes = [*(abs(step.size) for step in steps), 0.0]
+    sure = [abs(step.size) > bounds.certain * step.spread for step in steps]
+    return max(
+        (steps[:i] for i in range(len(steps) + 1) if all(sure[:i]) and (i == 0 or sizes[i - 1] > 2 * sizes[i])), key=len
+    )
 
 
 def _apart(values: Array, widths: tuple[int, ...]) -> Array:
@@ -156,13 +170,13 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: Fa
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is foretold from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
-        score = _score(mean, mean + cleaned, alone, floor, bounds)
+        score = _score(mean, mean + cleaned, alone, floor, bounds.certain)
         better = score > best[k]
         best[k[better]], lengths[k[better]] = score[better], length
     return {first + j for first in peaks(best, 0.0, 2 * NEAR) for j in range(int(lengths[first]))}
 
 
-def _steps(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> list[Step]:
+def _steps(sides: _Sides, values: Array, floor: float) -> list[Step]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
     before, after = sides.fitted(values)
     change = np.diff(values, prepend=values[0])
@@ -180,7 +194,7 @@ def _steps(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> l
         # The change has to be as sudden as none near it: gear error rises over several samples.
         rise = np.abs(values[k + width] - values[k - 1])
         sudden = rise > np.maximum(2 * (width + 1) * _largest_near(np.abs(change), width)[k], 0.5 * np.abs(size))
-        score = _score(size, usual, sudden, floor, bounds)
+        score = _score(size, usual, sudden, floor, _DOUBTFUL)
         better = score > 1.1 * best[k]  # the narrower one unless the wider is clearly better
         best[k[better]] = score[better]
         step_at |= {int(i): (width, float(value)) for i, value in zip(k[better], size[better], strict=True)}
@@ -191,10 +205,10 @@ def _steps(sides: _Sides, values: Array, floor: float, bounds: FaultBounds) -> l
     return found
 
 
-def _score(size: Array, usual: Array, able: Mask, floor: float, bounds: FaultBounds) -> Array:
-    """Size against the scatter of what is usual, where that is certain, else 0."""
+def _score(size: Array, usual: Array, able: Mask, floor: float, bound: float) -> Array:
+    """Size against the scatter of what is usual, where above a floor and a bound, else 0."""
     spread = np.maximum(*blockwise(usual, _BLOCK, scatter))
-    sure = able & (np.abs(size) > floor) & (np.abs(size) > bounds.certain * spread)
+    sure = able & (np.abs(size) > floor) & (np.abs(size) > bound * spread)
     return np.where(sure, np.abs(size) / np.maximum(spread, np.finfo(np.float64).tiny), 0.0)
 
 
