@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ LEAST_SAMPLES = 16
 MOST_UNUSABLE = 0.1
 #: A step longer than this many median steps is a gap.
 GAP = 3.0
+#: A step of so many median steps while the other angle makes no gap is a jump of a counter, unless there are many.
+JUMP = 10.0
+MOST_JUMPS = 20
 
 # Angles beyond this are no reading of an encoder, and their products overflow.
 _LARGEST = 1e15
@@ -46,7 +50,7 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
     """
     notes = list(reading.notes)
     check_needed(reading.path, "columns", [*reading.columns, *reading.extra])
-    reading = _usable_rows(reading, notes)
+    reading = _without_doubles(_usable_rows(reading, notes), notes)
     columns = dict(reading.columns)
     time = columns.get("time")
     if time is not None:
@@ -55,9 +59,12 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
         if name in columns:
             columns[name] = _unwrapped(reading.path, name, columns[name], notes)
     leading = "input_angle" if "input_angle" in columns else "output_angle"
+    jumped = _note_counters(reading, columns, notes)
+    if leading in jumped and "output_angle" not in jumped:
+        leading = "output_angle"  # the other tells the direction
     if time is not None:
         _note_gaps(reading, "time", time, "s", notes)
-    else:
+    elif leading not in jumped:
         _note_gaps(reading, leading, np.rad2deg(columns[leading]), "deg", notes)
     sense, sure = _sense(columns, ratio)
     direction = _direction(reading, leading, sense * columns[leading], sure=sure, notes=notes)
@@ -84,11 +91,28 @@ def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
         refuse(path, f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
     if not dropped:
         return reading
+    return _picked(reading, usable)
+
+
+def _without_doubles(reading: Reading, notes: list[str]) -> Reading:
+    """Leave out rows that repeat the one before in every column: they add weight, not knowledge."""
+    table = np.stack([*reading.columns.values(), *reading.extra.values()])
+    same = (table[:, 1:] == table[:, :-1]) | (np.isnan(table[:, 1:]) & np.isnan(table[:, :-1]))
+    new = np.concatenate([[True], ~same.all(axis=0)])
+    count = int(np.count_nonzero(~new))
+    if not count or np.count_nonzero(new) < LEAST_SAMPLES:  # a standstill is refused as such
+        return reading
+    plural = "s" if count > 1 else ""
+    notes.append(f"{count} doubled row{plural} left out ({reading.noun}{plural} {some(reading.labels[~new].tolist())})")
+    return _picked(reading, new)
+
+
+def _picked(reading: Reading, rows: np.ndarray[Any, np.dtype[np.bool_]]) -> Reading:
     return replace(
         reading,
-        columns={name: values[usable] for name, values in reading.columns.items()},
-        extra={name: values[usable] for name, values in reading.extra.items()},
-        labels=labels[usable],
+        columns={name: values[rows] for name, values in reading.columns.items()},
+        extra={name: values[rows] for name, values in reading.extra.items()},
+        labels=reading.labels[rows],
     )
 
 
@@ -129,6 +153,29 @@ def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
         )
     notes.append(f"{name} unwrapped: {count_of(int(np.count_nonzero(jumps)), 'jump')} by a turn removed")
     return np.asarray(whole, dtype=np.float64)
+
+
+def _note_counters(reading: Reading, columns: Mapping[str, Array], notes: list[str]) -> set[str]:
+    """Angles whose counter jumps in one step while the other angle goes on as before."""
+    if not {"input_angle", "output_angle"} <= columns.keys():
+        return set()
+    jumped = set()
+    steps = {name: np.diff(columns[name]) for name in ("input_angle", "output_angle")}
+    usual = {name: float(np.median(np.abs(each[each != 0]))) if each.any() else 0.0 for name, each in steps.items()}
+    for name, other in (("input_angle", "output_angle"), ("output_angle", "input_angle")):
+        alone = (np.abs(steps[name]) > JUMP * usual[name]) & (np.abs(steps[other]) < GAP * usual[other])
+        places = np.flatnonzero(alone)
+        if 0 < places.size <= MOST_JUMPS:
+            jumped.add(name)
+            first = int(places[0])
+            around = np.delete(steps[name][max(first - 3, 0) : first + 4], min(first, 3))
+            size = np.rad2deg(steps[name][first] - np.median(around))
+            oftener = f", and {places.size - 1} times more" if places.size > 1 else ""
+            notes.append(
+                f"{name} jumps by {size:.4g} deg at {reading.noun} "
+                f"{reading.labels[first + 1]}{oftener}, {other} does not: its counter has jumped"
+            )
+    return jumped
 
 
 def _note_gaps(reading: Reading, name: str, values: Array, unit: str, notes: list[str]) -> None:
@@ -181,6 +228,7 @@ def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: 
     steps = np.abs(np.diff(angle))
     # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
     jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
+    _check_one_run(reading, name, angle)
     if reading.stated:
         if sure:
             _check_direction(reading, name, angle, reading.stated, jitter)
@@ -197,6 +245,25 @@ def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: 
     return direction
 
 
+def _check_one_run(reading: Reading, name: str, angle: Array) -> None:
+    """Refuse an angle that jumps back in one step and goes on as before, with no gap in time that would explain it."""
+    steps = np.diff(angle)
+    usual = float(np.median(np.abs(steps[steps != 0])))
+    back = np.flatnonzero(np.abs(steps) > JUMP * usual)
+    time = reading.columns.get("time")
+    if time is not None:
+        passed = np.diff(time)
+        back = back[passed[back] <= GAP * np.median(passed[passed > 0])]
+    for i in back.tolist():
+        before, after = steps[max(i - 5, 0) : i].sum(), steps[i + 1 : i + 6].sum()
+        if before * after > 0 and before * steps[i] < 0:
+            refuse(
+                reading.path,
+                f"{reading.noun} {reading.labels[i + 1]}: {name} jumps back by {np.rad2deg(abs(steps[i])):.4g} deg and "
+                "goes on as before, so there are two runs in one; put each in a file of its own",
+            )
+
+
 def _check_direction(reading: Reading, name: str, angle: Array, stated: float, jitter: float) -> None:
     word, opposite = ("forward", "reverse") if stated > 0 else ("reverse", "forward")
     way = stated * angle
@@ -211,10 +278,12 @@ def _check_direction(reading: Reading, name: str, angle: Array, stated: float, j
     worst = int(np.argmax(back))
     bound = max(jitter, 0.01 * float(np.ptp(angle)))
     if back[worst] > bound:
+        turned = reading.labels[int(np.argmax(way[: worst + 1]))]
         refuse(
             reading.path,
             f"{reading.noun} {reading.labels[worst]}: direction says {word}, but {name} has gone back by "
-            f"{np.rad2deg(back[worst]):.4g} deg (bound {np.rad2deg(bound):.3g} deg); write 'mixed' or split the run",
+            f"{np.rad2deg(back[worst]):.4g} deg (bound {np.rad2deg(bound):.3g} deg) since {reading.noun} {turned}; "
+            "write 'mixed' or split the run",
         )
 
 

@@ -16,8 +16,8 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
-from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, Found, Index, Mask, blockwise
-from rverror.runs.faults_as_read import NEAR, certain_faults
+from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, Found, Index, Mask, Step, blockwise
+from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
 __all__ = ["FaultBounds", "Faults", "Gap", "Slip", "find_faults"]
@@ -37,12 +37,16 @@ class Slip:
         Reading after less reading before, rad.
     uncertainty : float
         One standard deviation of the size, rad.
+    of_input : bool
+        Whether the nominal angle jumps by as much the other way: the counter of the input has, so that the angles on
+        one side are wrong.  Those of the shorter side are set aside.
     """
 
     index: int
     theta: float
     size: float
     uncertainty: float
+    of_input: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,8 @@ class Faults:
     gaps : tuple of Gap
     doubled : int
         Rows that repeat the one before.
+    twice : int
+        Angles that were read again at once, with another reading; both are kept.
     still : tuple of (int, int)
         First sample and number of samples of each standstill; the first is kept.
     turned : tuple of int
@@ -101,6 +107,7 @@ class Faults:
     slips: tuple[Slip, ...] = ()
     gaps: tuple[Gap, ...] = ()
     doubled: int = 0
+    twice: int = 0
     still: tuple[tuple[int, int], ...] = ()
     turned: tuple[int, ...] = ()
     count: float = 0.0
@@ -172,6 +179,8 @@ def find_faults(
     if theta.ndim != 1 or theta.shape != error.shape or not (np.isfinite(theta).all() and np.isfinite(error).all()):
         raise ValueError("angle and error have to be rows of finite numbers, of the same length")
     found = _series(theta, error, bounds) if earlier is None else earlier
+    if earlier is None:
+        _check(found, bounds, far_off(error[found.kept], bounds.counts * found.count, bounds))
     values = error
     for search in (_as_read, _in_noise) if residual else (_as_read,):
         for stretch in _stretches(found):
@@ -183,6 +192,7 @@ def find_faults(
     return found
 
 
+_TURN = 2 * math.pi
 # Counts below this, rad, do not show.
 _FINEST = 1e-3 * ARCSEC
 
@@ -211,6 +221,7 @@ def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
         np.zeros(0),
         gaps=tuple(replace(gap, index=int(places[gap.index])) for gap in _gaps(theta[places], turned, bounds)),
         doubled=int(np.count_nonzero(doubled)),
+        twice=int(np.count_nonzero(again & kept)),
         still=still,
         turned=tuple(int(places[i]) for i in turned),
         count=_count(theta + error),
@@ -306,10 +317,52 @@ def _as_read(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) -
     places = np.flatnonzero(found.kept[stretch]) + stretch.start
     # No parabola bridges a long gap.
     cuts = [gap.index for gap in found.gaps if gap.samples == 0 or gap.samples > WIDEST_SLIP]
-    for piece in np.split(places, np.searchsorted(places, cuts)):
+    pieces = np.split(places, np.searchsorted(places, cuts))
+    for piece in pieces:
         have = certain_faults(found.theta[piece], error[piece], bounds.counts * found.count, bounds)
         found = _joined(found, have, piece)
-    return found
+    at_gaps = _steps_at_gaps([piece for piece in pieces if piece.size >= NEAR], error - found.shift())
+    return _without_wrong_angles(_joined(found, Found({}, at_gaps), np.arange(error.size)), stretch)
+
+
+def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[Step, ...]:
+    """Steps over a gap that are three times what the error makes anywhere: what is less may be the gear's."""
+    if len(pieces) < 2:
+        return ()
+    usual = max(float(np.subtract(*np.quantile(error[piece], [0.95, 0.05]))) for piece in pieces)
+    steps = []
+    for before, after in pairwise(pieces):
+        size = float(np.median(error[after[: 4 * NEAR]]) - np.median(error[before[-4 * NEAR :]]))
+        if abs(size) > 3 * usual:
+            steps.append(Step(int(after[0]), int(after[0]), size, usual / 4))
+    return tuple(steps)
+
+
+def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
+    """Of a stretch whose nominal angle jumps as the error does, the other way, only the longest part is kept."""
+    steps = np.diff(found.theta)
+    usual = float(np.median(steps[stretch.start : stretch.stop - 1]))
+    jumps = []
+    for slip in found.slips:
+        more = steps[slip.index - 1] - usual
+        within = 4 * slip.uncertainty + 0.02 * abs(slip.size)
+        if (
+            stretch.start < slip.index < stretch.stop
+            and abs(slip.size) > abs(usual) / 2
+            and abs(more + slip.size) < within
+        ):
+            jumps.append(slip.index)
+    if not jumps:
+        return found
+    first, last = max(pairwise([stretch.start, *jumps, stretch.stop]), key=lambda part: part[1] - part[0])
+    kept = found.kept.copy()
+    kept[stretch.start : first] = kept[last : stretch.stop] = False
+    return replace(
+        found,
+        kept=kept,
+        slips=tuple(replace(slip, of_input=slip.index in jumps or slip.of_input) for slip in found.slips),
+        gaps=tuple(gap for gap in found.gaps if gap.index not in jumps),
+    )
 
 
 def _in_noise(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) -> Faults:
@@ -320,7 +373,8 @@ def _in_noise(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) 
     values[place], good[place] = error[samples], True
     inside = [slip.index for slip in found.slips if samples[0] < slip.index <= samples[-1]]
     known = place[np.searchsorted(samples, inside)].tolist()
-    have = faults_in_noise(values, good, pieces, known, bounds.counts * found.count, bounds)
+    theta = np.interp(np.arange(good.size), place, found.theta[samples])
+    have = faults_in_noise(theta, values, good, pieces, known, bounds.counts * found.count, bounds)
     return _joined(found, have, samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)])
 
 
@@ -356,7 +410,9 @@ def _joined(found: Faults, have: Found, places: Index) -> Faults:
         # What is left of a slip that is known adds to it.
         index = next((known for known in slips if abs(known - index) <= WIDEST_SLIP), index)
         before = slips[index].size if index in slips else 0.0
-        slips[index] = Slip(index, float(found.theta[index]), before + step.size, step.spread)
+        slips[index] = Slip(
+            index, float(found.theta[index]), before + step.size, step.spread, index in slips and slips[index].of_input
+        )
     sizes = dict(zip(found.spikes.tolist(), found.sizes.tolist(), strict=True))
     sizes |= {int(places[at]): size for at, size in have.off.items()}
     kept[list(sizes)] = False
@@ -375,11 +431,11 @@ def _joined(found: Faults, have: Found, places: Index) -> Faults:
 # --- what is said -----------------------------------------------------------------------------------------------------
 
 
-def _check(found: Faults, bounds: FaultBounds) -> None:
-    spikes, slips, n = found.spikes.size, len(found.slips), found.theta.size
+def _check(found: Faults, bounds: FaultBounds, spikes: int = 0) -> None:
+    spikes, slips, n = max(spikes, found.spikes.size), len(found.slips), found.theta.size
     if spikes > max(bounds.most_spikes * n, 3):
         raise ValueError(
-            f"{spikes} of {n} samples ({100 * spikes / n:.1f} %) are spikes, at most {100 * bounds.most_spikes:g} % "
+            f"{spikes} of {n} samples ({100 * spikes / n:.2g} %) are spikes, at most {100 * bounds.most_spikes:g} % "
             "may be set aside: the channel is broken; check cable, earth and encoder, and measure again"
         )
     if slips > bounds.most_slips:
@@ -400,10 +456,17 @@ def _notes(found: Faults) -> tuple[str, ...]:
             f"{upto}{brief(largest, 3)} arcsec)"
         )
     for slip in found.slips:
-        lines.append(
-            f"the reading slips by {brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec at "
-            f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg): every later sample is shifted"
+        size = (
+            f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec{_in_counts(slip, found)}"
         )
+        place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
+        if slip.of_input:
+            lines.append(
+                f"the counter of the input jumps at {place}, by {size} of the output: the angles behind it are wrong, "
+                "so the shorter side is left out"
+            )
+        else:
+            lines.append(f"the reading slips by {size} at {place}: every later sample is shifted")
     lost = [gap for gap in found.gaps if gap.samples]
     if lost:
         widest = max(lost, key=lambda gap: gap.span)
@@ -419,6 +482,20 @@ def _notes(found: Faults) -> tuple[str, ...]:
             )
     if found.doubled:
         lines.append(f"{count_of(found.doubled, 'doubled row')} left out")
+    # Where it is usual the drive is slow for its counts.
+    if 0 < found.twice < 0.05 * found.theta.size:
+        lines.append(f"{count_of(found.twice, 'angle')} read twice in a row, with another reading; both are kept")
     for first, number in found.still:
         lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
     return tuple(lines)
+
+
+def _in_counts(slip: Slip, found: Faults) -> str:
+    """A slip in whole turns or counts, where it is many."""
+    for unit, name in ((_TURN, "turn"), (found.count, "count")):
+        if unit and not slip.of_input:
+            number = round(slip.size / unit)
+            within = 3 * slip.uncertainty + 1e-6 * abs(slip.size)
+            if number and abs(slip.size - number * unit) < within < unit / 4:
+                return f", {count_of(abs(number), name)}"
+    return ""

@@ -55,11 +55,12 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         if not more:
             break
         off |= more
-        places = np.array(sorted(off), dtype=np.intp)
-        places = places[(places >= NEAR) & (places < theta.size - NEAR)]
-        values[places] = np.where(np.isnan(doubtful), values, doubtful)[places]
         doubtful[:] = np.nan
-        # What their neighbours foretell stands in for them, anew as those lose theirs.
+        # What neighbours foretell stands in for them: from those that are left first, then by the parabolas.
+        places = np.array(sorted(off), dtype=np.intp)
+        left = np.setdiff1d(np.arange(theta.size), places)
+        values[places] = np.interp(places, left, values[left])
+        places = places[(places >= NEAR) & (places < theta.size - NEAR)]
         before, after = sides.fitted(values)
         x = sides.at[places]
         values[places] = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
@@ -88,6 +89,20 @@ def _set_apart(steps: list[Step], bounds: FaultBounds) -> list[Step]:
     )
 
 
+def far_off(error: Array, floor: float, bounds: FaultBounds) -> int:
+    """Count samples far from the median of five neighbours, by a scatter that bears almost a third of them."""
+    if error.size < 4 * NEAR:
+        return 0
+    rest = np.abs(error - _running_median(error, 5))
+    usual = float(np.median(rest[rest > 0])) / 0.6745 if rest.any() else 0.0
+    return int(np.count_nonzero(rest > max(bounds.certain * usual, floor)))
+
+
+def _running_median(values: Array, width: int) -> Array:
+    padded = np.pad(values, width // 2, mode="reflect")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=-1), dtype=np.float64)
+
+
 def _apart(values: Array, widths: tuple[int, ...]) -> Array:
     """Medians of the neighbourhood where a sample is far from them, else NaN.
 
@@ -95,8 +110,7 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
     """
     found = np.full(values.size, np.nan)
     for width in widths:
-        padded = np.pad(values, width // 2, mode="reflect")
-        middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=-1)
+        middle = _running_median(values, width)
         rest = values - middle
         far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
         found[far] = middle[far]
@@ -173,7 +187,7 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: Fa
         score = _score(mean, mean + cleaned, alone, floor, bounds.certain)
         better = score > best[k]
         best[k[better]], lengths[k[better]] = score[better], length
-    return {first + j for first in peaks(best, 0.0, 2 * NEAR) for j in range(int(lengths[first]))}
+    return {first + j for first in peaks(best, 0.0, NEAR) for j in range(int(lengths[first]))}
 
 
 def _steps(sides: _Sides, values: Array, floor: float) -> list[Step]:

@@ -33,11 +33,14 @@ _WILD = 2.0
 # Samples over which scatter is told, and by how much it exceeds the usual where that is no chance.
 _NEAR = 512
 _LOUDER = 1.15
+# Samples by which a feature may lie elsewhere in another turn.
+_JITTER = 2
 # Where twice the log likelihood is less by no more than this a slip may be too: 98.6 % for one unknown.
 _DOUBT = 6.0
 
 
 def faults_in_noise(
+    theta: Array,
     values: Array,
     good: Mask,
     pieces: Sequence[tuple[int, int]],
@@ -49,6 +52,8 @@ def faults_in_noise(
 
     Parameters
     ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle, monotonic, rad.
     values : ndarray, shape (n,)
         Residual on a series of even steps, rad.
     good : ndarray of bool, shape (n,)
@@ -87,8 +92,10 @@ def faults_in_noise(
         new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _ORDER)]
         new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, bounds.reach)]
         for score, k, single in sorted(new, reverse=True):
-            # What is near a larger one waits until that is out.
+            # What is near a larger one waits until that is out; what comes once a turn is the gear's.
             if any(abs(k - other) <= wait for other, wait in taken):
+                continue
+            if _repeats(theta, (spikes if single else slips).size, k):
                 continue
             taken.append((k, _ORDER if single else bounds.reach))
             if single:
@@ -106,6 +113,16 @@ def faults_in_noise(
         if not taken:
             break
     return Found(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
+
+
+def _repeats(theta: Array, size: Array, k: int) -> bool:
+    """Whether half of it or more stands at the same angle of another turn too."""
+    turns = (theta - theta[k]) / (2 * math.pi)
+    others = np.arange(math.ceil(turns.min()), math.floor(turns.max()) + 1)
+    order = np.argsort(turns, kind="stable") if turns[0] > turns[-1] else np.arange(turns.size)
+    at = order[np.minimum(np.searchsorted(turns[order], others[others != 0]), turns.size - 1)]
+    near = np.clip(at[:, None] + np.arange(-_JITTER, _JITTER + 1), 0, turns.size - 1)
+    return bool((size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any())
 
 
 # --- the noise --------------------------------------------------------------------------------------------------------
