@@ -179,10 +179,15 @@ def find_faults(
     if theta.ndim != 1 or theta.shape != error.shape or not (np.isfinite(theta).all() and np.isfinite(error).all()):
         raise ValueError("angle and error have to be rows of finite numbers, of the same length")
     found = _series(theta, error, bounds) if earlier is None else earlier
+    have, floor = error[found.kept], bounds.counts * found.count
+    far = far_off(have, floor, bounds)
     if earlier is None:
-        _check(found, bounds, far_off(error[found.kept], bounds.counts * found.count, bounds))
+        _check(found, bounds, far)
+    searches = [_as_read, _in_noise] if residual else [_as_read]
+    if residual and not far and not far_off(np.diff(have), floor, bounds):
+        searches = [_in_noise]  # nothing here is large
     values = error
-    for search in (_as_read, _in_noise) if residual else (_as_read,):
+    for search in searches:
         for stretch in _stretches(found):
             known = found
             found = search(found, values, stretch, bounds)

@@ -140,7 +140,7 @@ class _Sides:
         powers = np.stack([np.ones_like(x), x, x * x], axis=1)
         normal = powers @ np.swapaxes(powers, 1, 2)
         normal[:, range(3), range(3)] += 1e-9  # several samples at one angle
-        return np.asarray(np.linalg.solve(normal, powers), dtype=np.float64)
+        return np.asarray(np.linalg.inv(normal) @ powers, dtype=np.float64)
 
     def fitted(self, values: Array) -> tuple[Array, Array]:
         """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""

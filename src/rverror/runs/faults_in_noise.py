@@ -33,8 +33,10 @@ _WILD = 2.0
 # Samples over which scatter is told, and by how much it exceeds the usual where that is no chance.
 _NEAR = 512
 _LOUDER = 1.15
+# Scatter of a clean run's scores for a slip, which hang together over a reach: 9 of 10 have less.
+_RESTLESS = 1.2
 # Samples by which a feature may lie elsewhere in another turn.
-_JITTER = 2
+_JITTER = 1
 # Where twice the log likelihood is less by no more than this a slip may be too: 98.6 % for one unknown.
 _DOUBT = 6.0
 
@@ -116,13 +118,14 @@ def faults_in_noise(
 
 
 def _repeats(theta: Array, size: Array, k: int) -> bool:
-    """Whether half of it or more stands at the same angle of another turn too."""
+    """Whether half of it or more stands at the same angle in most other turns too."""
     turns = (theta - theta[k]) / (2 * math.pi)
     others = np.arange(math.ceil(turns.min()), math.floor(turns.max()) + 1)
     order = np.argsort(turns, kind="stable") if turns[0] > turns[-1] else np.arange(turns.size)
     at = order[np.minimum(np.searchsorted(turns[order], others[others != 0]), turns.size - 1)]
     near = np.clip(at[:, None] + np.arange(-_JITTER, _JITTER + 1), 0, turns.size - 1)
-    return bool((size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any())
+    again = (size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any(axis=-1)
+    return bool(2 * np.count_nonzero(again) > again.size)
 
 
 # --- the noise --------------------------------------------------------------------------------------------------------
@@ -304,6 +307,9 @@ def _slip_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
     power = np.where(sure, power, 1.0)
     size = np.where(sure, got / power, 0.0)
     spread = white.louder / np.sqrt(power)
+    if n > 4 * reach:
+        # Drift and lines that no fit took are no noise of this colour: then all scores scatter by more than 1.
+        spread *= max(1.0, float(scatter((size / spread)[sure])) / _RESTLESS)
     able = white.good & (np.abs(straight) > bounds.straight * threshold * white.louder)
     score = np.where(able, np.abs(size) / spread / threshold, 0.0)
     return _Scores(size, spread, score, threshold, np.ones(n, dtype=np.intp))
