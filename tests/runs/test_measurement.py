@@ -293,6 +293,56 @@ def test_mixed_run_keeps_its_turning_points_apart_from_jitter(tmp_path: Path) ->
     np.testing.assert_array_equal(np.flatnonzero(np.diff(run.direction)), [100, 200, 300])
 
 
+def test_doubled_rows_are_left_out_and_counted(tmp_path: Path) -> None:
+    lines = rows()
+    run = load(tmp_path, text([*lines[:10], lines[9], *lines[10:20], lines[19], lines[19], *lines[20:]]))
+    assert run.notes == ("3 doubled rows left out (lines 14, 25, 26)",)
+    np.testing.assert_array_equal(run.input_angle, load(tmp_path, text()).input_angle)
+    other = load(tmp_path, text([*lines[:10], "90,0.9101", *lines[10:]]))  # the same angle, another reading
+    assert other.size == N + 1
+    assert other.notes == ()
+
+
+@pytest.mark.parametrize("head", [HEAD, "", "# direction: mixed\n"])
+def test_two_runs_in_one_file(tmp_path: Path, head: str) -> None:
+    with pytest.raises(InputError, match=r"input_angle jumps back by 390 deg .* two runs in one; put each in a file"):
+        load(tmp_path, text(rows() + rows(), head=head))
+    both_ways = rows() + rows(back=True)
+    if head == HEAD:
+        with pytest.raises(InputError, match=r"gone back by 390 deg .* since line 43; write 'mixed'"):
+            load(tmp_path, text(both_ways, head=head))
+    else:
+        run = load(tmp_path, text(both_ways, head=head))
+        assert np.count_nonzero(np.diff(run.direction)) == 1
+
+
+def test_a_hole_in_a_run_that_goes_both_ways_is_no_second_run(tmp_path: Path) -> None:
+    """Where time has passed too, the angle may have come back meanwhile."""
+    lines = [
+        f"{x:g},{x / 100:g},{t}"
+        for t, x in enumerate(np.tile([*range(0, 400, 10), *range(400, 0, -10)], 2))
+        if not 30 < t < 90
+    ]
+    run = load(tmp_path, text(lines, head="", columns=COLUMNS.rstrip() + ",time[s]\n"))
+    assert any(note.startswith("1 gap in time") for note in run.notes)
+
+
+@pytest.mark.parametrize(("column", "turns"), [(0, 1), (0, -1), (0, 30), (1, 1), (1, -2)])
+def test_a_counter_that_jumps_is_noted(tmp_path: Path, column: int, turns: int) -> None:
+    cells = [[float(cell) for cell in row.split(",")] for row in rows(200)]
+    for row in cells[120:]:
+        row[column] += 360 * turns
+    run = load(tmp_path, text([",".join(f"{cell:g}" for cell in row) for row in cells]))
+    (note,) = run.notes
+    name, other = ("input_angle", "output_angle") if column == 0 else ("output_angle", "input_angle")
+    assert note == f"{name} jumps by {360 * turns:.4g} deg at line 124, {other} does not: its counter has jumped"
+    assert (run.direction == 1).all()
+    for row in cells:
+        row[0] *= -1
+    against = load(tmp_path, text([",".join(f"{cell:g}" for cell in row) for row in cells], head=""))
+    assert (against.direction == 1).all()
+
+
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 BAD: dict[str, tuple[str | bytes, list[str]]] = {
@@ -663,7 +713,7 @@ def test_bench_runs(unit: int, way: str) -> None:
 
 
 def test_planetary_data() -> None:
-    """The known facts: ratio about -13.16, residual about 7.3 arcmin with it, ten periods of 2 s, repeated stamps and rows."""
+    """The known facts: ratio about -13.16, residual about 7.3 arcmin with it, ten periods of 2 s, repeated rows."""
     run = load_run(recording("planetary-14to1", "run.csv"), Drive(ratio=-14.0))
     assert run.torque == 0
     assert any("20 repeated time stamps" in note for note in run.notes)

@@ -66,7 +66,7 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
         _note_gaps(reading, "time", time, "s", notes)
     elif leading not in jumped:
         _note_gaps(reading, leading, np.rad2deg(columns[leading]), "deg", notes)
-    sense, sure = _sense(columns, ratio)
+    sense, sure = _sense(columns, ratio, jumped) if leading == "input_angle" else (1.0, True)
     direction = _direction(reading, leading, sense * columns[leading], sure=sure, notes=notes)
     return replace(reading, columns=columns, notes=tuple(notes)), direction
 
@@ -210,13 +210,13 @@ def way_made(angle: Array, direction: Array) -> float:
     return float(np.diff(angle) @ direction[1:])
 
 
-def _sense(columns: Mapping[str, Array], ratio: float | None) -> tuple[float, bool]:
+def _sense(columns: Mapping[str, Array], ratio: float | None, jumped: set[str]) -> tuple[float, bool]:
     """Sign that turns the leading angle into one that grows with theta, and whether it is known."""
-    if "input_angle" not in columns:
-        return 1.0, True
     if "output_angle" in columns:
         # The measured sign, not the model's: a ratio of the wrong sign is refused later, by name.
         slope = fitted_slope(columns["input_angle"], columns["output_angle"])
+        if jumped:  # steps know it all the same
+            slope = float(np.median(np.diff(columns["input_angle"]) * np.diff(columns["output_angle"])))
         return (-1.0 if slope < 0 else 1.0), True
     return (1.0, False) if ratio is None else (float(np.sign(ratio)), True)
 

@@ -77,7 +77,7 @@ class FaultBounds:
 
 
 @dataclass(frozen=True)
-class Step:
+class LevelStep:
     """A step from level to level.
 
     Attributes
@@ -95,18 +95,18 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundFaults:
     """What a search has found in one series.
 
     Attributes
     ----------
     off : mapping of int to float
         How far each sample that is off by itself is off.
-    steps : tuple of Step
+    steps : tuple of LevelStep
     """
 
     off: Mapping[int, float]
-    steps: tuple[Step, ...]
+    steps: tuple[LevelStep, ...]
 
 
 def scatter(values: Array) -> Array:

@@ -16,7 +16,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
-from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, Found, Index, Mask, Step, blockwise
+from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
@@ -172,7 +172,7 @@ def find_faults(
     >>> error = 1e-5 * np.sin(9 * theta) + 1e-7 * np.random.default_rng(1).standard_normal(600)
     >>> error[321] += 1e-4
     >>> find_faults(theta, error).notes()
-    ('1 spike set aside (sample 321, 20.6 arcsec)',)
+    ('1 spike set aside (sample 321, 20.5 arcsec)',)
     """
     bounds = bounds or FaultBounds()
     theta, error = np.asarray(theta, dtype=np.float64), np.asarray(error, dtype=np.float64)
@@ -218,17 +218,19 @@ def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
     doubled = again & kept & _again(error)
     kept &= ~doubled
     places = np.flatnonzero(kept)
-    turned = _turned(theta[places])
+    moved = np.flatnonzero(kept & ~again)
+    turned = [int(places[i]) for i in _turned(theta[places])]
+    gaps = _gaps(theta[moved], np.isin(moved, turned), bounds)
     return Faults(
         theta,
         kept,
         np.zeros(0, dtype=np.intp),
         np.zeros(0),
-        gaps=tuple(replace(gap, index=int(places[gap.index])) for gap in _gaps(theta[places], turned, bounds)),
+        gaps=tuple(replace(gap, index=int(moved[gap.index])) for gap in gaps),
         doubled=int(np.count_nonzero(doubled)),
         twice=int(np.count_nonzero(again & kept)),
         still=still,
-        turned=tuple(int(places[i]) for i in turned),
+        turned=tuple(turned),
         count=_count(theta + error),
     )
 
@@ -262,23 +264,22 @@ def _turned(theta: Array) -> list[int]:
     return turned
 
 
-def _gaps(theta: Array, turned: list[int], bounds: FaultBounds) -> list[Gap]:
-    """Steps too long for their neighbours, and long steps back."""
+def _gaps(theta: Array, turned: Mask, bounds: FaultBounds) -> list[Gap]:
+    """Steps too long for their neighbours, and long steps back, of angles that all differ from the one before."""
     steps = np.diff(theta)
     size = np.abs(steps)
-    if size.size < NEAR or not size.any():
+    if size.size < NEAR:
         return []
-    # Of the nearest steps, and of a block: one alone would let a drive that starts look like gaps.
-    padded = np.pad(size, 3, mode="edge")
-    near = np.median(np.stack([padded[i : i + size.size] for i in (0, 1, 2, 4, 5, 6)]), axis=0)
-    around = blockwise(size, 64, lambda blocks: np.asarray(np.median(blocks, axis=-1)))[0]
-    usual = np.maximum(np.maximum(near, around), 1e-3 * np.median(size[size > 0]))
+    usual = blockwise(size, 64, lambda blocks: np.asarray(np.median(blocks, axis=-1)))[0]
+    even = np.quantile(np.abs(size / usual - 1), 0.75) < 0.1
+    if not even:  # a drive that starts has steps that grow, and the nearest ones know
+        padded = np.pad(size, 3, mode="edge")
+        usual = np.maximum(usual, np.median([padded[i : i + size.size] for i in (0, 1, 2, 4, 5, 6)], axis=0))
     ratio = size / usual
-    even = np.quantile(np.abs(ratio - 1), 0.9) < 0.1
     gaps = []
     for i in np.flatnonzero(ratio > (bounds.even_gap if even else bounds.uneven_gap) * (1 + 1e-9)).tolist():
         sense = np.sign(np.delete(steps[max(i - 3, 0) : i + 4], min(i, 3))).sum()
-        back = sense * steps[i] < 0 and i + 1 not in turned
+        back = sense * steps[i] < 0 and not turned[i + 1]
         span, samples = (-float(size[i]), 0) if back else (float(size[i] - usual[i]), round(ratio[i]) - 1)
         gaps.append(Gap(i + 1, float(theta[i]), span, samples))
     return gaps
@@ -327,10 +328,10 @@ def _as_read(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) -
         have = certain_faults(found.theta[piece], error[piece], bounds.counts * found.count, bounds)
         found = _joined(found, have, piece)
     at_gaps = _steps_at_gaps([piece for piece in pieces if piece.size >= NEAR], error - found.shift())
-    return _without_wrong_angles(_joined(found, Found({}, at_gaps), np.arange(error.size)), stretch)
+    return _without_wrong_angles(_joined(found, FoundFaults({}, at_gaps), np.arange(error.size)), stretch)
 
 
-def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[Step, ...]:
+def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[LevelStep, ...]:
     """Steps over a gap that are three times what the error makes anywhere: what is less may be the gear's."""
     if len(pieces) < 2:
         return ()
@@ -339,12 +340,14 @@ def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[Step, ...]:
     for before, after in pairwise(pieces):
         size = float(np.median(error[after[: 4 * NEAR]]) - np.median(error[before[-4 * NEAR :]]))
         if abs(size) > 3 * usual:
-            steps.append(Step(int(after[0]), int(after[0]), size, usual / 4))
+            steps.append(LevelStep(int(after[0]), int(after[0]), size, usual / 4))
     return tuple(steps)
 
 
 def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
     """Of a stretch whose nominal angle jumps as the error does, the other way, only the longest part is kept."""
+    if not found.slips:
+        return found
     steps = np.diff(found.theta)
     usual = float(np.median(steps[stretch.start : stretch.stop - 1]))
     jumps = []
@@ -403,7 +406,7 @@ def _grid(found: Faults, stretch: slice) -> tuple[Index, Index, list[tuple[int, 
     return samples + stretch.start, place[samples], list(pairwise(edges))
 
 
-def _joined(found: Faults, have: Found, places: Index) -> Faults:
+def _joined(found: Faults, have: FoundFaults, places: Index) -> Faults:
     """Add what a search has found; `places` are the samples it counts by."""
     if not have.off and not have.steps:
         return found

@@ -9,10 +9,10 @@ from rverror.runs.fault_bounds import (
     ROUNDS,
     WIDEST_SLIP,
     FaultBounds,
-    Found,
+    FoundFaults,
     Index,
+    LevelStep,
     Mask,
-    Step,
     blockwise,
     peaks,
     scatter,
@@ -27,7 +27,7 @@ _DOUBTFUL = 4.0
 _BLOCK = 64
 
 
-def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds) -> Found:
+def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds) -> FoundFaults:
     """Find spikes and slips that are certain whatever the gear error is.
 
     Parameters
@@ -42,30 +42,31 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
 
     Returns
     -------
-    Found
+    FoundFaults
     """
     if theta.size < 4 * NEAR:
-        return Found({}, ())
+        return FoundFaults({}, ())
     sides = _Sides(theta)
     values = error.copy()
     off: set[int] = set()
     doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
-        more = _bursts(sides, values, np.where(np.isnan(doubtful), values, doubtful), floor, bounds)
+        clean = np.where(np.isnan(doubtful), values, doubtful)
+        more = _bursts(sides, values, clean, floor, bounds)
         if not more:
             break
         off |= more
-        doubtful[:] = np.nan
         # What neighbours foretell stands in for them: from those that are left first, then by the parabolas.
         places = np.array(sorted(off), dtype=np.intp)
-        left = np.setdiff1d(np.arange(theta.size), places)
-        values[places] = np.interp(places, left, values[left])
-        places = places[(places >= NEAR) & (places < theta.size - NEAR)]
-        before, after = sides.fitted(values)
-        x = sides.at[places]
-        values[places] = 0.5 * (sides.along(before, places, x) + sides.along(after, places + 1, x))
+        doubtful[places] = np.nan
+        left = np.setdiff1d(np.flatnonzero(np.isnan(doubtful)), places)
+        values[places] = clean[places] = np.interp(places, left, values[left])
+        inside = places[(places >= NEAR) & (places < theta.size - NEAR)]
+        before, after = sides.fitted(clean)
+        x = sides.at[inside]
+        values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
     found = {at: float(error[at] - values[at]) for at in sorted(off)}
-    steps: list[Step] = []
+    steps: list[LevelStep] = []
     for _ in range(ROUNDS):
         further = _steps(sides, values, floor)
         for step in further:
@@ -73,10 +74,10 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         steps += further
         if not further:
             break
-    return Found(found, tuple(_set_apart(steps, bounds)))
+    return FoundFaults(found, tuple(_set_apart(steps, bounds)))
 
 
-def _set_apart(steps: list[Step], bounds: FaultBounds) -> list[Step]:
+def _set_apart(steps: list[LevelStep], bounds: FaultBounds) -> list[LevelStep]:
     """Steps that are certain, and so much larger than all others that no gear error makes them.
 
     At light load a gear train jumps from contact to contact, by sizes that go down gradually.
@@ -190,7 +191,7 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: Fa
     return {first + j for first in peaks(best, 0.0, NEAR) for j in range(int(lengths[first]))}
 
 
-def _steps(sides: _Sides, values: Array, floor: float) -> list[Step]:
+def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
     before, after = sides.fitted(values)
     change = np.diff(values, prepend=values[0])
@@ -215,7 +216,7 @@ def _steps(sides: _Sides, values: Array, floor: float) -> list[Step]:
     found = []
     for first in peaks(best, 0.0, 2 * NEAR):
         width, this = step_at[first]
-        found.append(Step(first, first + width, this, abs(this) / float(best[first])))
+        found.append(LevelStep(first, first + width, this, abs(this) / float(best[first])))
     return found
 
 

@@ -14,10 +14,10 @@ from rverror.base.chance import chi_square
 from rverror.runs.fault_bounds import (
     ROUNDS,
     FaultBounds,
-    Found,
+    FoundFaults,
     Index,
+    LevelStep,
     Mask,
-    Step,
     blockwise,
     peaks,
     scatter,
@@ -49,7 +49,7 @@ def faults_in_noise(
     known: Sequence[int],
     floor: float,
     bounds: FaultBounds,
-) -> Found:
+) -> FoundFaults:
     """Find spikes and slips in a residual.
 
     Parameters
@@ -70,15 +70,15 @@ def faults_in_noise(
 
     Returns
     -------
-    Found
+    FoundFaults
         A slip's transition is where it may have happened; of known slips what was left.
     """
     values, good = np.where(good, values, 0.0), good.copy()
     tests = int(np.count_nonzero(good))
     if tests < 4 * bounds.least_side or np.ptp(values[good]) == 0:
-        return Found({}, ())
+        return FoundFaults({}, ())
     off: dict[int, float] = {}
-    steps = {k: Step(k, k, 0.0, math.nan) for k in known}
+    steps = {k: LevelStep(k, k, 0.0, math.nan) for k in known}
     for _ in range(ROUNDS):
         white = _whitened(values, good, pieces, _colour(values, good, pieces))
         spikes, slips = _spike_scores(white, tests, bounds), _slip_scores(white, tests, bounds)
@@ -88,7 +88,7 @@ def faults_in_noise(
             if all(k == other or abs(k - other) > bounds.reach for other in steps):
                 more, spread = float(slips.size[k]), float(slips.spread[k])
                 values[k:] -= more
-                steps[k] = Step(step.first, step.last, step.size + more, spread)
+                steps[k] = LevelStep(step.first, step.last, step.size + more, spread)
                 if abs(more) > spread:
                     taken.append((k, bounds.reach))
         new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _ORDER)]
@@ -111,10 +111,10 @@ def faults_in_noise(
             last = max(k, last - 1)
             good[first:last] = False
             values[k:] -= slips.size[k]
-            steps[k] = Step(first, last, float(slips.size[k]), float(slips.spread[k]))
+            steps[k] = LevelStep(first, last, float(slips.size[k]), float(slips.spread[k]))
         if not taken:
             break
-    return Found(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
+    return FoundFaults(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
 
 
 def _repeats(theta: Array, size: Array, k: int) -> bool:
