@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-WAVES = 4  #: harmonics 0 to 3 of waves on gears and discs
+WAVES = 5  #: harmonics 0 to 4 of waves on gears and discs
 
 
 @dataclass(frozen=True, kw_only=True)
