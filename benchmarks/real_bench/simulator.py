@@ -26,7 +26,7 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
 
-from oracle import Errors, Oracle, Springs, _along, _wave, put, trochoid  # noqa: E402
+from oracle import Errors, Oracle, Springs, _along, _wave, put, trochoid
 
 SETTLED = 2e-9  #: mm, a step after which the springs of a linearised pose are at rest
 CLOSED = 2e-8  #: mm (turns times 10 mm), change of the pose with which its geometry is no longer taken anew
@@ -235,14 +235,21 @@ class Bench(Oracle):
         arm = unit.pin_circle_radius * np.exp(1j * gamma) + errors.pin_centre[0] - centre[:, None]
         seen = arm * np.conj(turned)
         s = self._feet.get(disc)
+        turns = 1 if s is not None else 4
         if s is None:
-            s = _foot(unit, disc, seen, self.theta[:, None] - gamma, 3)
-        if errors.flanks[0, disc].any():  # a flank that moves one way is a pin that moves the other, round the curve
+            s = _foot(unit, disc, seen, self.theta[:, None] - gamma, turns)
+        waves = errors.flanks[0, disc]
+        for _ in range(turns if waves.any() else 0):
+            # a flank that moves one way is a pin that moves the other; the wave counts where the pin touches it
             point, first, _ = trochoid(unit, disc, s)
             touched = point - 1j * unit.pin_radius * first / abs(first)
-            moved = _wave(errors.flanks[0, disc], np.angle(touched))
-            seen = seen - moved * 1j * touched / abs(touched)
-        self._feet[disc] = s = _foot(unit, disc, seen, s, 1)
+            shifted = seen - _wave(waves, np.angle(touched)) * 1j * touched / abs(touched)
+            s = _foot(unit, disc, shifted, s, 1)
+        if waves.any():
+            seen = shifted
+        else:
+            s = _foot(unit, disc, seen, s, 1)
+        self._feet[disc] = s
         point, first, _ = trochoid(unit, disc, s)
         outwards = 1j * first / abs(first)
         depth = -_along(outwards, seen - point) + errors.pin_radius[0]
@@ -400,12 +407,11 @@ def transmission_error(
     start: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Turn of the carrier beyond `theta`, rad, and the poses, from which another one may start."""
-    poses = np.concatenate(
-        [
-            Bench(unit, theta[at], errors, reality, sense=sense, torque=torque).poses(None if start is None else start[at])
-            for at in chunks(theta.size)
-        ]
-    )
+    parts = []
+    for at in chunks(theta.size):
+        bench = Bench(unit, theta[at], errors, reality, sense=sense, torque=torque)
+        parts.append(bench.poses(None if start is None else start[at]))
+    poses = np.concatenate(parts)
     return poses[:, 2], poses
 
 

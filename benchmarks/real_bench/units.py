@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -297,10 +297,12 @@ def wrong_stiffness(unit: Unit, spread: float = 0.25) -> None:
 def power_law(unit: Unit) -> None:
     """Pins and flanks close by a power law about a force that nobody knows."""
     random = unit.random
-    reference = [math.exp(random.uniform(math.log(20), math.log(500))) for _ in range(2)]
+    reference = [math.exp(random.uniform(math.log(20), math.log(2000))) for _ in range(2)]
     unit.law = {
-        "exponent": 10 / 9, "pin_reference_newton": round(reference[0], 1), "flank_reference_newton": round(reference[1], 1)
-    }  # fmt: skip
+        "exponent": 10 / 9,
+        "pin_reference_newton": round(reference[0], 1),
+        "flank_reference_newton": round(reference[1], 1),
+    }
     unit.more["contact_law"] = unit.law
 
 
