@@ -1,6 +1,7 @@
 """Write virtual test-bench units of every kind, from a simulator that shares no physics with the package.
 
     python benchmarks/make_units.py FOLDER [--units 40] [--seed 1000] [--families plain three ...] [--even]
+        [--first-order]
 
 Each unit is a folder FAMILY-SEED with a model file, run files and truth.json, in the format of the shared bench.
 Families are drawn with weights, or one after another with --even.  A folder that is there already is left as it is.
@@ -27,6 +28,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument("--even", action="store_true", help="families one after another, not by their weights")
+    parser.add_argument("--first-order", action="store_true", help="leave out what is quadratic in the pins' errors")
     options = parser.parse_args()
     for seed in range(options.seed, options.seed + options.units):
         family = choose(seed, tuple(options.families), even=options.even)
@@ -34,7 +36,7 @@ def main() -> None:
         if (folder / "truth.json").exists():
             continue
         start = perf_counter()
-        truth = make(seed, family, folder)
+        truth = make(seed, family, folder, first_order=options.first_order)
         names = [
             f"{effect['key']} ({size:.2f})"
             for effect, size in zip(truth["undeclared"], truth["effect_rms_arcsec"], strict=True)

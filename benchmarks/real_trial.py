@@ -54,7 +54,7 @@ def trial(folder: str) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             runs = [rverror.load_run(file) for file in sorted(path.glob("*.csv"))]
-            row["loud"] = loud(truth, float(np.ptp(runs[0].theta)) / (2 * np.pi))
+            row["loud"] = loud(truth, float(np.ptp(runs[0].output_angle)) / (2 * np.pi))
             found = rverror.to_json(rverror.diagnose(rverror.load_model(path / "model.toml"), runs))
     except Exception as error:  # a trial of many units goes on
         seconds = perf_counter() - start
@@ -143,6 +143,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the first unit")
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument("--even", action="store_true", help="families one after another, not by their weights")
+    parser.add_argument(
+        "--first-order", action="store_true", help="units without what is quadratic in the pins' errors"
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="JSON lines, one a unit")
     options = parser.parse_args()
@@ -151,7 +154,7 @@ def main() -> None:
         family = choose(seed, tuple(options.families), even=options.even)
         names.append(f"{family}-{seed}")
         if not (options.folder / names[-1] / "truth.json").exists():
-            make(seed, family, options.folder / names[-1])
+            make(seed, family, options.folder / names[-1], first_order=options.first_order)
     folders = sorted(path.parent for path in options.folder.glob("*/truth.json"))
     chosen = [str(path) for path in folders if not names or path.name in names]
     rows = []

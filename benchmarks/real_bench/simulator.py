@@ -29,6 +29,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
 from oracle import Errors, Oracle, Springs, _along, _wave, put, trochoid
 
 SETTLED = 2e-9  #: mm, a step after which the springs of a linearised pose are at rest
+RESTING = 1e-15  #: N*mm, what a step would save: parts that float freely drift in rounding alone
 CLOSED = 2e-8  #: mm (turns times 10 mm), change of the pose with which its geometry is no longer taken anew
 CHUNK = 512  #: angles that are solved together: their rows stay in the processor's cache
 
@@ -49,6 +50,8 @@ class Reality:
     pin_law: Law = Law()
     flank_law: Law = Law()
     backlash: float = 0.02  # along the line of action, each mesh
+    #: Whether pins meet the discs along the normals of the error-free pose: what is quadratic in errors is left out.
+    first_order: bool = False
 
 
 class PartErrors(Errors):
@@ -227,6 +230,9 @@ class Bench(Oracle):
 
     def _pins(self, rows: _Springs, u: np.ndarray, errors: PartErrors, disc: int) -> None:
         """Depth of every pin in a disc, as in the oracle, from the last feet of the perpendiculars onwards."""
+        if self.reality.first_order:
+            self._pins_of_first_order(rows, u, errors, disc)
+            return
         unit, at = self.unit, self._disc(disc)
         gamma = 2 * np.pi * np.arange(unit.pins) / unit.pins
         eccentric = self.crank_turn + 2 * np.pi * disc / unit.discs
@@ -253,14 +259,38 @@ class Bench(Oracle):
         point, first, _ = trochoid(unit, disc, s)
         outwards = 1j * first / abs(first)
         depth = -_along(outwards, seen - point) + errors.pin_radius[0]
-        if errors.profile[0, disc].any() or any(k == disc for k, _, _ in errors.lobes):
-            psi = np.angle(point - unit.pin_radius * outwards)
-            depth = depth + _wave(errors.profile[0, disc], psi)
-            for k, lobe, deviation in errors.lobes:
-                if k == disc:
-                    depth = depth + deviation * lobe_shape(unit, disc, lobe, psi)
+        depth = depth + self._raised(errors, disc, point - unit.pin_radius * outwards)
         normal = outwards * turned
         rows.pins.append((at, depth, np.stack([normal.real, normal.imag, _along(normal, 1j * arm)], axis=-1)))
+
+    def _raised(self, errors: PartErrors, disc: int, touched: np.ndarray) -> np.ndarray | float:
+        """Material of a disc's profile beyond the nominal, where pins touch it."""
+        lobes = [(lobe, deviation) for k, lobe, deviation in errors.lobes if k == disc]
+        if not lobes and not errors.profile[0, disc].any():
+            return 0.0
+        psi = np.angle(touched)
+        raised = _wave(errors.profile[0, disc], psi)
+        for lobe, deviation in lobes:
+            raised = raised + deviation * lobe_shape(self.unit, disc, lobe, psi)
+        return raised
+
+    def _pins_of_first_order(self, rows: _Springs, u: np.ndarray, errors: PartErrors, disc: int) -> None:
+        """Depth of every pin in a disc along the normals of the pose without errors and load."""
+        unit, at = self.unit, self._disc(disc)
+        gamma = 2 * np.pi * np.arange(unit.pins) / unit.pins
+        eccentric = self.crank_turn + 2 * np.pi * disc / unit.discs
+        point, first, _ = trochoid(unit, disc, self.theta[:, None] - gamma)
+        outwards, turned = 1j * first / abs(first), np.exp(1j * self.theta)[:, None]
+        normal = outwards * turned
+        arm = unit.pin_circle_radius * np.exp(1j * gamma) - (unit.eccentricity * np.exp(1j * eccentric))[:, None]
+        touched = point - unit.pin_radius * outwards
+        lever = _along(normal, 1j * arm)
+        depth = _along(normal, (u[0, :, at] + 1j * u[0, :, at + 1])[:, None]) + lever * u[0, :, at + 2, None]
+        depth = depth - _along(normal, errors.pin_centre[0]) + errors.pin_radius[0]
+        depth = depth + self._raised(errors, disc, touched)
+        led = _wave(errors.flanks[0, disc], np.angle(touched))
+        depth = depth + led * _along(outwards, 1j * touched / abs(touched))
+        rows.pins.append((at, depth, np.stack([normal.real, normal.imag, lever], axis=-1)))
 
     def linear(self, u: np.ndarray) -> Linear:
         """Every contact, linearised at a pose (angle, unknowns)."""
@@ -371,6 +401,7 @@ def newton(linear: Linear, step: np.ndarray, most: int) -> tuple[np.ndarray, np.
     for _ in range(most):
         move = -np.linalg.solve(part.matrix(parts), gradient[..., None])[..., 0]
         slope = -(gradient * move).sum(axis=1)  # of the energy downwards
+        move[slope < RESTING] = 0.0
         length = np.ones(len(at))
         here = step[at] + move
         gradient, parts = part.forces(here)

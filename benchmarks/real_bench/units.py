@@ -152,6 +152,7 @@ class Unit:
     more: dict[str, Any] = field(default_factory=dict)  # for truth.json
     memory: float = MEMORY
     loudness: tuple[float, float] = (1.0, 1.0)  # of white and slow noise
+    first_order: bool = False  # whether what is quadratic in the pins' errors is left out
 
     @property
     def reducer(self) -> Any:
@@ -562,7 +563,13 @@ class Simulated:
         if unit.law is not None:
             names = ("pin_reference_newton", "flank_reference_newton")
             laws = [Law(exponent=unit.law["exponent"], reference=unit.law[name]) for name in names]
-        self.reality = Reality(springs=springs, pin_law=laws[0], flank_law=laws[1], backlash=unit.backlash * 1e-3)
+        self.reality = Reality(
+            springs=springs,
+            pin_law=laws[0],
+            flank_law=laws[1],
+            backlash=unit.backlash * 1e-3,
+            first_order=unit.first_order,
+        )
         self._poses: dict[tuple[int, float], np.ndarray] = {}
 
     def gear_train(self, run: Recording, effects: list[Effect]) -> np.ndarray:
@@ -658,14 +665,19 @@ def run_text(unit: Unit, run: Recording, error: np.ndarray) -> str:
     return "\n".join([*head, *(f"{a:.6f},{b:.8f}" for a, b in zip(given, read, strict=True))]) + "\n"
 
 
-def make(seed: int, family: str, folder: Path) -> dict[str, Any]:
+def make(seed: int, family: str, folder: Path, *, first_order: bool = False) -> dict[str, Any]:
     """Draw and simulate a unit and write its folder; what truth.json says.
 
-    Effects that no run shows are drawn anew, but for one in ten.
+    Effects that no run shows are drawn anew, but for one in ten; and a unit of which a pose is not found.
     """
     for attempt in range(30):
         unit = draw(seed, family, attempt)
-        errors, effect_rms = Simulated(unit).shares()
+        unit.first_order = first_order
+        try:
+            errors, effect_rms = Simulated(unit).shares()
+        except ArithmeticError as error:
+            print(f"{family}-{seed}: {error}; drawn anew")
+            continue
         if min(effect_rms, default=VISIBLE) >= VISIBLE or unit.random.random() < 0.1:
             break
     return write(unit, errors, effect_rms, folder)
@@ -686,6 +698,7 @@ def write(unit: Unit, errors: list[np.ndarray], effect_rms: list[float], folder:
         "family": unit.family,
         "seed": unit.seed,
         "effect_rms_arcsec": [round(size, 4) for size in effect_rms],
+        **({"kinematics": "first order in the errors of the pins"} if unit.first_order else {}),
         **({"also_true": unit.also_true} if unit.also_true else {}),
         **unit.more,
         "true_declared": unit.true,

@@ -223,3 +223,19 @@ def test_its_errors_are_of_second_order_from_those_of_the_package() -> None:
         expected = rverror.equilibrium(model, theta, torque=20e3, direction=sense).transmission_error / ARCSEC
         difference = outputs(parts, theta, sense=sense) - expected
         assert 0.01 < difference.std() < 0.2
+
+
+def test_without_what_is_quadratic_its_errors_are_those_of_the_package() -> None:
+    parts = [part for part in MANY if part[0] != "involute.planet_eccentricity"]
+    parts.append(("cycloid.disc_lobe", {"disc": 1, "lobe": 7}, {"deviation": 30.0}))
+    model = rverror.Model(
+        UNIT, tuple(rverror.effect(key, **i, **{n: f"{v} um" for n, v in sizes.items()}) for key, i, sizes in parts)
+    )
+    theta = 2 * np.pi * np.arange(64) / 64 + 0.01
+    for torque in (20e3, 200e3):
+        expected = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error / ARCSEC
+        first, exact = (
+            outputs(parts, theta, torque=torque, reality=Reality(springs=REALISTIC, first_order=only))
+            for only in (True, False)
+        )
+        assert (first - expected).std() < 0.12 < (exact - expected).std()
