@@ -30,7 +30,9 @@ from oracle import Errors, Oracle, Springs, _along, _wave, put, trochoid
 
 SETTLED = 2e-9  #: mm, a step after which the springs of a linearised pose are at rest
 RESTING = 1e-15  #: N*mm, what a step would save: parts that float freely drift in rounding alone
-CLOSED = 2e-8  #: mm (turns times 10 mm), change of the pose with which its geometry is no longer taken anew
+UNSEEN = 3e-8  #: rad, 0.006 arcsec of the output
+PATIENCE = 6  #: turns after which the geometry is taken as found where the output no longer changes
+CLOSED = 2e-8  #: mm or rad, change of the pose with which its geometry is no longer taken anew
 CHUNK = 512  #: angles that are solved together: their rows stay in the processor's cache
 
 
@@ -332,9 +334,11 @@ class Bench(Oracle):
         for turn in range(30):
             linear = self.linear(u)
             step = at_rest(linear, driven_first=turn == 0 and start is None)
-            u = u + step
-            # the carrier lies within a turn's lever of everything, so one measure serves lengths and turns
-            if abs(step).max() < CLOSED:
+            u = u + step * (1.0 if turn < PATIENCE else 0.5)
+            still = abs(step).max(axis=1) >= CLOSED
+            if turn >= PATIENCE:  # a disc that carries nothing may go to and fro
+                still &= abs(step[:, 2]) >= UNSEEN
+            if not still.any():
                 return u
         raise ArithmeticError(f"the pose still moves by {abs(step).max():.1e} mm")
 

@@ -679,8 +679,8 @@ def make(seed: int, family: str, folder: Path, *, first_order: bool = False) -> 
             print(f"{family}-{seed}: {error}; drawn anew")
             continue
         if min(effect_rms, default=VISIBLE) >= VISIBLE or unit.random.random() < 0.1:
-            break
-    return write(unit, errors, effect_rms, folder)
+            return write(unit, errors, effect_rms, folder)
+    raise ArithmeticError(f"{family}-{seed}: none of 30 draws can be seen")
 
 
 def write(unit: Unit, errors: list[np.ndarray], effect_rms: list[float], folder: Path) -> dict[str, Any]:
