@@ -28,7 +28,7 @@ from time import perf_counter  # noqa: E402
 from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
-from real_bench.judging import OUTSIDE, causes, loud, named_sets, outcome, sizes_inside  # noqa: E402
+from real_bench.judging import OUTSIDE, causes, loud, named_sets, outcome, sizes_inside, stiffness_inside  # noqa: E402
 from real_bench.units import FAMILIES, choose, make  # noqa: E402
 
 import rverror  # noqa: E402
@@ -74,6 +74,7 @@ def trial(folder: str) -> dict[str, Any]:
         "unexplained_orders": [line["order"] for line in found.get("unexplained_orders", [])],
         "inside": inside,
         "sizes": total,
+        "stiffness": stiffness_inside(truth, found),
         "heldout_rms_arcsec": [found[part]["heldout_rms_arcsec"] for part in ("before", "after")],
         "notes": found.get("notes", []),
     }
@@ -110,6 +111,10 @@ def report(rows: list[dict[str, Any]]) -> None:
     print("\nkeys of effects of twice the noise or more, alone or beside others: in a set that was named, of how many")
     for key, flags in sorted(named.items()):
         print(f"  {key:34s} {sum(flags)}/{len(flags)}")
+    told = [row["stiffness"] for row in rows if "stiffness" in row]
+    print(
+        f"\nstiffnesses that the runs tell: {sum(i for i, _ in told)} of {sum(n for _, n in told)} in their intervals"
+    )
     false = Counter(name for row in rows for name in row.get("false_names", []))
     if false:
         print("\nnames that are no cause: " + ", ".join(f"{name} {count}" for name, count in false.most_common()))

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.result import Addition, Candidate, Diagnosis, Estimate, Line, Residual, Trace
+from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
+
+#: What runs say of a reducer: one stiffness, the backlash and one exponent, and nothing of another stiffness.
+ELASTIC = (
+    ElasticEstimate("pin_contact", "stiffness", 2.5e5, 2.25e5, 2e5, 2.5e5, True),
+    ElasticEstimate("crank_bearing", "stiffness", 3e5, 3.1e5, 2e5, 4e5, False),
+    ElasticEstimate("gear_backlash", "length", 0.02, 0.031, 0.029, 0.033, True),
+    ElasticEstimate("pin_exponent", "number", 1.0, 1.125, math.nan, math.nan, True),
+    ElasticEstimate("flank_exponent", "number", 1.0, 1.0, 1.0, 1.25, False),
+)
 
 HOSTILE = """<script>alert("1")</script> & 'b' <img src=x onerror=alert(1)>"""
 TORQUE = 412e3
@@ -103,6 +113,9 @@ def diagnosis(
             ]
         )
     )
+    if not isinstance(mechanism, rverror.Drive):
+        aside = {"set_aside": np.radians([30.0, 31.0, 750.0]), "slips": np.radians([-90.0, 400.0])}
+        traces = (replace(traces[0], **aside), replace(traces[1], set_aside=np.zeros(0), slips=np.zeros(0)))
     return Diagnosis(
         verdict=verdict,
         noise_rms=1.5 * unit,
@@ -118,6 +131,7 @@ def diagnosis(
         traces=traces,
         notes=(HOSTILE, "second note"),
         quantity=quantity,
+        elastic=() if isinstance(mechanism, rverror.Drive) else ELASTIC,
     )
 
 

@@ -86,3 +86,19 @@ def loud(truth: Mapping[str, Any], revolutions: float) -> bool:
     """Whether every effect has twice the rms of the noise of one run's mean revolution, or more."""
     noise = truth["noise_rms_arcsec"] / math.sqrt(max(revolutions, 1))
     return all(size >= 2 * noise for size in truth.get("effect_rms_arcsec", []))
+
+
+def stiffness_inside(truth: Mapping[str, Any], found: Mapping[str, Any]) -> tuple[int, int]:
+    """How many true stiffnesses lie in their intervals, and of how many that the runs tell.
+
+    Of a power law the stiffness is that at a force which the library does not know: not counted.
+    """
+    true, inside, total = truth.get("true_over_declared_stiffness", {}), 0, 0
+    if "contact_law" in truth:
+        return 0, 0
+    for one in found.get("stiffness", []):
+        if one["name"] in true and one["told"]:
+            factor = float(true[one["name"]]) * one["declared"]
+            total += 1
+            inside += one["low"] <= factor <= one["high"]
+    return inside, total

@@ -89,9 +89,8 @@ print(rverror.to_text(found))
 # %% [markdown]
 # ## The candidates
 #
-# The round in which the cause was chosen. A score is what a candidate takes off the noise-weighted sum of squares of
-# left-out revolutions, by its linear waveform; drawn is the distance behind the best. The bars are standard errors of
-# that distance. None of the others comes near.
+# Beside what is declared. A score is what a candidate takes off the noise-weighted sum of squares by its linear
+# waveform; drawn is the distance behind the best. None of the others comes near.
 
 # %%
 found.plot(kind="candidates").figure
@@ -121,11 +120,11 @@ print(f"{'arcsec':24}      rms  held-out rms  peak-to-peak")
 for name, residual in stages:
     rms, heldout, peak = (value / ARCSEC for value in (residual.rms, residual.heldout_rms, residual.peak_to_peak))
     print(f"{name:24} {rms:8.2f} {heldout:13.2f} {peak:13.2f}")
-print(f"{'noise between turns':24} {found.noise_rms / ARCSEC:8.2f}")
+print(f"{'noise':24} {found.noise_rms / ARCSEC:8.2f}")
 
 # %%
 ax = found.plot(kind="residual")
-ax.set_title("residual of forward.csv, left-out revolutions, SIMULATED")
+ax.set_title("residual of forward.csv, left-out stretches, SIMULATED")
 ax.figure
 
 # %% [markdown]

@@ -226,7 +226,7 @@ print(f"held-out rms: {before:.2f} arcsec before, {after:.2f} after, noise {foun
 
 # %%
 ax = found.plot(kind="residual")
-ax.set_title("residual of forward.csv, left-out revolutions, SIMULATED")
+ax.set_title("residual of forward.csv, left-out stretches, SIMULATED")
 ax.figure
 
 # %%

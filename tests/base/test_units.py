@@ -151,6 +151,12 @@ def test_what_is_printed_reads_back(dimension: str, value: float) -> None:
     assert units.parse(f"{shown!r} {units.DISPLAY_UNITS[dimension]}", dimension) == pytest.approx(value, rel=1e-9)
 
 
+def test_a_number_needs_no_unit() -> None:
+    assert units.parse("1.125", "number") == units.parse("1.125 dimensionless", "number") == 1.125
+    with pytest.raises(ValueError, match="is no unit of number"):
+        units.parse("1.125 mm", "number")
+
+
 def test_is_quantity() -> None:
     assert units.is_quantity(pint.UnitRegistry().Quantity(5, "mm"))
     assert not units.is_quantity(5.0)

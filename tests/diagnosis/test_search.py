@@ -6,21 +6,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Line
-from rverror.diagnosis.search import Journal, Likelihood, Name, Stage, find_missing
+from rverror.diagnosis.search import Journal, Likelihood, Name, find_missing
 
 Found = tuple[str, ...]
-LINE = Line(7.0, 1.0, 0.5, 1.5, ())
 
 
 @dataclass(frozen=True, eq=False)
 class Told(Likelihood[Found, str]):
-    """What each set of names leaves of a hundred, and which of them leave lines of their own."""
+    """What each set of names leaves of a hundred; `line` competes, and `bow` goes along with `slope`."""
 
     left: dict[Found, float]
     names: tuple[str, ...]
-    own: dict[Found, tuple[Line, ...]] = field(default_factory=dict)
-    passes: tuple[Stage, ...] = ()
     policy: Policy = POLICY
     journal: Journal = field(default_factory=lambda: Journal(lambda text: None))
 
@@ -39,14 +35,9 @@ class Told(Likelihood[Found, str]):
     def fails(self, found: Found, trial: Found) -> str:
         return "" if self.of(trial) < self.of(found) - 5 else "no gain"
 
-    def better(self, one: Found, other: Found, by: float) -> bool:
-        return self.of(one) < self.of(other) - by
-
-    def own_lines(self, found: Found) -> Sequence[Line]:
-        return self.own.get(tuple(sorted(found)), ())
-
-    def second_alone(self, settled: Found, found: Found) -> Found:
-        return (*settled, found[-1])
+    def rival_line(self, found: Found, trial: Found) -> Found | None:
+        line = (*found, "line")
+        return line if "line" not in found and self.of(line) < self.of(trial) else None
 
     def lighter(self, found: Found) -> Found | None:
         for name in found[:-1]:
@@ -55,68 +46,59 @@ class Told(Likelihood[Found, str]):
                 return less
         return None
 
-    def stages(self) -> tuple[Stage, ...]:
-        return self.passes
+    def goes_along(self, found: Found) -> Found | None:
+        return (*found, "bow") if "slope" in found and "bow" not in found else None
 
-    def lines(self, found: Found) -> Sequence[Line]:
-        return (LINE,) if self.of(found) > 10 else ()
-
-    def at(self, stage: Stage) -> Told:
-        return replace(self, names=(*self.names, "rare")) if stage.rare else self
+    def without_lines(self, found: Found) -> Found | None:
+        return tuple(n for n in found if n != "line") if "line" in found else None
 
 
 def test_what_helps_is_added_until_nothing_does() -> None:
     told = Told({("a",): 50, ("b",): 60, ("a", "b"): 20, ("a", "b", "c"): 18}, ("a", "b", "c"))
-    _, outcome = find_missing(told, ())
-    assert outcome.found == outcome.last == ("a", "b")
-    fates = [(f.round, f.key, f.fate) for f in outcome.history]
+    assert find_missing(told, ()) == ("a", "b")
+    fates = [(f.round, f.key, f.fate) for f in told.journal.history]
     assert fates == [(1, "a", "added"), (2, "b", "added"), (3, "c", "fell")]
-    assert outcome.history[-1].why == "no gain"
+    assert told.journal.history[-1].why == "no gain"
 
 
 def test_what_later_ones_make_needless_is_dropped() -> None:
     told = Told({("a",): 50, ("a", "b"): 21, ("a", "b", "c"): 0, ("b", "c"): 1}, ("a", "b", "c"))
-    _, outcome = find_missing(told, ())
-    assert outcome.found == ("b", "c")
-    assert [f.key for f in outcome.history if f.fate == "dropped"] == ["a"]
+    assert find_missing(told, ()) == ("b", "c")
+    assert [f.key for f in told.journal.history if f.fate == "dropped"] == ["a"]
 
 
-def test_what_leaves_lines_of_its_own_is_not_named() -> None:
-    _, outcome = find_missing(Told({("a",): 50}, ("a",), own={("a",): (LINE,)}), ())
-    assert (outcome.found, outcome.last, outcome.left) == ((), ("a",), (LINE,))
-    assert outcome.history[-1].why == "not named: leaves lines of its own frame at order 7"
+def test_the_next_candidate_is_tried_where_the_leading_one_fails() -> None:
+    class Barred(Told):
+        def fails(self, found: Found, trial: Found) -> str:
+            return "barred" if trial[-1] == "a" else super().fails(found, trial)
+
+    told = Barred({("a",): 10, ("b",): 40}, ("a", "b"))
+    assert find_missing(told, ()) == ("b",)
+    assert [(f.key, f.fate, f.why) for f in told.journal.history[:1]] == [("a", "fell", "barred")]
 
 
-def test_two_of_one_frame_are_tried_together_and_the_first_chosen_again() -> None:
-    left = {("a",): 50.0, ("b",): 70.0, ("c",): 60.0, ("a", "b"): 20.0, ("b", "c"): 0.0, ("a", "c"): 45.0}
-    own = dict.fromkeys([("a",), ("b",), ("c",), ("a", "b"), ("a", "c")], (LINE,))
-    stages = (Stage("for two", 2),)
-    _, outcome = find_missing(Told(left, ("a", "b", "c"), own, stages), ())
-    assert outcome.found == ("b", "c")
-    # without doubt about one there is no need for two
-    calm = Told({("a",): 50.0}, ("a", "b"), passes=stages)
-    assert find_missing(calm, ())[1].history[-1].round == 2
+def test_a_stronger_line_goes_first_and_is_gone_in_the_end() -> None:
+    """Beside the line the candidate that it smeared over is needless, and another one shows."""
+    left = {("a",): 60, ("line",): 40, ("b", "line"): 10, ("b",): 50, ("a", "line"): 39}
+    told = Told(left, ("a", "b"))
+    assert find_missing(told, ()) == ("b",)
+    first = told.journal.history[0]
+    assert (first.fate, first.why) == ("fell", "a stronger line beside it goes first")
+    without = replace(told, left=left | {("line",): 70}, journal=Journal(lambda text: None))
+    assert find_missing(without, ())[0] in ("a", "b")
+    assert all(f.why != first.why for f in without.journal.history)
 
 
-def test_rare_candidates_come_last_and_only_where_they_explain_all() -> None:
-    stages = (Stage("with rare ones", 1, restarted=True, rare=True),)
-    told = Told({("a",): 50.0, ("a", "rare"): 5.0}, ("a",), passes=stages)
-    likelihood, outcome = find_missing(told, ())
-    assert outcome.found == ("a", "rare")
-    assert isinstance(likelihood, Told)
-    assert likelihood.names == ("a", "rare")
-    part = Told({("a",): 50.0, ("a", "rare"): 30.0}, ("a",), passes=stages)
-    assert find_missing(part, ())[1].found == ("a",)
+def test_what_goes_along_is_put_in_at_the_end_and_the_search_goes_on() -> None:
+    told = Told({("slope",): 50, ("bow", "slope"): 49, ("a", "bow", "slope"): 10}, ("slope", "a"))
+    assert find_missing(told, ()) == ("slope", "bow", "a")
 
 
 def test_a_circle_ends() -> None:
     class Circle(Told):
-        def shown_way(self, found: Found, trial: Found) -> Found | None:
+        def rival_line(self, found: Found, trial: Found) -> Found | None:
             return found
 
-        def better(self, one: Found, other: Found, by: float) -> bool:
-            return True
-
-    _, outcome = find_missing(Circle({("a",): 50.0}, ("a",), policy=replace(POLICY, rounds=9)), ())
-    assert outcome.found == ()
-    assert outcome.history[-1].round == 9
+    told = Circle({("a",): 50.0}, ("a",), policy=replace(POLICY, rounds=9))
+    assert find_missing(told, ()) == ()
+    assert told.journal.history[-1].round == 9

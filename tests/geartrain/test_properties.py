@@ -98,6 +98,10 @@ def test_feedback_factor_is_the_sum_of_all_steps(unit: Reducer) -> None:
 # --- statics --------------------------------------------------------------------------------------------------------
 
 
+#: Powers of 1/s by which what a unit s times as large does with a parameter falls.
+SCALING = {"length": 1, "contact_compliance": 2}
+
+
 @given(reducers(), angles(), DIRECTIONS)
 def test_torque_balance_of_the_whole(unit: Reducer, theta: Array, direction: int) -> None:
     """Per unit of output torque the sun brings 1/R and the housing, through its pins, the rest."""
@@ -237,10 +241,11 @@ def test_lengths_scale(unit: Reducer, theta: Array, direction: int, factor: floa
         if key == "sensor.time_offset":
             continue
         one, other = (source_matrix(*state, key, indices) for state in (small, large))
-        lengths = np.array([p.dimension == "length" for p in rverror.CATALOGUE[key].parameters])
-        expected = one / np.where(lengths, factor, 1)[:, None]
+        # under the same torque forces fall with the size, and a compliance of a contact turns forces into lengths
+        power = np.array([SCALING.get(p.dimension, 0) for p in rverror.CATALOGUE[key].parameters])[:, None]
+        expected = one / factor**power
         # what cancels between discs or planets leaves rounding of the size of one part, at most 1 / sun radius
-        noise = 1e-10 / np.where(lengths, factor * min(unit.sun_pitch_radius, unit.eccentricity), 1)[:, None]
+        noise = 1e-10 / (factor * min(unit.sun_pitch_radius, unit.eccentricity)) ** power
         assert (np.abs(other - expected) <= 1e-8 * np.abs(expected) + noise).all(), (key, indices)
 
 
@@ -279,7 +284,9 @@ def test_mirror_turns_forward_into_reverse(unit: Reducer, theta: Array, directio
         moved, signs = mirrored(unit, key, indices)
         matrix = source_matrix(motion, forces, key, indices)
         other = source_matrix(image, image_forces, key, moved)
-        tolerance = 1e-9 * max(np.abs(matrix).max(), 1e-3 / unit.pin_circle_radius)
+        # a wave of high order cancels between the planets but for the rounding of its angle
+        compliance = any(p.dimension == "contact_compliance" for p in rverror.CATALOGUE[key].parameters)
+        tolerance = 1e-9 * max(np.abs(matrix).max(), 1e-3 if compliance else 1e-3 / unit.pin_circle_radius)
         assert np.abs(signs[:, None] * other + matrix).max() < tolerance, (key, indices)
 
 

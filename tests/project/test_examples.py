@@ -54,7 +54,7 @@ def test_extension_finds_the_torque_that_the_bench_was_given() -> None:
 
 
 def test_extension_before_and_after_on_what_no_fit_has_seen() -> None:
-    """On left-out revolutions both ways end in the noise; at another load the written effect alone does."""
+    """On left-out stretches both ways end in the noise; at another load the written effect alone does."""
     printed, names = run("extension")
     before, described, explained = (names[name] for name in ("first", "described", "explained"))
     assert before.after.heldout_rms > 5 * before.noise_rms

@@ -106,7 +106,7 @@ def test_the_sdist_holds_what_its_tests_need(built: dict[str, Path]) -> None:
         "docs/conf.py", "docs/index.md",
         "docs/_ext/ledger.py", "docs/_ext/published.py", "docs/_ext/catalogue_tables.py", "docs/rooms.svg",
         "examples/rv40e.toml", "examples/notebooks/closed_loop.py",
-        "benchmarks/blind_trial.py", "src/rverror/__init__.py",
+        "benchmarks/real_trial.py", "src/rverror/__init__.py",
     ):  # fmt: skip
         assert needed in names, needed
     assert not [name for name in names if name.startswith((".venv", "build/", "docs/notebooks/"))]

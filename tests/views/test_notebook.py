@@ -196,7 +196,7 @@ def test_a_diagnosis_before_and_after(verdict: str, quantity: str) -> None:
     sizes = {row[0]: row[1:] for row in found.rows(f"residual, {unit}")}
     assert sizes["as declared"] == ["11", "61", "12"]
     assert sizes["declared sizes refitted"] == ["9", "51", "10"]
-    assert sizes["noise between revolutions"] == ["1.5", "–", "–"]
+    assert sizes["noise"] == ["1.5", "–", "–"]
     assert ("with what was added" in sizes) == (verdict != "nothing_missing")
     if verdict != "nothing_missing":
         assert sizes["with what was added"] == ["2", "13", "3"]
@@ -216,6 +216,19 @@ def test_a_diagnosis_before_and_after(verdict: str, quantity: str) -> None:
 def test_a_size_that_the_runs_do_not_determine() -> None:
     found = read(diagnosis(determined=False))
     assert found.rows("added")[0][3] == "not determined"
+
+
+def test_what_the_runs_say_of_stiffness_and_what_they_do_not() -> None:
+    found = read(diagnosis())
+    assert found.rows("stiffness, backlash, contact law") == [
+        ["pin_contact", "250000", "225000", "200000 to 250000", "N/mm"],
+        ["gear_backlash", "20", "31", "29 to 33", "um"],
+        ["pin_exponent", "1", "1.125", "not determined", ""],
+    ]
+    assert "not told by these runs: crank_bearing, flank_exponent" in found.text
+    drive = read(diagnosis(mechanism=DRIVE)).text
+    assert "contact law" not in drive
+    assert "not told" not in drive
 
 
 def test_a_diagnosis_of_nothing() -> None:

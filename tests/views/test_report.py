@@ -22,9 +22,10 @@ from hypothesis import strategies as st
 
 import rverror
 from diagnosed_example import COS, DEMO, SIN, Outcome, outcome, strict_json
+from every_kind import DRIVE, ELASTIC, diagnosis
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.result import Candidate, Line
+from rverror.diagnosis.result import Candidate, Line, Trace
 from rverror.views.diagnosis_report import bench_of
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
@@ -125,7 +126,7 @@ def test_the_interval_is_as_wide_as_the_noise_makes_it(result: Outcome) -> None:
         assert white < estimate["high"] - estimate["value"] < 10 * white
 
 
-def test_noise_is_what_differs_between_revolutions(result: Outcome) -> None:
+def test_noise_is_the_benchs_own(result: Outcome) -> None:
     noise = result.json()["noise_rms_arcsec"]
     assert noise == pytest.approx(NOISE, rel=0.05)
     spread = [error - error.mean(axis=0) for _, error in map(bench, ("forward.csv", "reverse.csv"))]
@@ -206,7 +207,7 @@ def test_text_says_what_the_json_says(result: Outcome) -> None:
     assert result.out.endswith("\n")
     assert result.out.startswith(f"Verdict: {data['verdict']}")
     assert "residual, arcsec" in result.out
-    assert row(result.out, "noise between revolutions") == pytest.approx([data["noise_rms_arcsec"]], abs=6e-4)
+    assert row(result.out, "noise ") == pytest.approx([data["noise_rms_arcsec"]], abs=6e-4)
     assert f"Added 1: {added['key']}" in result.out
     for name, estimate in added["parameters"].items():
         numbers = [estimate["value"], 95, estimate["low"], estimate["high"]]
@@ -293,6 +294,122 @@ def test_nothing_missing_says_so(result: Outcome) -> None:
     assert "Added" not in text
     assert "Notes" not in text
     assert to_json(none)["added"] == []
+
+
+# --- stiffness, backlash and contact law; what was set aside ---------------------------------------------------------
+
+
+def test_text_says_what_the_runs_tell_of_stiffness_and_names_the_rest() -> None:
+    lines = to_text(diagnosis()).splitlines()
+    at = lines.index("Stiffness, backlash and contact law as the runs tell them")
+    assert [line.split() for line in lines[at + 1 : at + 5]] == [
+        ["declared", "fitted"],
+        ["pin_contact", "250000", "225000", "N/mm", "95", "%", "[200000,", "250000]"],
+        ["gear_backlash", "20", "31", "um", "95", "%", "[29,", "33]"],
+        ["pin_exponent", "1", "1.125", "not", "determined", "by", "these", "runs"],
+    ]
+    assert lines[at + 5 : at + 7] == ["  not told by these runs: crank_bearing, flank_exponent", ""]
+    whole = to_text(replace(diagnosis(), elastic=tuple(replace(row, told=True) for row in ELASTIC)))
+    assert "not told" not in whole
+    none = to_text(replace(diagnosis(), elastic=tuple(replace(row, told=False) for row in ELASTIC)))
+    assert "not told by these runs: pin_contact, crank_bearing, gear_backlash, pin_exponent, flank_exponent" in none
+    assert "declared      fitted" not in none
+    assert "Stiffness" not in to_text(diagnosis(mechanism=DRIVE))
+
+
+def test_json_holds_all_of_it_in_the_units_of_people() -> None:
+    told = tuple(replace(row, told=np.bool_(row.told)) for row in ELASTIC)  # as comparing arrays makes it
+    rows = strict_json(json.dumps(to_json(replace(diagnosis(), elastic=told))))["stiffness"]
+    keys = ("name", "unit", "declared", "value", "low", "high", "told")
+    assert all(tuple(row) == keys for row in rows)
+    assert [tuple(row.values()) for row in rows] == [
+        ("pin_contact", "N/mm", 2.5e5, 2.25e5, 2e5, 2.5e5, True),
+        ("crank_bearing", "N/mm", 3e5, 3.1e5, 2e5, 4e5, False),
+        ("gear_backlash", "um", 20.0, 31.0, 29.0, 33.0, True),
+        ("pin_exponent", "dimensionless", 1.0, 1.125, None, None, True),
+        ("flank_exponent", "dimensionless", 1.0, 1.0, 1.0, 1.25, False),
+    ]
+    assert to_json(diagnosis(mechanism=DRIVE))["stiffness"] == []
+
+
+def test_the_page_has_the_stiffness_of_the_json() -> None:
+    page = to_html(diagnosis())
+    table = page.partition("<h2>Stiffness, backlash and contact law as the runs tell them</h2>")[2].partition("<h3>")[0]
+    cells = re.findall(r'<data value="([^"]*)">', table)
+    assert [float(cell) for cell in cells] == [2.5e5, 2.25e5, 2e5, 2.5e5, 20.0, 31.0, 29.0, 33.0, 1.0, 1.125]
+    assert table.count("not determined by these runs") == 1
+    assert "dimensionless" not in table
+    assert "Not told by these runs: <code>crank_bearing</code>, <code>flank_exponent</code>." in table
+    assert "<h2>Stiffness" not in to_html(diagnosis(mechanism=DRIVE))
+    assert_self_contained(page)
+
+
+def test_json_lists_what_was_set_aside_where_something_was() -> None:
+    found = diagnosis()
+    (row,) = to_json(found)["set_aside"]
+    assert row == {
+        "run": found.traces[0].name,
+        "label": "1 forward",
+        "angles_deg": [30.0, 31.0, 750.0],
+        "slips_deg": [-90.0, 400.0],
+    }
+    assert to_json(diagnosis(mechanism=DRIVE))["set_aside"] == []
+    far = replace(found.traces[0], set_aside=np.radians([36000.001, 36000.002]), slips=None)
+    (row,) = to_json(replace(found, traces=(far,)))["set_aside"]
+    assert row["angles_deg"] == [36000.001, 36000.002]
+    assert row["slips_deg"] == []
+
+
+def waveform_pictures(page: str) -> list[ET.Element]:
+    return [ET.fromstring(svg) for svg in re.findall(r"<svg role=.*?</svg>", page, re.S) if "over the output" in svg]
+
+
+def marked(picture: ET.Element, kind: str) -> list[float]:
+    """Angles, deg, at which a picture of a run from 0 to 360 deg has marks, each on both panels."""
+    paths = [path.get("d", "") for path in picture.iter("path") if path.get("class") == kind]
+    assert len(paths) in (0, 2)
+    places = [[float(x) for x in re.findall(r"M([\d.]+) ", path)] for path in paths]
+    assert places[:1] == places[1:]
+    ticks = {item.text: float(item.get("x", "")) for item in picture.iter("text") if item.get("class") == "tick"
+             and item.get("text-anchor") == "middle"}  # fmt: skip
+    degree = (ticks["90"] - ticks["0"]) / 90
+    return [(x - ticks["0"]) / degree for x in places[0]] if places else []
+
+
+def on_a_turn(**faults: Any) -> Trace:
+    theta = np.radians(np.arange(0, 360.0, 0.5))
+    wave = ARCSEC * np.cos(3 * theta)
+    return Trace("run.csv", 1.0, theta, wave, 0.5 * wave, 0.9 * wave, **faults)
+
+
+def test_the_pictures_mark_what_was_set_aside_and_slips() -> None:
+    trace = on_a_turn(set_aside=np.radians([30.0, 720 + 100]), slips=np.radians([45.0, -80.0]))
+    page = to_html(replace(diagnosis(), traces=(trace, on_a_turn())))
+    wide, narrow, bare_wide, bare_narrow = waveform_pictures(page)
+    assert marked(wide, "aside") == pytest.approx([30, 100], abs=0.3)
+    assert marked(wide, "slip") == pytest.approx([45, 280], abs=0.3)
+    assert marked(narrow, "aside") == pytest.approx([30], abs=0.3)  # the first 90 degrees are drawn
+    assert marked(narrow, "slip") == pytest.approx([45], abs=0.3)
+    assert "marked: sample set aside, 2; marked: slip of the reading, 2" in wide.get("aria-label", "")
+    assert "marked" not in bare_wide.get("aria-label", "")
+    assert not [
+        marked(bare, kind) for bare in (bare_wide, bare_narrow) for kind in ("aside", "slip") if marked(bare, kind)
+    ]
+    keys = re.findall(r'<div class="key">(.*?)</div>', page, re.S)
+    assert ["sample set aside" in key and "slip of the reading" in key for key in keys] == [True, False, False, False]
+
+
+def test_over_a_part_of_a_turn_marks_stay_where_they_are() -> None:
+    whole = on_a_turn(set_aside=np.radians([5.0, 50.0, 500.0]))
+    part = replace(whole, **{name: getattr(whole, name)[:200] for name in ("theta", "measured", "before", "after")})
+    wide, _ = waveform_pictures(to_html(replace(diagnosis(), traces=(part,))))
+    assert marked(wide, "aside") == pytest.approx([5, 50], abs=0.3)
+
+
+def test_marks_that_would_cover_each_other_are_one() -> None:
+    crowd = on_a_turn(set_aside=np.linspace(0, 6, 50_000))
+    wide, _ = waveform_pictures(to_html(replace(diagnosis(), traces=(crowd,))))
+    assert len(marked(wide, "aside")) < 960
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------
@@ -590,10 +707,11 @@ def test_control_characters_are_shown_not_sent_to_the_terminal(result: Outcome) 
 
 def test_each_verdict_has_its_page(result: Outcome) -> None:
     line = Line(80.0, 2 * ARCSEC, 1.5 * ARCSEC, 2.5 * ARCSEC, ("carrier, disc or crank 40 x 2",))
+    bare = replace(result.diagnosis, elastic=())
     pages = {
-        "explained": result.diagnosis,
-        "nothing_missing": replace(result.diagnosis, verdict="nothing_missing", added=()),
-        "unexplained": replace(result.diagnosis, verdict="unexplained", added=(), unexplained=(line,)),
+        "explained": bare,
+        "nothing_missing": replace(bare, verdict="nothing_missing", added=()),
+        "unexplained": replace(bare, verdict="unexplained", added=(), unexplained=(line,)),
     }
     heads = {}
     for verdict, found in pages.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import xarray as xr
 
 import every_kind as made
 import rverror
-from every_kind import HOSTILE, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
+from every_kind import DRIVE, ELASTIC, HOSTILE, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
 from rverror import InputError, to_pandas, to_xarray
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
@@ -237,11 +238,44 @@ def test_waveforms_of_runs_of_any_length_stand_one_after_another() -> None:
     assert frame["run"].value_counts().to_dict() == {0: 20, 1: 30}
     first, second = (frame[frame["run"] == at] for at in (0, 1))
     assert set(first["residual_before"].round(9)) == {5.0}  # 9 less 4
-    assert set(second["residual_before"].round(9)) == {6.0}  # of revolutions left out
+    assert set(second["residual_before"].round(9)) == {6.0}  # of stretches left out
     assert set(second["residual_after"].round(9)) == {3.0}
     assert first["theta"].tolist() == pytest.approx(np.arange(20) * 18.0)
     runs = to_pandas(diagnosis(), rows="run")
     assert runs["torque"].tolist() == pytest.approx([20e3, np.nan], nan_ok=True)
+
+
+def test_what_the_runs_say_of_stiffness_backlash_and_contact_law() -> None:
+    frame = to_pandas(diagnosis(), rows="elastic", display=True)
+    assert frame["name"].tolist() == [row.name for row in ELASTIC]
+    assert frame["unit"].tolist() == ["N/mm", "N/mm", "um", "dimensionless", "dimensionless"]
+    assert frame["declared"].tolist() == pytest.approx([2.5e5, 3e5, 20, 1, 1])
+    assert frame["value"].tolist() == pytest.approx([2.25e5, 3.1e5, 31, 1.125, 1])
+    assert frame["low"].tolist() == pytest.approx([2e5, 2e5, 29, np.nan, 1], nan_ok=True)
+    assert frame["high"].tolist() == pytest.approx([2.5e5, 4e5, 33, np.nan, 1.25], nan_ok=True)
+    assert frame["told"].tolist() == [True, False, True, True, False]
+    core = to_pandas(diagnosis(), rows="elastic")
+    assert core["unit"].tolist()[1:4] == ["N/mm", "mm", "dimensionless"]
+    assert core["value"].tolist() == [row.value for row in ELASTIC]
+
+
+def test_what_was_set_aside_stands_with_its_run_and_angle() -> None:
+    found = diagnosis()
+    second = replace(found.traces[1], set_aside=np.radians([12.0]), slips=None)
+    found = replace(found, traces=(found.traces[0], second))
+    aside, slips = (to_pandas(found, rows=rows, display=True) for rows in ("set_aside", "slip"))
+    assert aside["run"].tolist() == [0, 0, 0, 1]
+    assert aside["theta"].tolist() == pytest.approx([30, 31, 750, 12])
+    assert aside.attrs["units"]["theta"] == "deg"
+    assert slips["run"].tolist() == [0, 0]
+    assert slips["theta"].tolist() == pytest.approx([-90, 400])
+
+
+@pytest.mark.parametrize("rows", ["elastic", "set_aside", "slip"])
+def test_a_drive_has_no_stiffness_and_nothing_set_aside_but_the_same_columns(rows: str) -> None:
+    none, some = (to_pandas(diagnosis(mechanism=unit), rows=rows) for unit in (DRIVE, MODEL.mechanism))
+    assert len(none) == 0
+    assert list(none.columns) == list(some.columns)
 
 
 def test_a_budget_of_numbers_and_of_waves() -> None:

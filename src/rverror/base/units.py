@@ -32,6 +32,7 @@ CORE_UNITS = {
     "compliance": "rad/(N*mm)",
     "contact_compliance": "mm/N",
     "slope": "dimensionless",
+    "number": "dimensionless",
 }
 
 #: Unit in which a value of each dimension is printed for people.
@@ -46,6 +47,7 @@ DISPLAY_UNITS = {
     "compliance": "arcsec/(N*m)",
     "contact_compliance": "um/kN",
     "slope": "arcsec/turn",
+    "number": "dimensionless",
 }
 
 #: One second of arc in rad.
@@ -69,6 +71,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
     "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
+    "number": {"dimensionless": (1.0, 0.0)},
 }
 
 _LARGEST_ANGLE = 1e4  # rad in one unit
@@ -171,7 +174,7 @@ def parse(text: str, dimension: str) -> float:
     if match is None or "\n" in unit:
         raise ValueError(f"{text!r} is no number with a unit; write it like '5 {DISPLAY_UNITS[dimension]}'")
     if not unit:
-        if dimension != "slope":
+        if dimension not in ("slope", "number"):
             raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
         unit = "dimensionless"
     value = _in_core(float(number), unit, dimension)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rverror.diagnosis.harmonics.reducers import diagnose_reducer
+from rverror.diagnosis.gears.reducers import diagnose_reducer
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
@@ -21,20 +21,20 @@ def diagnose(
     progress: Progress | None = None,
     policy: Policy = POLICY,
 ) -> Diagnosis:
-    """Find the effect that a model lacks in measured runs.
+    """Find the effects that a model lacks in measured runs.
 
-    Of a reducer each run is cut into whole periods; what differs between them is noise, with its colour.  The declared
-    model is refitted within its uncertainty.  Every source of the catalogue is then scored, jointly with the declared
-    ones and over all runs, on revolutions left out; the leading ones are refitted at the load of the runs, and the best
-    is added if it is significant and leaves nothing at the orders of its own frame.  A cause that explains only part of
-    its own orders is not named.  Of a drive every effect is linear, and samples take the place of periods.
+    Of a reducer all samples of all runs are explained at once, at their load: declared sizes, stiffness, backlash and
+    contact law are refitted within what is known of them, beside an offset of each run, slips of the reading, lines
+    that no part has, what settles, and coloured noise.  Every source of the catalogue is scored by a linear step, the
+    leading ones are solved and refitted at the load, and sets of causes compare by evidence.  Only a set that leaves
+    nothing significant is named.  Of a drive every effect is linear, and one after another is added.
 
     Parameters
     ----------
     model : Model
         What was declared, with its uncertainty.
     runs : sequence of Run
-        Measured runs, of a reducer each in one direction.
+        Measured runs of any travel, of a reducer each in one direction.
     progress : callable, optional
         Called with a line of text as the work goes on.
     policy : Policy
@@ -53,9 +53,10 @@ def diagnose(
 
     Notes
     -----
-    docs/theory/diagnosis.md, docs/theory/drives.md.  Runs of a reducer must have two whole periods or more.  Every run
-    has an offset of its own, but for those of one index label; where the index is unknown, the angle of the gear's
-    marks is fitted.
+    docs/theory/diagnosis.md, docs/theory/drives.md.  Runs of a reducer may begin anywhere and need no whole turn, but
+    samples enough to tell noise from error (`Policy.least_rows`).  Spikes, slips and gaps are set aside and told in the
+    notes.  Every run has an offset of its own, but for those of one index label; where the index is unknown, the angle
+    of the gear's marks is fitted.
 
     Examples
     --------

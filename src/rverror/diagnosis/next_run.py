@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from rverror.base.text import describe
 from rverror.base.units import to_display
-from rverror.diagnosis.pairs import Bench as Bench
 from rverror.diagnosis.pairs import Cause, Pair, closed_form_states, is_delay
+from rverror.diagnosis.pairs import Circumstances as Circumstances
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
@@ -85,7 +85,7 @@ def _percent(shares: Sequence[float]) -> str:
     return f"{low:.0f} %" if round(low) == round(high) else f"{low:.0f} to {high:.0f} %"
 
 
-def _load(bench: Bench, mechanism: Mechanism, factor: float) -> str:
+def _load(bench: Circumstances, mechanism: Mechanism, factor: float) -> str:
     """``, for instance 2 N*m where these had 20 N*m``; nothing where no load is known."""
     known = sorted(bench.torques)
     if not known:
@@ -100,11 +100,11 @@ def _load(bench: Bench, mechanism: Mechanism, factor: float) -> str:
     return f", for instance {high} where these had {low}"
 
 
-def _other_direction(bench: Bench) -> str:
+def _other_direction(bench: Circumstances) -> str:
     return "in reverse" if bench.directions == {1.0} else "forward"
 
 
-def _another_speed(bench: Bench) -> str:
+def _another_speed(bench: Circumstances) -> str:
     one_way = len(bench.directions) == 1
     return "a run at another speed" + (f", and one {_other_direction(bench)}" if one_way else "")
 
@@ -126,7 +126,7 @@ class _Rule:
 
     name: str
     helps: Callable[[Pair], bool]
-    what: Callable[[Bench, Mechanism], str]
+    what: Callable[[Circumstances, Mechanism], str]
     why: Callable[[Sequence[Pair]], str]
 
 
@@ -134,7 +134,7 @@ def _always(text: str) -> Callable[[object], str]:
     return lambda _: text
 
 
-def _plain(text: str) -> Callable[[Bench, Mechanism], str]:
+def _plain(text: str) -> Callable[[Circumstances, Mechanism], str]:
     return lambda bench, mechanism: text
 
 
@@ -258,7 +258,7 @@ def _needed(mechanism: Mechanism) -> int:
 
 
 def to_separate(
-    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Bench, *, policy: Policy = POLICY
+    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Circumstances, *, policy: Policy = POLICY
 ) -> tuple[Measurement, ...]:
     """Measurements that would tell a named cause from others that explain the runs as well.
 
@@ -269,7 +269,7 @@ def to_separate(
         The named cause with its fitted size.
     others : sequence of (str, mapping)
         Keys and indices of the others.
-    bench : Bench
+    bench : Circumstances
         What the runs cover.
     policy : Policy
 
@@ -281,7 +281,7 @@ def to_separate(
     Examples
     --------
     >>> from rverror import effect, reducer
-    >>> bench = Bench(directions=frozenset({1.0}), samples_per_turn=4096)
+    >>> bench = Circumstances(directions=frozenset({1.0}), samples_per_turn=4096)
     >>> found = effect("crank.eccentricity", crank=0, disc=0, radial="5 um")
     >>> bore = ("cycloid.disc_bore_position", {"disc": 0, "crank": 0})
     >>> to_separate(reducer("RV-40E"), found, [bore], bench)[0].what
@@ -340,7 +340,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     )
 
 
-def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Bench) -> tuple[Measurement, ...]:
+def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Circumstances) -> tuple[Measurement, ...]:
     """Measurements that would place lines which no candidate explains.
 
     Parameters
@@ -348,7 +348,7 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Bench) -> tup
     mechanism : Reducer or Drive
     orders : sequence of float
         Of the lines, per output turn.
-    bench : Bench
+    bench : Circumstances
 
     Returns
     -------

@@ -28,7 +28,7 @@ States = Mapping[float, tuple[Pose, ContactForces]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class Circumstances:
     """What the runs at hand cover.
 
     Attributes
@@ -67,7 +67,7 @@ class Pair:
     effect : Effect
         The named cause with its size.
     other : tuple of str and mapping
-    bench : Bench
+    bench : Circumstances
     seen, whole_turns : mapping of float to (Pose, mapping)
         Motion and closed-form forces in each direction, from `closed_form_states`: over what the runs cover, and over
         whole turns.
@@ -78,7 +78,7 @@ class Pair:
     mechanism: Mechanism
     effect: Effect
     other: Cause
-    bench: Bench
+    bench: Circumstances
     seen: States
     whole_turns: States
     policy: Policy = POLICY

@@ -27,7 +27,7 @@ class Policy:
     #: Keys of the catalogue that are tried; all where there are none.
     keys: tuple[str, ...] = ()
     #: Chance that noise alone names any candidate of a whole family, or any line of a spectrum.  A unit has three such
-    #: families at most (candidates, lines, what grows): 0.3 % of units with nothing missing, where 1 % are allowed.
+    #: families at most (candidates, lines, what settles): 0.3 % of units with nothing missing, where 1 % are allowed.
     false_alarm: float = 1e-3
     #: Of all intervals, by Student's distribution with the number of independent samples behind the noise.
     confidence: float = 0.95
@@ -35,100 +35,92 @@ class Policy:
     alike: float = 0.01
     #: Lines below it are not called unexplained, rad: the equilibrium does not claim to be better.
     accuracy: float = 0.03 * ARCSEC
-    #: Rounds of a search.  Chosen: far more than a search needs; it only ends one that turns in a circle.
+    #: Rounds of a drive's search.  Chosen: far more than it needs; it only ends one that turns in a circle.
     rounds: int = 24
     #: Share of a waveform, rms, below which the next measurement takes another one for the same.  Chosen: of an error
     #: ten times the noise it is half the noise.
     same_waveform: float = 0.05
 
-    # --- whole periods: what is added ---------------------------------------------------------------------------------
+    # --- reducers: what is known before -------------------------------------------------------------------------------
 
-    #: Effects that are added to a reducer at most.  Chosen: one more than the benches ask for.
+    #: Whether stiffness, backlash and contact law are refitted with the declared sizes.  No stiffness is known exactly.
+    refit_stiffness: bool = True
+    #: Standard deviation of the backlash, as a share of the declared one: it wears.
+    backlash_share: float = 0.5
+    #: Standard deviation of an exponent of the contact law: 10/9, a line contact, is one from linear.
+    exponent_spread: float = 0.1
+    #: Share of its plausible size that is the standard deviation of an added size: two of them are what no one would be
+    #: surprised at.  Causes with different numbers of sizes compare by it.
+    workshop: float = 0.5
+
+    # --- reducers: what is enough -------------------------------------------------------------------------------------
+
+    #: Effects and lines that are added to a reducer at most.  Chosen: one more than the benches ask for.
     most_effects: int = 4
-    #: Effects of one frame that may stand together before they are judged.  Chosen for time: each is a search more.
-    together: int = 2
-    #: A cause that leaves lines of its own frame stands beside another only if it took off this share of what is not
-    #: noise.  Chosen: what each of `most_effects` equal causes would.
-    good_part: float = 0.25
-    #: Times its size before that the held-out rms may reach with an added effect.  Chosen: where it grows, declared
-    #: sizes have moved far to fit as well, and only they gain.
-    no_worse: float = 1.002
-    #: An objective that falls by less is no better fit; chance takes one size there in 600 (chi-square of one degree).
-    level: float = 10.0
-    #: Standard deviations that the sum of the declared sizes' squares may exceed its mean by, before the next candidate
-    #: is tried at the sizes as declared: many sizes exceed three once in 700.
-    strained_prior: float = 3.0
-    #: Uncertainties by which a declared size may move before the notes say so: by chance once in 16,000.
-    strained_size: float = 4.0
     #: Standard deviations that the squares of the residual may exceed their number by and be noise still; beyond them
     #: what is not explained counts as noise of its own size.  Five: hardly ever by chance.
     by_chance: float = 5.0
-    #: Standard deviations by which a plausible size must change the data for a parameter to be determined.  Chosen:
-    #: with less, only a size a thousand times as large would show.
-    seen: float = 1e-3
-
-    # --- whole periods: lines -----------------------------------------------------------------------------------------
-
-    #: How far a line's order may lie from a multiple of a frame's.  Chosen: orders of whole periods are exact.
-    order_tolerance: float = 0.02
-    #: Share of its strongest line at which an order counts as the effect's own.  Chosen.
+    #: Chance that declared sizes and stiffnesses lie as far from where they were declared: a fit that strains them more
+    #: is none.
+    strained: float = 1e-4
+    #: Uncertainties by which a declared size may move before the notes say so: by chance once in 16,000.
+    strained_size: float = 4.0
+    #: Root mean square of an error that the equilibrium makes for ordinary sizes, rad: no cause is named for squares
+    #: that it leaves.  Against exact poses and profiles 0.005 to 0.02 arcsec.
+    model_error: float = 0.02 * ARCSEC
+    #: Share of what was known of a size before: where the runs leave more open than that they do not tell it.  Chosen.
+    untold: float = 0.8
+    #: Share of the prediction about an order of the gears within which a line of that order is the model's own error.
+    #: Chosen: a part error is known to some percent at best.
+    model_share: float = 0.03
+    #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
+    #: the runs tell 400 times as well as it was known.
+    row_cost: float = 12.0
+    #: Output turns that a run travels at least to tell what settles from the orders of an encoder.
+    settles: float = 1.5
+    #: Standard deviation of the gear's marks beyond which they are not placed, rad: wider, a linear interval means
+    #: nothing.
+    marks_placed: float = 1.0
+    #: Rows that a run has at least: the noise of fewer is not told from anything.
+    least_rows: int = 48
+    #: Share of its strongest line at which an order counts as the effect's own, and how many are listed.  Chosen.
     leading: float = 0.3
-    #: Own orders of an effect that are listed and claimed.  Chosen.
     leading_orders: int = 4
-    #: Share of the strongest line below which a line says nothing of the frame: it may be folded.  Chosen.
-    large_line: float = 0.1
+    #: How far a line's order may lie from a multiple of a frame's, where the travel tells them apart.  Chosen.
+    order_tolerance: float = 0.02
 
-    # --- whole periods: who is refitted at the load -------------------------------------------------------------------
+    # --- reducers: how long it is searched ----------------------------------------------------------------------------
 
-    #: Share of the leader's gain on left-out periods below which a candidate is not refitted.  Chosen: small, since
-    #: linear waveforms rank parts almost at random where contacts open.
-    negligible: float = 0.005
-    #: Candidates that need a whole turn's equilibrium, of the linear ranking's best.  Chosen for time.
-    slow_candidates: int = 6
-    #: After one step alone: how many more, for how many of the best, of those that may come within so many times the
-    #: best one's squares.  Chosen on trial units, for time.
-    refit_rounds: tuple[tuple[int, int, float], ...] = ((1, 1000, 4.0), (4, 12, 3.0))
-    #: Candidates that are refitted jointly with everything, beside those within `level` of the best.  Chosen for time.
+    #: Sets of causes that are looked beside in the first search and, once the noise is known better, in each later one;
+    #: how many later ones; and sets that wait.  Chosen for time: one cause needs one, three need three.
+    expansions: int = 5
+    again: int = 2
+    looks: int = 3
+    branches: int = 4
+    #: Candidates that are solved at the load, by what a linear step promises; of these that take one step more, and of
+    #: these that are refitted jointly with everything.  Chosen for time: of 330 trial units the true cause was never
+    #: later.
+    evaluated: int = 30
+    stepped: int = 10
     refitted: int = 4
-    #: Times the best one's squares that a candidate may leave and be refitted jointly.  Chosen as `refit_rounds`.
-    hopeless: float = 2.0
-    #: Objective on few angles within which fits are compared on all.  Chosen on trial units, for time.
-    close: float = 300.0
-    #: Angles a period on which candidates are fitted first, where they hold the leading orders.  Chosen for time.
-    coarse: tuple[int, ...] = (512, 1024)
-    #: Share of the Nyquist order of so few angles that the highest leading order may have, to keep its flanks.  Chosen.
-    coarse_share: float = 0.9
-    #: Standard deviations of the squares by which a fit is so poor that it may have ended in the wrong place: once in
-    #: 30,000 by chance.
-    poor: float = 4.0
-    #: Poor fits that start again, and of whose workshop sizes the best go on.  Chosen for time.
-    restarted: int = 2
-    best_starts: int = 3
-    #: Share of the plausible size that is an ordinary one.  Chosen: of 30 um 6.
-    workshop: float = 0.2
-    #: Candidates that look like the best one and are fitted beside it.  Chosen: two cranks and two discs make three.
-    twins: int = 3
-    #: Share of its power that a twin's linear waveform may lack.  Chosen.
-    twin_share: float = 0.02
+    #: Of those, that are fitted to every sample although one is ahead by more than `close`, while none is enough.
+    finest: int = 3
+    #: Objective within which fits on few angles are compared on all.  Chosen: what few angles cost, some 50.
+    close: float = 60.0
+    #: Angles a turn on which candidates are tried first.  Chosen for time; a sun's waves, of higher orders, are taken
+    #: at the samples.
+    coarse: int = 512
+    #: Causes that look most like one that was found and are solved in its place; those that may come within
+    #: `close` times five are refitted.
+    rivals: int = 16
     #: Share of the gaps that sources may lack and still close the very same ones: rounding.
     same_gaps: float = 1e-6
+    #: Angles a turn of the crank at which unknown marks are tried, and likely ones from which the search begins, since
+    #: what is missing may turn the match.  Chosen for time.
+    offsets: int = 24
+    likely_zeros: int = 6
 
-    # --- whole periods: zeros and marks -------------------------------------------------------------------------------
-
-    #: Not known of a lost motion: a share of what the gear backlash makes of it, a nominal size that wears, and of the
-    #: elastic windup, for no stiffness is known better.  Both are estimates.
-    backlash_share: float = 0.5
-    windup_share: float = 0.05
-    #: Likely zeros of runs whose index is unknown, each with a search of its own; and angles a turn of the crank that
-    #: compete for them, since what is missing may turn the match.  Chosen for time.
-    likely_zeros: int = 2
-    angles_around: int = 6
-    #: Squares by which the best angle must beat the worst for the marks to show at all: one standard deviation.
-    marks_show: float = 1.0
-    #: Standard deviation beyond which the marks are not placed, rad: wider, the linear interval means nothing.
-    marks_placed: float = 1.0
-
-    # --- samples ------------------------------------------------------------------------------------------------------
+    # --- drives, and lines of any order -------------------------------------------------------------------------------
 
     #: White noise that every reading has, rad, or as a share of a torque's deviation: a perfect fit is no certainty.
     floor: float = 1e-3 * ARCSEC
@@ -161,14 +153,6 @@ class Policy:
     most_lines: int = 12
     #: Cycles a run by which a fitted order may miss a whole one and be told as that one.
     told_order: float = 0.05
-
-    # --- what grows along a reducer's run -----------------------------------------------------------------------------
-
-    #: Chance that the means of periods wander by as much: noise with a long memory moves whole turns.  Chosen: three
-    #: turns have few degrees of freedom, and a smaller chance would refuse true drifts.
-    wander: float = 0.01
-    #: Share of a waveform that must differ between periods: rounding.
-    differs: float = 1e-6
 
     def tries(self, entry: Source) -> bool:
         """Tell whether diagnosis tries a source."""

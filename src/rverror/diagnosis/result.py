@@ -19,7 +19,9 @@ Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
 class Residual:
     """Size of measured minus predicted, rad, offset of each run removed.
 
-    `rms` and `peak_to_peak` over all samples; `heldout_rms` of revolutions that the fit did not see.
+    `rms` and `peak_to_peak` over all samples that were not set aside; `heldout_rms` of stretches that the fit did not
+    see: of a reducer every turn in its turn, or every sixth of a run of less than two, of a drive blocks of the run.
+    Slips are taken off, and so are lines and what settles where the fit holds them.
     """
 
     rms: float
@@ -40,9 +42,17 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate with its score: what it takes off the left-out revolutions' weighted sum of squares.
+    """One candidate with its score.
 
-    `fold_gains` are its parts, one per revolution that was left out.
+    Attributes
+    ----------
+    key : str
+    indices : mapping
+    heldout_gain : float
+        Of a reducer: what a linear step would take off the objective beside everything that is free.  Of a drive: what
+        it takes off the weighted sum of squares of blocks left out.
+    fold_gains : tuple of float
+        Parts of the score, one per stretch left out; empty where it has none.
     """
 
     key: str
@@ -65,11 +75,11 @@ class Addition:
     orders : tuple of float
         Where its waveform shows, the strongest first.
     heldout_rms : float
-        Of the residual of left-out revolutions once it was added, rad.
+        Of the residual of stretches left out, rad: of a reducer with all that was added, of a drive once it was added.
     notes : tuple of str
-        Sizes that no workshop makes, and the like.
+        Sizes that no workshop makes or that the runs do not tell, and the like.
     candidates : tuple of Candidate
-        Of the round that chose it, the best first.
+        Of the round that chose it, the best first; empty now, as no round chooses it alone.
     """
 
     effect: Effect
@@ -110,6 +120,31 @@ class Fate:
 
 
 @dataclass(frozen=True)
+class ElasticEstimate:
+    """What runs say of a stiffness, the backlash or an exponent of the contact law.
+
+    Attributes
+    ----------
+    name : str
+        As in the model file.
+    dimension : str
+        ``stiffness``, ``length`` or ``number``.
+    declared, value, low, high : float
+        As declared, as fitted, and its interval, core units.
+    told : bool
+        Whether the runs say more of it than was known before.
+    """
+
+    name: str
+    dimension: str
+    declared: float
+    value: float
+    low: float
+    high: float
+    told: bool
+
+
+@dataclass(frozen=True)
 class Trace:
     """Averaged waveforms of one run for plots.
 
@@ -127,7 +162,11 @@ class Trace:
     index : str
         Label of the run's zero, as the run file has it.
     left_out : tuple of two ndarray, shape (n,), optional
-        Residual before and after, mean of revolutions each of which its own fit did not see.
+        Residual before and after of stretches each of which its own fit did not see, mean of whole turns.
+    set_aside : ndarray, shape (k,), optional
+        Output angles of samples that cannot be and were left out, rad, as travelled.
+    slips : ndarray, shape (k,), optional
+        Output angles at which the reading slips, rad, as travelled.
     """
 
     name: str
@@ -139,10 +178,12 @@ class Trace:
     torque: float | None = None
     index: str = ""
     left_out: tuple[Array, Array] | None = None
+    set_aside: Array | None = None
+    slips: Array | None = None
 
     @property
     def residual(self) -> tuple[Array, Array]:
-        """Residual before and after: of revolutions left out, where the run has them."""
+        """Residual before and after: of stretches left out, where the run has them."""
         return self.left_out or (self.measured - self.before, self.measured - self.after)
 
 
@@ -155,7 +196,7 @@ class Diagnosis(Viewed):
     verdict : str
         ``explained``, ``nothing_missing`` or ``unexplained``.
     noise_rms : float
-        Of what differs between revolutions, rad.
+        Of what is left of a reading when all that is regular is out, rad.
     before, before_refitted, after : Residual
         Declared model as printed, refitted within its uncertainty, and with what was added.
     added : tuple of Addition
@@ -166,17 +207,20 @@ class Diagnosis(Viewed):
     declared : Model
         The model as given.
     candidates : tuple of Candidate
-        Of the last round, the best first.
+        The best first: of a reducer beside what was declared, of a drive beside all that was found.
     tried : int
         Number of candidates.
     traces : tuple of Trace
     notes : tuple of str
-        What was dropped or noticed.
+        What was set aside, dropped or noticed.
     quantity : str
         Dimension of the signal, ``angle`` or ``torque``: a torque ripple is told by its lines, sizes in N*mm where this
         page says rad, and nothing of it enters the model.
     history : tuple of Fate
-        What became of every candidate, and why, in order.
+        What became of candidates, and why, in order: of a drive of every one, of a reducer of what was added and of
+        the best one that is not named.
+    elastic : tuple of ElasticEstimate
+        What the runs say of a reducer's stiffness, backlash and contact law.
     """
 
     verdict: str
@@ -194,3 +238,4 @@ class Diagnosis(Viewed):
     notes: tuple[str, ...]
     quantity: str = "angle"
     history: tuple[Fate, ...] = ()
+    elastic: tuple[ElasticEstimate, ...] = ()

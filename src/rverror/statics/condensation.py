@@ -199,7 +199,8 @@ class Condensed:
                     part[moving] for part in (gradient, missing, tangent, of_flanks)
                 )
                 matrix, _, on_pins, across, own, *_, soft = parts
-            joint = _joint(_with_pins(matrix, on_pins, tangent), across, own, of_flanks - soft)
+            # held by a trace: where all pins are open the train has one free motion
+            joint = _joint(_with_pins(held(matrix), on_pins, tangent), across, own, of_flanks - soft)
             unknown[at] += _solved(joint, np.concatenate([-gradient, -missing], axis=1))
             steps[at] += 1
         return unknown[:, :count], unknown[:, count:], steps, found

@@ -75,7 +75,7 @@ def samples_per_turn(diagnosis: Diagnosis) -> float:
 
 
 def residual_spectrum(trace: Trace) -> RunSpectrum:
-    """Amplitude of each order of measured less predicted; mean of revolutions left out of the fit, where there are any.
+    """Amplitude of each order of measured less predicted; mean of stretches left out of the fit, where there are any.
 
     Over a part of a turn no order repeats: a parabola is taken off and a Hann window put on, so that what grows along
     the run does not spill over all orders.  Orders are then resolved no finer than two per travel.

@@ -8,10 +8,13 @@ from typing import Any
 
 from rverror.base.numbers import brief
 from rverror.views.html import document, escaped, escaped_lines, number, scrolled
+from rverror.views.set_aside import LABELS
+from rverror.views.svg import MARKS
 
 Data = Mapping[str, Any]
 
 AS_MEASURED = "To describe order {harmonic} as it was measured, which explains nothing, add to the model:"
+AS_TOLD = "Stiffness, backlash and contact law as the runs tell them"
 
 
 def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]]], text: str) -> str:
@@ -35,6 +38,7 @@ def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]
         _unexplained(data),
         _next(data),
         _sizes(data),
+        _stiffness(data),
         *(_figure(heading, pictures, data) for heading, pictures in figures),
         _orders(data),
         _candidates(data),
@@ -168,14 +172,34 @@ def _sizes(data: Data) -> str:
         [escaped(label), *(number(_size(data, key, what)) for what in ("rms", "peak_to_peak", "heldout_rms"))]
         for key, label in labels.items()
     ]
-    rows.append(["noise between revolutions", number(data["noise_rms_" + data["suffix"]]), "", ""])
+    rows.append(["noise", number(data["noise_rms_" + data["suffix"]]), "", ""])
     heads = [f"residual, {data['unit']}", "rms", "peak-to-peak", "held-out rms"]
     return (
         "<h2>Before and after</h2>\n"
         + scrolled(heads, rows, numbers=(1, 2, 3))
         + '<p class="soft">Measured less predicted, offset of each run removed. Held-out: of revolutions that the fit '
-        "did not see.</p>"
+        "did not see. Noise: what is left of a reading when all that is regular is out.</p>"
     )
+
+
+def _stiffness(data: Data) -> str:
+    """What the runs say of each; those of which they say nothing in one line."""
+    if not data["stiffness"]:
+        return ""
+    rows = []
+    for row in data["stiffness"]:
+        if row["told"]:
+            open_ended = row["low"] is None and row["high"] is None
+            ends = "not determined by these runs" if open_ended else f"{number(row['low'])} to {number(row['high'])}"
+            unit = "" if row["unit"] == "dimensionless" else escaped(row["unit"])
+            name = f"<code>{escaped(row['name'])}</code>"
+            rows.append([name, number(row["declared"]), number(row["value"]), unit, ends])
+    heads = ["", "declared", "fitted", "unit", "95 % interval"]
+    rest = ", ".join(f"<code>{escaped(row['name'])}</code>" for row in data["stiffness"] if not row["told"])
+    parts = [f"<h2>{AS_TOLD}</h2>"]
+    parts += [scrolled(heads, rows, numbers=(1, 2))] if rows else []
+    parts += [f'<p class="soft">Not told by these runs: {rest}.</p>'] if rest else []
+    return "\n".join(parts)
 
 
 def _figure(heading: str, pictures: Sequence[str], data: Data) -> str:
@@ -190,6 +214,12 @@ def _figure(heading: str, pictures: Sequence[str], data: Data) -> str:
         f'<span><svg width="26" height="10" aria-hidden="true"><path class="{stem}{name}" d="M1 5H25"/></svg>'
         f"{escaped(label)}</span>"
         for name, label in shown
+    )
+    key += "".join(
+        f'<span><svg width="12" height="12" aria-hidden="true"><path class="{kind}" d="M6 12{MARKS[kind]}"/></svg>'
+        f"{escaped(label)}</span>"
+        for kind, label in LABELS.items()
+        if f'class="{kind}"' in pictures[0]
     )
     return f'<figure><h3>{escaped(heading)}</h3>\n<div class="key">{key}</div>\n{boxes}</figure>'
 
@@ -224,7 +254,7 @@ def _candidates(data: Data) -> str:
               for at, added in enumerate(data["added"], 1) if added["candidates"]]  # fmt: skip
     rounds.append(("Last round, against what is left", data["candidates"]))
     parts = [f"<h2>Candidates</h2>\n<p>Of {data['candidates_tried']} tried, ranked by what each takes off the weighted "
-             "sum of squares of revolutions left out (chi-square, linear influences).</p>"]  # fmt: skip
+             "sum of squares of stretches left out (chi-square, linear influences).</p>"]  # fmt: skip
     for heading, candidates in rounds:
         if not candidates:
             continue

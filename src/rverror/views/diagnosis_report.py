@@ -14,8 +14,8 @@ from rverror.base.numbers import brief, rounded, way
 from rverror.base.text import describe, file_name, joined
 from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
-from rverror.diagnosis.next_run import Bench, Measurement, folds, to_place, to_separate
-from rverror.diagnosis.result import Addition, Candidate, Diagnosis, Line, Residual, Trace
+from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Line, Residual, Trace
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model import empirical
@@ -23,8 +23,9 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
 from rverror.views import svg
 from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
-from rverror.views.diagnosis_page import AS_MEASURED, effect_toml, page
+from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, effect_toml, page
 from rverror.views.envelope import InputFile, enveloped
+from rverror.views.set_aside import LABELS, marks
 
 _VERDICTS = {
     "explained": "explained: what was added accounts for all that is significant",
@@ -36,6 +37,7 @@ _ANGLES = (math.inf, 90.0)  # degrees of the waveforms on them: forty waves a tu
 _HIGHEST_SHOWN = 260.0
 _NAMED = (8, 5)  # lines named in a spectrum of each width
 _LISTED = 12  # unexplained lines in the text
+_ANGLE_DIGITS = 9  # so that samples of many turns stay apart
 
 
 @dataclass(frozen=True)
@@ -119,16 +121,35 @@ def error_behind(candidate: Candidate, best: Candidate) -> float | None:
     return standard_error([leader - own for leader, own in zip(best.fold_gains, candidate.fold_gains, strict=True)])
 
 
+def _elastic_json(elastic: ElasticEstimate) -> dict[str, Any]:
+    sizes = {key: _size(getattr(elastic, key), elastic.dimension) for key in ("declared", "value", "low", "high")}
+    unit = units.DISPLAY_UNITS[elastic.dimension]
+    return {"name": elastic.name, "unit": unit, **sizes, "told": bool(elastic.told)}
+
+
+def _set_aside_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Runs in which something was set aside or the reading slips, with the angles as travelled."""
+    rows = []
+    for at, trace in enumerate(diagnosis.traces):
+        angles, slips = (
+            [] if found is None else [rounded(angle, _ANGLE_DIGITS) for angle in np.degrees(found).tolist()]
+            for found in (trace.set_aside, trace.slips)
+        )
+        if angles or slips:
+            rows.append({"run": trace.name, "label": _label(trace, at), "angles_deg": angles, "slips_deg": slips})
+    return rows
+
+
 def _label(trace: Trace, at: int) -> str:
     return f"{at + 1} {way(trace.direction)}"
 
 
-def bench_of(diagnosis: Diagnosis) -> Bench:
+def bench_of(diagnosis: Diagnosis) -> Circumstances:
     """What the runs of a diagnosis cover."""
     torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
     longest = max(diagnosis.traces, key=turns_of, default=None)
     part = longest.theta if longest is not None and turns_of(longest) < 1 else None
-    return Bench(
+    return Circumstances(
         directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
         samples_per_turn=samples_per_turn(diagnosis),
         torques=frozenset(torques),
@@ -272,6 +293,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
             }
             for at, trace in enumerate(diagnosis.traces)
         ],
+        "stiffness": [_elastic_json(elastic) for elastic in diagnosis.elastic],
+        "set_aside": _set_aside_json(diagnosis),
         "notes": list(diagnosis.notes),
         "unit": scale.unit,
         "suffix": scale.suffix,
@@ -317,9 +340,10 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     ):
         rms, peak, heldout = (scale(x) for x in (residual.rms, residual.peak_to_peak, residual.heldout_rms))
         lines.append(f"{label:<26}{rms:>9.3f}{peak:>15.2f}{heldout:>15.3f}")
-    lines.append(f"{'noise between revolutions':<26}{scale(diagnosis.noise_rms):>9.3f}")
+    lines.append(f"{'noise':<26}{scale(diagnosis.noise_rms):>9.3f}")
     for number, addition in enumerate(diagnosis.added, 1):
         lines += ["", *_addition_lines(number, addition, scale)]
+    lines += _elastic_lines(diagnosis)
     lines += _order_lines(diagnosis, scale)
     if diagnosis.unexplained:
         lines += ["", *_unexplained_lines(diagnosis, scale)]
@@ -347,6 +371,27 @@ def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]
         names = ", ".join(describe(key, indices) for key, indices in addition.indistinguishable)
         lines.append(f"  these runs cannot tell it from: {names}")
     return lines + [f"  note: {note}" for note in addition.notes]
+
+
+def _elastic_lines(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.elastic:
+        return []
+    told = [elastic for elastic in diagnosis.elastic if elastic.told]
+    lines = ["", AS_TOLD]
+    if told:
+        lines.append(f"  {'':<16}{'declared':>12}{'fitted':>12}")
+    for row in map(_elastic_json, told):
+        ends = "95 % [{}, {}]".format(*(_few(row[end]) for end in ("low", "high")))
+        if row["low"] is None and row["high"] is None:
+            ends = "not determined by these runs"
+        unit = "" if row["unit"] == "dimensionless" else row["unit"]
+        lines.append(f"  {row['name']:<16}{_few(row['declared']):>12}{_few(row['value']):>12} {unit:<6}{ends}")
+    rest = ", ".join(elastic.name for elastic in diagnosis.elastic if not elastic.told)
+    return [*lines, f"  not told by these runs: {rest}"] if rest else lines
+
+
+def _few(value: float | None) -> str:
+    return "-" if value is None else brief(value)
 
 
 def _order_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
@@ -394,7 +439,10 @@ def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
 def _candidate_lines(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.candidates:
         return []
-    lines = ["", f"Best of {diagnosis.tried} candidates in the last round (held-out gain in chi-square, linear)"]
+    lines = [
+        "",
+        f"Best of {diagnosis.tried} candidates (what each would take off chi-square, as far as the model is linear)",
+    ]
     for candidate in diagnosis.candidates[:5]:
         error = standard_error(candidate.fold_gains)
         spread = "" if error is None else f" +- {error:<8.3g}"
@@ -450,6 +498,7 @@ def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
     signal = "transmission error" if diagnosis.quantity == "angle" else "torque"
     measured, before, after = (values / scale.size for values in (trace.measured, trace.before, trace.after))
     angle = np.degrees(trace.theta)
+    marked = [(one.kind, np.degrees(one.angles)) for one in marks(trace)]
     pictures = []
     for width, reach in zip(_WIDTHS, _ANGLES, strict=True):
         seen = angle <= angle[0] + reach
@@ -457,8 +506,10 @@ def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
         lines = [("measured", measured[seen]), ("before", before[seen]), ("after", after[seen])]
         rest = [("before", (measured - before)[seen]), ("after", (measured - after)[seen])]
         panels = [(f"{signal}, {scale.unit}{part}", lines), (f"residual, {scale.unit}{part}", rest)]
+        shown = [(kind, places[places <= angle[0] + reach]) for kind, places in marked]
         title = f"{signal} and residual of {file_name(trace.name)}, {way(trace.direction)}, over the output angle{part}"
-        pictures.append(svg.waveforms(panels, angle[seen], width=width, title=title))
+        title += "".join(f"; marked: {LABELS[kind]}, {places.size}" for kind, places in shown if places.size)
+        pictures.append(svg.waveforms(panels, angle[seen], width=width, title=title, marks=shown))
     return pictures
 
 

@@ -56,6 +56,8 @@ svg .lead { stroke-width: .7; }
 svg .measured { stroke: var(--measured); stroke-width: 3; }
 svg .before { stroke: var(--before); stroke-width: 1.2; }
 svg .after { stroke: var(--after); stroke-width: 1.2; }
+svg .aside { stroke: var(--ink); stroke-width: 1.5; }
+svg .slip { fill: var(--ink); }
 svg .stem.before { stroke-width: 3.6; opacity: .55; }
 svg .stem.after { stroke-width: 1.3; }
 @media print { :root { color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999; --panel: #fff;

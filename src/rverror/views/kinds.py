@@ -342,7 +342,9 @@ def _of_diagnosis(result: Diagnosis) -> Table:
             indices=[_inside(candidate.indices) for candidate in result.candidates],
             **_fields(result.candidates, NUMBER, "heldout_gain"),
         ),
+        **_elastic(result),
         **_traces(result, signal),
+        **_set_aside(result),
     }
     about = {
         "model": _name(result.declared),
@@ -370,6 +372,33 @@ def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
         indistinguishable_from=["; ".join(describe(*one) for one in added.indistinguishable) for _, added, _ in rows],
         notes=["\n".join(added.notes) for _, added, _ in rows],
     )
+
+
+def _elastic(result: Diagnosis) -> dict[str, Variable]:
+    """What the runs say of stiffness, backlash and contact law."""
+    rows = result.elastic
+    own = _each("elastic_unit", (row.dimension for row in rows))
+    return _along(
+        "elastic",
+        "elastic_",
+        name=[row.name for row in rows],
+        **_fields(rows, own, "declared", "value", "low", "high"),
+        told=np.array([row.told for row in rows], dtype=bool),
+    )
+
+
+def _set_aside(result: Diagnosis) -> dict[str, Variable]:
+    """Angles, as travelled, of samples set aside and of slips, with the number of their run."""
+    made: dict[str, Variable] = {}
+    for dim, name in (("set_aside", "set_aside"), ("slip", "slips")):
+        rows = [(at, found) for at, trace in enumerate(result.traces) if (found := getattr(trace, name)) is not None]
+        made |= _along(
+            dim,
+            f"{dim}_",
+            run=_integers(at for at, found in rows for _ in range(found.size)),
+            theta=(np.concatenate([np.zeros(0), *(found for _, found in rows)]), POSITION),
+        )
+    return made
 
 
 def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:

@@ -6,6 +6,7 @@ Which columns of a result's table are shown, and under which words, is said here
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -66,7 +67,7 @@ class Sentence:
 
 
 @dataclass(frozen=True)
-class Grid:
+class Listing:
     """Table of texts and numbers."""
 
     heads: tuple[str, ...]
@@ -101,7 +102,7 @@ class Notes:
     notes: tuple[str, ...]
 
 
-Block = Title | Sentence | Grid | Facts | Notes
+Block = Title | Sentence | Listing | Facts | Notes
 Sheet = tuple[Block, ...]
 
 
@@ -121,11 +122,11 @@ def _line(text: str) -> Sheet:
 
 def _grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
     listed = tuple(tuple(row) for row in rows)
-    return (Grid(tuple(heads), listed),) if listed else ()
+    return (Listing(tuple(heads), listed),) if listed else ()
 
 
 def _beside(columns: Mapping[str, Iterable[Any]]) -> Sheet:
-    """Grid of columns by their heads."""
+    """Listing of columns by their heads."""
     return _grid(list(columns), zip(*columns.values(), strict=True))
 
 
@@ -202,7 +203,7 @@ def _html_of(block: Block) -> str:
         case Sentence():
             before, _, after = block.text.partition(block.strong)
             return f"<p>{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}</p>"
-        case Grid():
+        case Listing():
             rows = [[escaped(cell) for cell in row] for row in block.cells()]
             more = _soft(block.more()) if block.more() else ""
             return table(block.heads, rows, numbers=block.flush()) + more
@@ -225,7 +226,7 @@ def as_text(blocks: Sheet) -> str:
     """Sheet as text that ends with a line end, its tables lined up."""
     lines: list[str] = []
     for block in blocks:
-        if isinstance(block, Grid | Facts | Notes):
+        if isinstance(block, Listing | Facts | Notes):
             lines.append("")
         lines += _text_of(block)
     return joined(lines)
@@ -237,7 +238,7 @@ def _text_of(block: Block) -> Iterator[str]:
             yield f"{block.kind}: {', '.join(block.rest)}" if block.rest else block.kind
         case Sentence():
             yield block.text
-        case Grid():
+        case Listing():
             rows, flush = [list(block.heads), *block.cells()], block.flush()
             widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]
             for row in rows:
@@ -377,6 +378,7 @@ def _of_diagnosis(thing: Diagnosis) -> Sheet:
     stages, _ = _shown(thing, "stage")
     labels = ["as declared", "declared sizes refitted", *(["with what was added"] if thing.added else [])]
     added, _ = _shown(thing, "added")
+    elastic, _ = _shown(thing, "elastic")
     lines, _ = _shown(thing, "unexplained")
     fits = (
         frames or "; ".join(beside(thing.declared.mechanism, order)) or "no frame of this drive"
@@ -389,7 +391,7 @@ def _of_diagnosis(thing: Diagnosis) -> Sheet:
         Sentence(f"Verdict: {verdict}; {tried}", strong=verdict),
         *_beside(
             {
-                f"residual, {unit}": [*labels, "noise between revolutions"],
+                f"residual, {unit}": [*labels, "noise"],
                 "rms": [*stages["rms"][: len(labels)], noise],
                 "peak-to-peak": [*stages["peak_to_peak"][: len(labels)], math.nan],
                 "held-out rms": [*stages["heldout_rms"][: len(labels)], math.nan],
@@ -405,6 +407,8 @@ def _of_diagnosis(thing: Diagnosis) -> Sheet:
             }
         ),
         *map(Sentence, _about_added(thing)),
+        *_beside(_told(elastic)),
+        *_not_told(thing),
         *_beside(
             {
                 "unexplained order": lines["order"],
@@ -416,6 +420,23 @@ def _of_diagnosis(thing: Diagnosis) -> Sheet:
         *(_line("Runs: " + ", ".join(names)) if names else ()),
         *_notes(thing.notes),
     )
+
+
+def _told(elastic: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Stiffness, backlash and contact law of which the runs say something."""
+    shown = {
+        "stiffness, backlash, contact law": elastic["name"],
+        "declared": elastic["declared"],
+        "fitted": elastic["value"],
+        "95 % interval": _intervals(elastic["low"], elastic["high"]),
+        "unit": elastic["unit"],
+    }
+    return {name: list(itertools.compress(row, elastic["told"])) for name, row in shown.items()}
+
+
+def _not_told(thing: Diagnosis) -> Sheet:
+    rest = ", ".join(elastic.name for elastic in thing.elastic if not elastic.told)
+    return _line(f"Stiffness, backlash and contact law not told by these runs: {rest}") if rest else ()
 
 
 def _once(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
@@ -544,5 +565,5 @@ def _of_tolerance(thing: Tolerance) -> Sheet:
 def _of_row(thing: Sequence[Any]) -> Sheet:
     """Effects, tolerances or points of a front, as the columns of their table."""
     listed = _columns(thing)
-    count = sum(len(block.rows) for block in listed if isinstance(block, Grid))
+    count = sum(len(block.rows) for block in listed if isinstance(block, Listing))
     return _title(described(thing).kind, count_of(count, "row")) + listed

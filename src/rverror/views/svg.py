@@ -1,7 +1,8 @@
 """Pictures of a diagnosis as SVG text without any library: colours come from the page's style, so both themes fit.
 
-Classes that the page gives a colour: ``measured``, ``before``, ``after``, ``grid``, ``axis``; text is ``tick``,
-``label`` or ``name``.  Every picture is drawn for one width, so letters keep their size on a desktop and on a phone.
+Classes that the page gives a colour: ``measured``, ``before``, ``after``, ``grid``, ``axis``, ``aside``, ``slip``; of
+text ``tick``, ``label`` or ``name``.  Every picture is drawn for one width, so letters keep their size on a desktop and
+on a phone.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from rverror.views.html import escaped
 _LETTER = 6.4  # px, mean width of a letter of 12 px
 _LEFT, _RIGHT = 52, 16
 _HEIGHT = 300  # of a spectrum
+
+#: Shapes that stand on the axis, from their place: a stroke for a sample set aside, a triangle for a slip.
+MARKS = {"aside": "v-11", "slip": "l-4.5 0l4.5-8l4.5 8z"}
 
 Place = Callable[[Any], Any]
 
@@ -66,6 +70,7 @@ def waveforms(
     *,
     width: int,
     title: str,
+    marks: Sequence[tuple[str, Array]] = (),
     panel_height: int = 150,
 ) -> str:
     """Waveforms over the output angle, panels one above the other, as an ``svg`` element.
@@ -80,6 +85,8 @@ def waveforms(
         Of the picture, px.
     title : str
         For those who cannot see it.
+    marks : sequence of (str, ndarray)
+        Key of `MARKS`, and the angles, degrees, at which they stand on the axis of each panel.
     """
     top, gap, bottom = 20, 30, 36
     height = top + len(panels) * panel_height + (len(panels) - 1) * gap + bottom
@@ -98,6 +105,8 @@ def waveforms(
             x, y = thinned(angle, values, inner)
             points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(x), up(y), strict=True))
             parts.append(f'<polyline class="{escaped(name)}" points="{points}"/>')
+        for name, angles in marks:
+            parts.append(_standing(name, across(angles), start + panel_height))
     base = height - bottom
     for value in _angle_ticks(low, high, inner):
         parts.append(_below(across(value), base, f"{value:g}"))
@@ -187,6 +196,12 @@ def _angle_ticks(low: float, high: float, inner: int) -> list[float]:
             first, last = math.ceil(low / step - 0.02), math.floor(high / step + 0.02)
             return [float(step * k) for k in range(first, last + 1)]
     return ticks(low, high, max(3, inner // 90))
+
+
+def _standing(name: str, places: Array, base: float) -> str:
+    """Marks on an axis, one where several would cover each other."""
+    shapes = "".join(f"M{x:g} {base:g}{MARKS[name]}" for x in np.unique(np.round(places)))
+    return f'<path class="{name}" d="{shapes}"/>' if shapes else ""
 
 
 def _horizontal(y: float, width: int, text: str) -> str:

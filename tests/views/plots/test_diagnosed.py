@@ -10,10 +10,11 @@ import pytest
 from matplotlib.axes import Axes
 
 from diagnosed_example import outcome
-from drawn import legend, line, stems
+from drawn import alike_in_grey, legend, line, overlapping_texts, stems
+from every_kind import diagnosis
 from rverror import Diagnosis, InputError, to_json
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.result import Line
+from rverror.diagnosis.result import Line, Trace
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +36,16 @@ def ripple(found: Diagnosis) -> Diagnosis:
         for t in found.traces
     )
     return replace(found, traces=traces, quantity="torque", noise_rms=found.noise_rms / ARCSEC)
+
+
+@pytest.fixture(scope="module")
+def scored(found: Diagnosis) -> Diagnosis:
+    """The same with the ranking of a first round, each score with two revolutions that it comes from."""
+    ranked = tuple(
+        replace(c, fold_gains=(0.4 * c.heldout_gain, (0.6 + 0.01 * i) * c.heldout_gain))
+        for i, c in enumerate(found.candidates)
+    )
+    return replace(found, added=(replace(found.added[0], candidates=ranked),))
 
 
 def ticks(ax: Axes) -> list[str]:
@@ -91,11 +102,11 @@ def test_a_torque_ripple_is_drawn_in_newton_metres(ripple: Diagnosis, found: Dia
     assert of_torque == pytest.approx(of_error / 1e3)
 
 
-def test_candidates_are_ranked_as_the_report_ranks_them(found: Diagnosis) -> None:
-    data = to_json(found)["added"][0]["candidates"]
-    ax = found.plot(kind="candidates")
+def test_candidates_are_ranked_as_the_report_ranks_them(scored: Diagnosis) -> None:
+    data = to_json(scored)["added"][0]["candidates"]
+    ax = scored.plot(kind="candidates")
     assert len(ticks(ax)) == min(len(data), 10)
-    assert found.added[0].effect.key in ax.get_title()
+    assert scored.added[0].effect.key in ax.get_title()
     bars = ax.containers
     for row, bar, label in zip(data, bars, ticks(ax), strict=False):
         assert label.startswith(row["key"])
@@ -109,23 +120,23 @@ def test_candidates_are_ranked_as_the_report_ranks_them(found: Diagnosis) -> Non
     assert {bar.lines[0].get_ydata()[0] for bar in bars} == set(range(len(bars)))
 
 
-def test_candidates_of_the_last_round_and_of_none(found: Diagnosis) -> None:
-    rounds = 1 + len(found.added)
-    last = found.plot(kind="candidates", round=rounds)
+def test_candidates_of_the_last_round_and_of_none(scored: Diagnosis) -> None:
+    rounds = 1 + len(scored.added)
+    last = scored.plot(kind="candidates", round=rounds)
     assert "last round" in last.get_title()
-    assert ticks(last)[0].startswith(found.candidates[0].key)
+    assert ticks(last)[0].startswith(scored.candidates[0].key)
     with pytest.raises(InputError, match=rf"round = {rounds + 1}: this diagnosis has rounds 1 to {rounds}"):
-        found.plot(kind="candidates", round=rounds + 1)
-    empty = replace(found, added=(), candidates=()).plot(kind="candidates")
+        scored.plot(kind="candidates", round=rounds + 1)
+    empty = replace(scored, added=(), candidates=()).plot(kind="candidates")
     assert "none was scored" in empty.get_title()
     assert ticks(empty) == []
 
 
-def test_what_cannot_be_told_apart_is_marked(found: Diagnosis) -> None:
-    first = found.added[0]
+def test_what_cannot_be_told_apart_is_marked(scored: Diagnosis) -> None:
+    first = scored.added[0]
     other = first.candidates[1]
     marked = replace(first, indistinguishable=((other.key, other.indices),))
-    ax = replace(found, added=(marked,)).plot(kind="candidates")
+    ax = replace(scored, added=(marked,)).plot(kind="candidates")
     faces = [bar.lines[0].get_markerfacecolor() for bar in ax.containers]
     assert faces[0] == faces[1] != "white"
     assert set(faces[2:]) == {"white"}
@@ -175,6 +186,26 @@ def test_the_order_map_is_the_spectrum_of_each_run(found: Diagnosis) -> None:
         found.plot(kind="order_map", which="both")
     light = replace(found, traces=tuple(replace(t, torque=None) for t in found.traces)).plot(kind="order_map")
     assert sorted(ticks(light)) == ["forward.csv\nforward", "reverse.csv\nreverse"]
+
+
+@pytest.mark.parametrize("kind", ["waveform", "residual"])
+def test_marks_stand_where_samples_were_set_aside_and_where_the_reading_slips(kind: str) -> None:
+    theta = np.radians(20 + np.arange(360.0))
+    wave = 9 * ARCSEC * np.cos(2 * theta)
+    faults = {"set_aside": np.radians([30.0, 740.0, 745.0]), "slips": np.radians([365.0])}
+    trace = Trace("run.csv", 1.0, theta, wave, 0 * wave, 0.9 * wave, **faults)
+    ax = replace(diagnosis(), traces=(trace,)).plot(kind=kind)
+    bare = replace(diagnosis(), traces=(replace(trace, set_aside=None, slips=np.zeros(0)),)).plot(kind=kind)
+    for label, places in (("sample set aside", [30, 20, 25]), ("slip of the reading", [365])):
+        x, y = line(ax, label)
+        assert x == pytest.approx(places)
+        assert not y.any()
+        assert label in legend(ax)
+        assert label not in legend(bare)
+    assert ax.get_xlim() == pytest.approx(bare.get_xlim())
+    assert ax.get_ylim() == pytest.approx(bare.get_ylim())
+    assert not alike_in_grey(ax)
+    assert not overlapping_texts(ax)
 
 
 @pytest.mark.parametrize("kind", ["waveform", "spectrum", "residual"])

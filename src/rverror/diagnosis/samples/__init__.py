@@ -1,1 +1,1 @@
-"""The likelihood of samples: a drive's runs of any travel, and what differs between a reducer's periods."""
+"""The likelihood of samples: what the runs of a geared drive say, of any travel."""

@@ -67,7 +67,7 @@ def result_of(
     as_printed = replace(data, signal=data.signal - prior_sum(declared, data))
     offsets = [t for t in base if t.kind == OFFSET]
     additions = tuple(
-        addition_of(data, fit, term, candidates, [*base, *added[: place + 1]]) for place, term in enumerate(added)
+        _addition(data, fit, term, candidates, [*base, *added[: place + 1]]) for place, term in enumerate(added)
     )
     lines = tuple(sorted(_lines(data, fit), key=lambda line: -line.amplitude))
     settled = "explained" if added else "nothing_missing"
@@ -107,7 +107,7 @@ def _residual(data: RunData, terms: Sequence[Term], noise: SampleFit) -> Residua
     )
 
 
-def addition_of(
+def _addition(
     data: RunData,
     fit: SampleFit,
     term: Term,

@@ -24,7 +24,7 @@ _LEAST_BINS = 8  # neighbours on each side in the smoothed spectrum of the white
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class Autoregression:
     """Autoregressive noise of one run, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], w white of variance 1."""
 
     coefficients: Array
@@ -37,7 +37,7 @@ class Noise:
         return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), table), dtype=np.float64)
 
 
-def burg(residual: Array, *, floor: float = 0.0) -> Noise:
+def burg(residual: Array, *, floor: float = 0.0) -> Autoregression:
     """Autoregressive model of a residual, by Burg's method; as many lags, up to 12, as the Bayesian criterion allows.
 
     Parameters
@@ -58,7 +58,7 @@ def burg(residual: Array, *, floor: float = 0.0) -> Noise:
     forward, backward = residual, residual
     power = float(residual @ residual) / n + floor**2
     coefficients = np.zeros(0)
-    best, result = n * np.log(power), Noise(coefficients, float(np.sqrt(power)))
+    best, result = n * np.log(power), Autoregression(coefficients, float(np.sqrt(power)))
     for lag in range(1, min(_MOST_LAGS, n // 20) + 1):
         ahead, behind = forward[1:], backward[:-1]
         # the floor adds to the variance, not to the correlation
@@ -69,11 +69,11 @@ def burg(residual: Array, *, floor: float = 0.0) -> Noise:
         power *= 1 - reflection**2
         score = n * np.log(power) + lag * np.log(n)
         if score < best:
-            best, result = score, Noise(coefficients, float(np.sqrt(power)))
+            best, result = score, Autoregression(coefficients, float(np.sqrt(power)))
     return result
 
 
-def whiten(row: Array, noise: Noise) -> Array:
+def whiten(row: Array, noise: Autoregression) -> Array:
     """Filter a row of one run so that its noise becomes white of variance 1; the first samples, which lack lags, go."""
     result = np.convolve(row, np.concatenate([[1.0], -noise.coefficients]), "valid") / noise.sigma
     return np.asarray(result, dtype=np.float64)

@@ -54,8 +54,8 @@ def diagnose_drive(
     base = [*offset_terms(data), *declared_terms(model, runs, data)]
     candidates = candidate_terms(model, runs, data)
     likelihood = SampleLikelihood(data, tuple(candidates), tuple(nuisance_terms(data)), policy, journal)
-    _, outcome = find_missing(likelihood, likelihood.fitted(base))
-    ranking = likelihood.scored(outcome.found)
+    found = find_missing(likelihood, likelihood.fitted(base))
+    ranking = likelihood.scored(found)
     journal.tell("searching the residual for lines of any order")
-    fit = add_lines(data, outcome.found)
-    return result_of(model, data, base, candidates, fit, ranking, notes, outcome.history)
+    fit = add_lines(data, found)
+    return result_of(model, data, base, candidates, fit, ranking, notes, journal.history)

@@ -117,7 +117,7 @@ def fitted(data: RunData, terms: Sequence[Term], *, noise: SampleFit | None = No
 
 
 @dataclass(frozen=True, eq=False)
-class Screened:
+class ScreenedTerm:
     """A term that the runs can tell from what is there.
 
     Attributes
@@ -134,7 +134,7 @@ class Screened:
     too_large: list[str]
 
 
-def screened(data: RunData, fit: SampleFit, pool: Sequence[Term]) -> tuple[list[Screened], list[Term]]:
+def screened(data: RunData, fit: SampleFit, pool: Sequence[Term]) -> tuple[list[ScreenedTerm], list[Term]]:
     """Terms with what each would take off, the most telling first; and those that what is there makes up."""
     root = _root_weights(data, fit.weights)
     # a declared size that was measured wrong is missing too, so declared terms do not bar one of their waveform
@@ -153,7 +153,7 @@ def screened(data: RunData, fit: SampleFit, pool: Sequence[Term]) -> tuple[list[
         gain = 1 - float(np.mean((rest - values @ left) ** 2)) / max(float(np.mean(rest**2)), 1e-300)
         too_large = implausible(term, np.asarray(values, dtype=np.float64), data.quantity)
         if not too_large or kept_share(every, rows) > data.policy.apart_implausible:
-            found.append(Screened(term, gain, too_large))
+            found.append(ScreenedTerm(term, gain, too_large))
         else:
             barred.append(term)
     # rounded, so that of equal ones the first goes first

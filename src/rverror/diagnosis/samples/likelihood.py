@@ -1,6 +1,6 @@
 """What the samples of a drive's runs say to a search.
 
-Every effect is linear in its sizes, so a fit has one minimum: nothing is started again, and no way needs to be shown.
+Every effect is linear in its sizes, so a fit has one minimum: nothing is started again.
 Beside the catalogue compete slow curvature, lost motion and free lines of any order.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Candidate
-from rverror.diagnosis.samples.fit import SampleFit, Screened, fitted, held_out_gain, screened
+from rverror.diagnosis.samples.fit import SampleFit, ScreenedTerm, fitted, held_out_gain, screened
 from rverror.diagnosis.samples.lines import beats, best_line
 from rverror.diagnosis.samples.regressors import BESIDE, BOW, DECLARED, EFFECT, LINE, NUISANCE, OFFSET, Term
 from rverror.diagnosis.samples.runs import RunData
@@ -22,7 +22,7 @@ from rverror.model.catalogue import source
 
 
 @dataclass(frozen=True, eq=False)
-class SampleLikelihood(Likelihood[SampleFit, Screened]):
+class SampleLikelihood(Likelihood[SampleFit, ScreenedTerm]):
     """Likelihood of samples under coloured noise.
 
     Attributes
@@ -53,7 +53,7 @@ class SampleLikelihood(Likelihood[SampleFit, Screened]):
         """Name what was added, in order."""
         return [(t.name, t.indices) for t in found.terms if t.kind not in (OFFSET, DECLARED)]
 
-    def rank(self, found: SampleFit) -> list[Screened]:
+    def rank(self, found: SampleFit) -> list[ScreenedTerm]:
         """Share of the residual's squares that each candidate takes off."""
         count = len(self.candidates) + len(self.nuisances)
         self.journal.tell(f"fitting {count} candidates beside {len(self.added(found))} found")
@@ -62,7 +62,7 @@ class SampleLikelihood(Likelihood[SampleFit, Screened]):
             self.journal.note("fell", (term.name, term.indices), "the runs cannot tell it from what is there")
         return telling
 
-    def refit(self, found: SampleFit, ranking: Sequence[Screened]) -> Iterator[SampleFit]:
+    def refit(self, found: SampleFit, ranking: Sequence[ScreenedTerm]) -> Iterator[SampleFit]:
         """Refit everything with one candidate more; sizes that no workshop makes go after plausible ones."""
         best = max((one.gain for one in ranking), default=0.0)
         for one in sorted(

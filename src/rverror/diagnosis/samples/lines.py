@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.diagnosis.samples.coloured import Noise, burg
+from rverror.diagnosis.samples.coloured import burg
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
 from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
 from rverror.diagnosis.samples.runs import RunData, highest_order
@@ -16,7 +17,14 @@ from rverror.diagnosis.samples.runs import RunData, highest_order
 _TURN = 2 * np.pi
 
 
-def line_spectrum(theta: Array, residual: Array, noise: Noise, lowest: float, highest: float) -> tuple[Array, Array]:
+class Coloured(Protocol):
+    """Noise of one run."""
+
+    def spectrum(self, frequency: Array) -> Array:
+        """Variance per unit of `frequency` / 2 pi, rad per sample."""
+
+
+def line_spectrum(theta: Array, residual: Array, noise: Coloured, lowest: float, highest: float) -> tuple[Array, Array]:
     """Power of a wave of each order in a residual, as the squared distance from 0 in standard deviations.
 
     Parameters
@@ -24,7 +32,7 @@ def line_spectrum(theta: Array, residual: Array, noise: Noise, lowest: float, hi
     theta : ndarray, shape (n,)
         rad; any order of samples.
     residual : ndarray, shape (n,)
-    noise : Noise
+    noise : Coloured
     lowest, highest : float
         Order.
 

@@ -15,7 +15,7 @@ from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.samples.coloured import Labels
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import true_period
-from rverror.geartrain.mechanism import Drive, Mechanism
+from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -162,19 +162,19 @@ def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Ar
     return theta, values, min(2 * first, theta.size // 4)
 
 
-def influence_rows(run: Run, mechanism: Mechanism, theta: Array, key: str, indices: Mapping[str, IndexValue]) -> Array:
+def influence_rows(run: Run, drive: Drive, theta: Array, key: str, indices: Mapping[str, IndexValue]) -> Array:
     """Influence of one source on the output in one run.
 
     Parameters
     ----------
     run : Run
-    mechanism : Reducer or Drive
+    drive : Drive
     theta : ndarray, shape (n,)
         Nominal output angle, rad.
     key : str
     indices : mapping
     """
-    motion = pose(mechanism, theta, direction=run.direction, time=run.time)
+    motion = pose(drive, theta, direction=run.direction, time=run.time)
     return source_matrix(motion, {"output": np.ones((1, theta.size))}, key, indices)
 
 

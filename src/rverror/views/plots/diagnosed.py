@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -36,6 +36,7 @@ from rverror.views.plots.figure import (
     signal_label,
 )
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
+from rverror.views.set_aside import LABELS, marks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,10 +48,15 @@ _NEIGHBOURS = 25  # lines whose median stands for what noise leaves
 _STANDS_OUT = 8.0  # times that median, of all lines
 _SAME_ORDER = 1e-6
 _RANKED = 10  # candidates for which there is room
+_TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
+_MARKERS = {"aside": (_TICK_UP, 9.0, 1.2), "slip": (_CARET_UP_BASE, 7.0, 0.0)}  # marker, its size and line width
 
 
 def waveform(trace: Trace, *, quantity: str = "angle", ax: Axes | None = None) -> Axes:
-    """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's."""
+    """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's.
+
+    Marks on the axis tell where samples were set aside and where the reading slips.
+    """
     ax = axes_for(ax)
     angle = np.degrees(trace.theta)
     measured, before, after = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
@@ -58,9 +64,26 @@ def waveform(trace: Trace, *, quantity: str = "angle", ax: Axes | None = None) -
     ax.plot(angle, before, color=_BEFORE, lw=1.0, ls=DASHED, label="declared model")
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=1.0, label="with what was added")
+    _mark(ax, trace)
     over_angle(ax, ylabel=signal_label(quantity), title=_trace_name(trace))
     legend_below(ax)
     return ax
+
+
+def _mark(ax: Axes, trace: Trace) -> None:
+    """Marks on the axis where samples were set aside and where the reading slips."""
+    for one in marks(trace):
+        marker, size, width = _MARKERS[one.kind]
+        look: dict[str, Any] = {
+            "marker": marker,
+            "ms": size,
+            "mew": width,
+            "ls": "none",
+            "color": BLACK,
+            "clip_on": False,
+        }
+        on_axis = np.zeros(one.angles.size)
+        ax.plot(np.degrees(one.angles), on_axis, transform=ax.get_xaxis_transform(), label=LABELS[one.kind], **look)
 
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -69,7 +92,10 @@ def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = 
 
 
 def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
-    """Residual of one run before and after, over a turn; of revolutions left out of the fit, where there are any."""
+    """Residual of one run before and after, over a turn; of stretches left out of the fit, where there are any.
+
+    Marks on the axis are as in `waveform`.
+    """
     trace = _trace(diagnosis, run)
     ax = axes_for(ax)
     unit = shown_unit(diagnosis.quantity)
@@ -79,14 +105,15 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
         label = f"{word}, rms {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit}"
         ax.plot(np.degrees(trace.theta), values, color=colour, ls=dashes, lw=width, label=label)
     ax.axhline(0, color=BLACK, lw=0.4)
-    what = "residual, left-out revolutions" if trace.left_out else "residual"
+    _mark(ax, trace)
+    what = "residual, left-out stretches" if trace.left_out else "residual"
     over_angle(ax, ylabel=f"measured less model, {unit}", title=f"{what}, {_trace_name(trace)}")
     legend_below(ax)
     return ax
 
 
 def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Rms of the residual of each run before and after; of revolutions left out of the fit, where there are any."""
+    """Rms of the residual of each run before and after; of stretches left out of the fit, where there are any."""
     ax = axes_for(ax, height=1.5 + 0.4 * max(len(diagnosis.traces), 2))
     unit = shown_unit(diagnosis.quantity)
     pairs = np.array([[np.std(values) for values in trace.residual] for trace in diagnosis.traces]).reshape(-1, 2)
@@ -100,7 +127,7 @@ def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     ax.axvline(noise, color=BLACK, ls=DASHES[2], lw=1.0, label=label)
     ax.set_yticks(at, [_trace_name(trace) + _load(trace) for trace in diagnosis.traces], fontsize="small")
     held = all(trace.left_out for trace in diagnosis.traces) and bool(diagnosis.traces)
-    title = "residual of each run" + (", left-out revolutions" if held else "")
+    title = "residual of each run" + (", left-out stretches" if held else "")
     ax.set(xlabel=f"rms of the residual, {unit}", title=title, ylim=(len(pairs) - 0.5, -0.5))
     ax.set_xlim(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0)
     legend_below(ax)
@@ -123,7 +150,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
 
     Notes
     -----
-    The score is what a candidate takes off the chi-square of revolutions left out.  Differences are paired: left-out
+    The score is what a candidate takes off the chi-square of stretches left out.  Differences are paired: left-out
     revolution by revolution, sqrt(n) times their standard deviation.  Scores without their revolutions have no error.
     """
     rounds = [(a.candidates, a) for a in diagnosis.added if a.candidates] + [(diagnosis.candidates, None)]
@@ -147,7 +174,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
         title = f"candidates of round {round}: {gain}\nadded: {added}"
     else:
         title = f"candidates of the last round: {gain}; nothing more added"
-    xlabel = "score behind the best, chi-square of left-out revolutions (a number)"
+    xlabel = "score behind the best, chi-square of left-out stretches (a number)"
     ax.set(xlabel=xlabel, title=title, ylim=(max(len(shown), 1) - 0.5, -0.5))
     ax.title.set_fontsize("medium")
     if not ranking:

@@ -1,0 +1,427 @@
+"""What is said of a reducer's search: sizes with intervals, what fits as well, what is left, and the waveforms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import student
+from rverror.base.text import describe
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto_samples
+from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, onto, unsure
+from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.spectrum import LineFound, best_lines
+from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
+from rverror.geartrain.kinematics import fundamental_orders, samples_needed
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+from rverror.runs.measurement import Run
+from rverror.runs.spectrum import frames_of_order
+from rverror.statics.loaded_state import SOFTENING
+
+_TURN = 2 * math.pi
+
+
+def account(
+    declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, root: Node, best: Node, seen: Sequence[Node],
+    done: bool, notes: list[str],
+) -> Diagnosis:  # fmt: skip
+    """Say what a search came to.
+
+    Parameters
+    ----------
+    declared, model : Model
+        As given, and with the marks as a size where they are unknown.
+    runs : sequence of Run
+    hunt : Hunt
+    root, best : Node
+        Without and with what was added.
+    seen : sequence of Node
+        All that was refitted.
+    done : bool
+        Whether nothing significant is left.
+    notes : list of str
+    """
+    policy = hunt.policy
+    notes = notes + _conditions(best.fit)
+    left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
+    taken = bool(best.fit.added) and not done
+    if taken:
+        names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
+        notes.append(f"the best candidate, {names}, leaves more than noise: not named")
+        hunt.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
+        best = Node(onto(best.fit.bench.with_records(_plain(best.fit.bench.records)), root.fit))
+        best = Node(fitted(best.fit))
+        left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
+    fit = best.fit
+    for record, rest in zip(fit.bench.records, onto_samples(fit), strict=True):
+        notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
+        if record.slow:
+            slow = replace(record, slips=()).settled(rest)
+            notes.append(
+                f"{record.name}: the reading drifts and settles by {np.ptp(slow) / ARCSEC:.3g} arcsec; taken off"
+            )
+    plain = fit.bench.with_records(_plain(fit.bench.records))
+    printed = evaluated(plain, replace(as_declared(fit).model, effects=_printed(model, fit)), fit.declared)
+    refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
+    # a line is no part of the model: it stays in what the model leaves
+    lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
+    after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
+    lines = _lines(fit, best.lines, left)
+    ranked = _candidates(root, hunt)
+    added = tuple(_addition(hunt, best, at, ranked) for at in range(len(fit.added)))
+    for one in added:
+        hunt.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
+    origin = [a.effect for a in added]
+    settled = "explained" if added else "nothing_missing"
+    unclear = not done and not lines and not added
+    if unclear:
+        notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
+    result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
+    if (
+        len(result.effects) > len(declared.effects)
+        and model is not declared
+        and not math.isfinite(_spread(fit, declared))
+    ):
+        notes.append("index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed")
+    elif model is not declared:
+        notes.append(_offset_note(fit, declared))
+    return Diagnosis(
+        verdict="unexplained" if lines or unclear else settled,
+        noise_rms=noise_rms(fit),
+        before=residual(printed, hold=True),
+        before_refitted=residual(refitted),
+        after=residual(after),
+        added=added,
+        unexplained=lines,
+        model=result,
+        declared=declared,
+        candidates=ranked,
+        tried=len(hunt.candidates),
+        traces=tuple(_traces(runs, printed, after)),
+        notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
+        history=hunt.journal.history,
+        elastic=elastic(fit),
+    )
+
+
+def _plain(records: Sequence[Record]) -> list[Record]:
+    return [replace(r, orders=(), slow=False) for r in records]
+
+
+def _printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
+    """Declared effects as printed; where the gear's marks are is no size of a part: it is the fitted one."""
+    return tuple(
+        now if source(now.key).acts == "marks" else then
+        for now, then in zip(fit.model.effects, model.effects, strict=False)
+    )
+
+
+def noise_rms(fit: Fit) -> float:
+    """Root mean square of the noise: of the residual where nothing else is left, else of its model."""
+    total, count = 0.0, 0.0
+    for record, rest in zip(fit.bench.records, onto_samples(fit), strict=True):
+        assert record.noise is not None
+        clean = record.without_nuisance(rest)[record.kept]
+        used = max(clean.size - len(record.nuisance) - 1, 1)
+        size = float(clean @ clean) / used
+        total += min(size, 1.1 * record.noise.rms**2) * used
+        count += used
+    return math.sqrt(total / count)
+
+
+def blocks(record: Record) -> Array:
+    """Number of the block of each sample that is left out together: turns, or sixths of less than two."""
+    turns = math.floor(record.turns + 0.02)
+    at = (record.theta - record.theta.min()) / _TURN
+    if turns >= 2:
+        return np.asarray(np.minimum(np.floor(at + 1e-6), turns - 1), dtype=np.intp)
+    return np.asarray(np.minimum(np.floor(at / at.max() * 6), 5), dtype=np.intp)
+
+
+def residual(fit: Fit, *, hold: bool = False) -> Residual:
+    """Size of the residual, and of stretches left out of the fit (nothing but offsets is fitted where `hold`)."""
+    rests = onto_samples(fit)
+    clean = [r.without_nuisance(rest)[r.kept] for r, rest in zip(fit.bench.records, rests, strict=True)]
+    whole = np.concatenate(clean)
+    left = np.concatenate([one[r.kept] for r, one in zip(fit.bench.records, left_out(fit, hold=hold), strict=True)])
+    return Residual(float(np.sqrt(np.mean(whole**2))), float(np.ptp(whole)), float(np.sqrt(np.mean(left**2))))
+
+
+def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
+    """Residual of each record, every stretch with sizes and offset from the others alone."""
+    bench = fit.bench
+    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
+    free = np.isfinite(fit.weights)
+    rests = onto_samples(fit)
+    labels = [blocks(r) for r in bench.records]
+    raw = [_raw(fit, number) for number in range(len(bench.records))]
+    result = [np.zeros_like(rest) for rest in rests]
+    usable = [np.asarray(r.whiten.usable) for r in bench.records]
+    for fold in range(max(int(label.max()) + 1 for label in labels)):
+        step = np.zeros(fit.moment.size)
+        if not hold and free.any():
+            gram, moment = np.zeros_like(fit.gram), np.zeros_like(fit.moment)
+            for white, label, used in zip(fit.rows, labels, usable, strict=True):
+                kept = label[used] != fold % (label.max() + 1)
+                gram += white[1:][:, kept] @ white[1:][:, kept].T
+                moment += white[1:][:, kept] @ white[0][kept]
+            # the fit's own sizes are the best for all: what counts is how they move without these stretches
+            whole_gram = fit.gram[np.ix_(free, free)] / fit.scale + np.diag(weights[free])
+            pull = -fit.moment[free] / fit.scale
+            own = gram[np.ix_(free, free)] / fit.scale + np.diag(weights[free])
+            size = np.sqrt(np.maximum(np.diag(whole_gram), 1e-300))
+            right = (moment[free] / fit.scale + pull) / size
+            step[free] = np.linalg.lstsq(own / np.outer(size, size), right, rcond=1e-12)[0] / size
+        for number, record in enumerate(bench.records):
+            label = labels[number]
+            out = label == fold % (label.max() + 1)
+            rest = rests[number] - step @ raw[number]
+            if fold > label.max():
+                continue
+            others = ~out & record.kept
+            if record.slow or record.slips:  # no stretch tells how another one settles, or what lies beyond a slip
+                rest = rest - record.settled(rests[number])
+            fast = replace(record, slow=False, slips=()).nuisance
+            rows = fast if not record.zero else np.concatenate([np.ones((1, rest.size)), fast])
+            alive = np.abs(rows[:, others]).max(axis=1, initial=0) > 0
+            sizes = np.linalg.lstsq(rows[alive][:, others].T, rest[others], rcond=1e-10)[0]
+            result[number][out] = (rest - sizes @ rows[alive])[out]
+    return result
+
+
+def _raw(fit: Fit, number: int) -> Array:
+    """Change of a record's prediction with all values, sample by sample."""
+    return fit.raw[number]
+
+
+def reach(fit: Fit, variance: float) -> float:
+    """Half width of an interval, with what the model's own error may move a fitted value by.
+
+    That error leaves so many squares, `unsure`, at worst where fitted values could make it: shared by all of them, it
+    adds as much to each variance.
+    """
+    free = max(int(np.isfinite(fit.weights).sum()), 1)
+    widened = variance * (1 + unsure(fit, fit.bench.policy) / free)
+    return math.sqrt(widened) * student((1 - fit.bench.policy.confidence) / 2, max(fit.bench.freedom / 8, 4.0))
+
+
+def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]) -> Addition:
+    fit = node.fit
+    at = len(fit.declared.effects) + number
+    effect = fit.model.effects[at]
+    first = sum(len(e.values) for e in fit.model.effects[:at])
+    estimates, notes = [], []
+    for place, (parameter, value) in enumerate(zip(source(effect.key).parameters, effect.values, strict=True), first):
+        half = reach(fit, float(fit.covariance[place, place]))
+        estimates.append(
+            Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
+        )
+        if half > hunt.policy.untold * reach(fit, (hunt.policy.workshop * parameter.plausible) ** 2):
+            notes.append(f"{parameter.name}: the runs do not tell it; its interval is what a workshop makes")
+        if abs(value) > parameter.plausible:
+            notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
+    hunt.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
+    behind = -2 * math.log(hunt.policy.alike)
+    alike = tuple(
+        (rival.fit.added[-1].key, dict(rival.fit.added[-1].indices))
+        for rival in hunt.rivals(node, number)
+        if min(rival.score - node.score, rival.fit.objective - fit.objective) < behind
+    )
+    origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
+    held = residual(fit).heldout_rms
+    return Addition(
+        replace(effect, origin=origin), tuple(estimates), alike, _orders(fit, at), held, tuple(notes),
+        ranked,
+    )  # fmt: skip
+
+
+def _orders(fit: Fit, at: int) -> tuple[float, ...]:
+    """Orders at which an effect changes the prediction, the strongest first."""
+    effects = fit.model.effects
+    without = evaluated(fit.bench, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
+    record = fit.bench.records[0]
+    wave = onto_samples(without)[0] - onto_samples(fit)[0]
+    turns = max(record.turns, 1e-9)
+    whole = math.floor(turns + 0.01)
+    if whole >= 1:
+        used = record.theta - record.theta.min() < whole * _TURN * (1 - 1e-9)
+        order = np.argsort(record.theta[used])
+        even = np.linspace(0, whole * _TURN, int(used.sum()), endpoint=False)
+        row = np.interp(even, record.theta[used][order] - record.theta.min(), wave[used][order])
+        size = np.abs(np.fft.rfft(row - row.mean())) / row.size * 2
+        names = np.arange(size.size) / whole
+    else:
+        order = np.argsort(record.theta)
+        row = (wave - wave.mean())[order] * np.hanning(wave.size)
+        size = np.abs(np.fft.rfft(row)) / row.size * 4
+        names = np.arange(size.size) / turns
+    policy = fit.bench.policy
+    inner = np.zeros(size.size, dtype=np.bool_)
+    inner[1:-1] = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
+    strong = np.flatnonzero(inner & (size > max(policy.leading * size.max(), 1e-3 * policy.accuracy)))
+    leading = strong[np.argsort(-size[strong])][: policy.leading_orders]
+    return tuple(float(names[h]) for h in leading)
+
+
+def _lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
+    """Free lines of the fit and significant lines that are left, the strongest first."""
+    from rverror.diagnosis.gears.spectrum import power_of
+
+    policy = fit.bench.policy
+    rests = onto_samples(fit)
+    found: list[LineFound] = list(left)
+    for order in free:
+        bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.bench.records]
+        power, waves = power_of(bare, rests, order)
+        found.append(LineFound(order, power, tuple(waves)))
+    turns = max(r.turns for r in fit.bench.records)
+    result = []
+    for line in found:
+        wave = np.array(line.waves)
+        size = float(np.mean(np.abs(wave)))
+        # amplitude from its own significance: chi-square of two degrees a run
+        spread = size * math.sqrt(len(wave) / max(line.power, 1e-9)) / math.sqrt(len(wave))
+        half = reach(fit, spread**2)
+        order = round(line.order) if abs(line.order - round(line.order)) < policy.told_order / turns else line.order
+        frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
+        mean = complex(np.mean(wave))
+        result.append(
+            Line(float(order), size, max(size - half, 0.0), size + half, tuple(frames), mean.real, -mean.imag)
+        )
+    return tuple(sorted(result, key=lambda line: -line.amplitude))
+
+
+def _candidates(node: Node, hunt: Hunt) -> tuple[Candidate, ...]:
+    ranked = hunt.ranking(node.fit)
+    return tuple(Candidate(o.name[0], o.name[1], node.fit.objective - o.objective) for o in ranked[:20])
+
+
+def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
+    """What the runs say of stiffness, backlash and contact law."""
+    unit, now = fit.bench.unit, fit.model.mechanism
+    assert isinstance(now, Reducer)
+    count = sum(len(e.values) for e in fit.model.effects)
+    result = []
+    for at, name in enumerate(SOFTENING):
+        if not fit.bench.soft[at]:
+            continue
+        half = reach(fit, float(fit.covariance[count + at, count + at]))
+        prior = math.inf if not fit.weights[count + at] else fit.weights[count + at] ** -0.5
+        told = math.sqrt(float(fit.covariance[count + at, count + at])) < fit.bench.policy.untold * prior
+        if at < 6:
+            value, stated = getattr(now.stiffness, name), getattr(unit.stiffness, name)
+            low, high, dimension = value * math.exp(-half), value * math.exp(half), "stiffness"
+        elif name == "gear_backlash":
+            value, stated = now.gear_backlash, unit.gear_backlash
+            low, high, dimension = max(value - half, 0.0), value + half, "length"
+        else:
+            value, stated = getattr(now.contact_law, name), getattr(unit.contact_law, name)
+            low, high, dimension = max(value - half, 1.0), value + half, "number"
+        result.append(ElasticEstimate(name, dimension, stated, value, low, high, told))
+    return tuple(result)
+
+
+def _strained(fit: Fit) -> list[str]:
+    """Declared sizes that the fit moved further than they are uncertain."""
+    notes = []
+    for stated, now in zip(fit.declared.effects, fit.model.effects, strict=False):
+        moved_by = max(abs(np.subtract(now.values, stated.values)))
+        if stated.uncertainty and moved_by > fit.bench.policy.strained_size * stated.uncertainty:
+            name = describe(stated.key, stated.indices)
+            notes.append(
+                f"declared {name} moved by {moved_by / stated.uncertainty:.1f} of its uncertainty: measure it again"
+            )
+    return notes
+
+
+def _conditions(fit: Fit) -> list[str]:
+    notes, unit = [], fit.bench.unit
+    needed = samples_needed(unit)
+    for record in fit.bench.records:
+        count = record.theta.size / record.turns
+        mesh = {name: fundamental_orders(unit)[name] for name in ("gear mesh", "cycloid mesh")}
+        folded = [f"{name} {order:g}" for name, order in mesh.items() if order > count / 2]
+        if folded:
+            notes.append(
+                f"{record.name}: {count:.4g} samples a turn fold {' and '.join(folded)} onto lower orders; {needed} or "
+                "more keep them apart"
+            )
+        if not record.torque:
+            notes.append(
+                f"{record.name}: no output_torque; predicted by the closed form (rigid, all loaded pins in contact)"
+            )
+        if record.turns < 0.98:
+            notes.append(
+                f"{record.name}: {record.turns:.3g} of a turn: drift, ratio error and encoder orders 1 and 2 look "
+                "alike over a short travel"
+            )
+    if len({record.direction for record in fit.bench.records}) == 1:
+        notes.append("runs in one direction only: causes that share an order cannot be told apart; add a reverse run")
+    return notes
+
+
+def _spread(fit: Fit, declared: Model) -> float:
+    place = sum(len(e.values) for e in declared.effects)
+    variance = float(fit.covariance[place, place])
+    return math.sqrt(variance) if variance < fit.bench.policy.marks_placed**2 else math.inf
+
+
+def _offset_note(fit: Fit, declared: Model) -> str:
+    spread = _spread(fit, declared)
+    if not math.isfinite(spread):
+        return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
+    value = fit.model.effects[len(declared.effects)].values[0]
+    half = math.degrees(reach(fit, spread**2))
+    return (
+        f"index unknown: the gear's marks are {math.degrees(value):.4g} +- {half:.2g} deg "
+        "ahead of the bench's zero, fitted together with all sizes; all runs are taken to have the same zero"
+    )
+
+
+def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
+    """Waveforms of each run over one turn, or over what it travels of one."""
+    out_before, out_after = left_out(printed, hold=True), left_out(fit)
+    before, after = onto_samples(printed), onto_samples(fit)
+    result = []
+    for at, (record, run) in enumerate(zip(fit.bench.records, runs, strict=True)):
+        rows = np.stack(
+            [record.error, record.error - before[at], record.error - after[at], out_before[at], out_after[at]]
+        )
+        theta, mean = _turned_over(record, rows)
+        measured, first, last = (row - row.mean() for row in mean[:3])
+        result.append(
+            Trace(
+                record.name,
+                record.direction,
+                theta,
+                measured,
+                first,
+                last,
+                record.torque,
+                run.index,
+                (mean[3], mean[4]),
+                record.theta[~record.kept],
+                record.theta[list(record.slips)],
+            )
+        )
+    return result
+
+
+def _turned_over(record: Record, rows: Array) -> tuple[Array, Array]:
+    """Rows over one turn, the mean of all whole ones; over the travel where it is less."""
+    order = np.flatnonzero(record.kept)[np.argsort(record.theta[record.kept], kind="stable")]
+    theta, rows = record.theta[order], rows[:, order]
+    turns = math.floor(record.turns + 0.01)
+    if turns < 1:
+        return theta, rows
+    points = round(record.theta.size / record.turns)
+    grid = theta[0] + _TURN / points * np.arange(points)
+    folded = [[np.interp(grid + _TURN * k, theta, row) for k in range(turns)] for row in rows]
+    return grid, np.mean(folded, axis=1)

@@ -1,0 +1,445 @@
+"""The joint fit of a reducer's sizes to all samples of all runs, under every prior.
+
+Minimised is D + P: the squares of the whitened residual, less what offsets, slips and lines make of it, and those of
+the priors.  Declared sizes have their uncertainty, stiffness a quarter (of its logarithm), backlash half, what was
+added the size that a workshop makes.  What is not explained yet is noise too: beyond N, what noise alone hardly
+exceeds, D counts as N (1 + ln(D/N)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array
+from rverror.diagnosis.gears.noise import noise_of
+from rverror.diagnosis.gears.record import Record, conditions_of
+from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
+from rverror.diagnosis.gears.waveform import EXPONENTS, Conditioned, Named, Waveform, softened
+from rverror.diagnosis.policy import Policy
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import source_matrix
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import felt
+from rverror.statics.loaded_state import SOFTENING, NotConvergedError
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class RunSet:
+    """All runs, under one set of grids.
+
+    Attributes
+    ----------
+    unit : Reducer
+        As declared.
+    records : tuple of Record
+    conditions : tuple of Conditioned
+    which : tuple of int
+        Condition of each record.
+    policy : Policy
+    soft : ndarray of bool, shape (9,)
+        Which of `SOFTENING` are refitted.
+    few : tuple of Named
+        Where runs are compressed: the sources beyond the gear train that they must know.
+    anywhere : bool
+        Whether the gear's marks may be at any angle.
+    """
+
+    unit: Reducer
+    records: tuple[Record, ...]
+    conditions: tuple[Conditioned, ...]
+    which: tuple[int, ...]
+    policy: Policy
+    soft: Flags
+    few: tuple[Named, ...] = ()
+    anywhere: bool = False
+
+    @staticmethod
+    def of(
+        unit: Reducer, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool, exponents: bool = True
+    ) -> RunSet:
+        """Runs with grids of so many angles a turn."""
+        conditions, which = conditions_of(records, points, anywhere=anywhere)
+        refit = policy.refit_stiffness and any(r.torque for r in records)
+        soft = np.array([refit] * 7 + [refit and exponents] * 2)
+        return RunSet(unit, tuple(records), tuple(conditions), tuple(which), policy, soft, anywhere=anywhere)
+
+    @cached_property
+    def plain(self) -> tuple[Model, list[Waveform]]:
+        """The reducer without errors, and its waveforms."""
+        model = Model(self.unit)
+        return model, self.solve(model)
+
+    def with_records(self, records: Sequence[Record]) -> RunSet:
+        """The same with other noise, lines or samples set aside."""
+        return replace(self, records=tuple(records))
+
+    @property
+    def freedom(self) -> int:
+        """Independent values of all runs."""
+        return sum(r.whiten.freedom for r in self.records)
+
+    @cached_property
+    def zeros(self) -> tuple[str, ...]:
+        """Labels of shared zeros."""
+        return tuple(sorted({r.zero for r in self.records if r.zero}))
+
+    def around(self, model: Model) -> tuple[Effect, ...]:
+        """Effects of the gear train that are solved; a sun's whose turns do not close are added by their influence."""
+        return tuple(e for e in felt(model.effects) if not self.apart(e.key))
+
+    def apart(self, key: str) -> bool:
+        """Whether a source is added by its influence: a sun's is of high order, or does not repeat with the turns."""
+        far = bool(self.few) or self.unit.exact_ratio.denominator > 1
+        return far and source(key).frame == "sun" and not source(key).at_output
+
+    def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
+        """Waveform of each condition."""
+        assert isinstance(model.mechanism, Reducer)
+        effects = self.around(model)
+        starts: Sequence[Waveform | None] = near if near is not None else [None] * len(self.conditions)
+        return [c.solve(model.mechanism, effects, start) for c, start in zip(self.conditions, starts, strict=True)]
+
+    def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
+        """Influences of sources as each record sees them, (parameters, width), in the state of waveforms."""
+        made = [condition.forces(wave) for condition, wave in zip(self.conditions, waves, strict=True)]
+        offset = model.index_offset
+        ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in named)])
+        on_grid = [i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)]
+        at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in on_grid]).astype(np.intp) if on_grid else None
+        parts = [np.concatenate([source_matrix(*one, *named[i]) for i in on_grid]) if on_grid else None for one in made]
+        result = []
+        for number, sight in enumerate(self.sights):
+            which = self.which[number]
+            rows = np.zeros((ends[-1], sight.width))
+            part = parts[which]
+            if part is not None:
+                rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
+            for i in set(range(len(named))) - set(on_grid):
+                rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], made[which][1], offset)
+            result.append(rows)
+        return result
+
+    @cached_property
+    def sights(self) -> tuple[Sight, ...]:
+        """How each record is looked at: sample by sample, or as few values say the same."""
+        full = [EverySample(r) for r in self.records]
+        if not self.few:
+            return tuple(full)
+        return tuple(compressed(self, one, self.conditions[w].turn) for one, w in zip(full, self.which, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Sizes, and how they fit.
+
+    Attributes
+    ----------
+    bench : RunSet
+    model : Model
+        Its mechanism has the refitted stiffness, its effects (declared first) the fitted sizes.
+    declared : Model
+        As given.
+    waves : tuple of Waveform
+    residual : tuple of ndarray
+        Of each record, offset and lines still in it, rad.
+    data, prior : float
+        Squares.
+    gram : ndarray, shape (k, k)
+        Of the data, in units of the noise; of all values, soft ones and zeros.
+    moment : ndarray, shape (k,)
+    """
+
+    bench: RunSet
+    model: Model
+    declared: Model
+    waves: tuple[Waveform, ...]
+    residual: tuple[Array, ...]
+    rows: tuple[Array, ...]
+    raw: tuple[Array, ...]
+    data: float
+    prior: float
+    gram: Array
+    moment: Array
+    converged: bool = True
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """Effects beside the declared ones."""
+        return self.model.effects[len(self.declared.effects) :]
+
+    @property
+    def bound(self) -> float:
+        """Squares that noise alone hardly exceeds."""
+        n = self.bench.freedom
+        return n + self.bench.policy.by_chance * math.sqrt(2 * n)
+
+    @property
+    def scale(self) -> float:
+        """How much larger than the noise what is not explained is; 1 or more."""
+        return max(1.0, self.data / self.bound)
+
+    @property
+    def objective(self) -> float:
+        """The less, the better."""
+        return _counted(self.data, self.bound) + self.prior
+
+    @cached_property
+    def weights(self) -> Array:
+        """Inverse variance of each value's prior, 0 where there is none, infinite where it is fixed."""
+        return prior_weights(self)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of all values, shape (k, k): 0 where fixed, infinite where nothing is known."""
+        return covariance_of(self.gram / self.scale, self.weights)
+
+
+def _counted(data: float, bound: float) -> float:
+    return data if data <= bound else bound * (1 + math.log(data / bound))
+
+
+def layout(model: Model, zeros: int) -> tuple[int, int]:
+    """Number of effect values, and of all values."""
+    count = sum(len(e.values) for e in model.effects)
+    return count, count + len(SOFTENING) + zeros
+
+
+def prior_weights(fit: Fit) -> Array:
+    """Inverse variances of priors."""
+    bench, policy = fit.bench, fit.bench.policy
+    weights: list[float] = []
+    for i, effect in enumerate(fit.model.effects):
+        entry = source(effect.key)
+        for parameter in entry.parameters:
+            if i < len(fit.declared.effects):
+                sigma = effect.uncertainty or 0.0
+            else:
+                sigma = policy.workshop * parameter.plausible
+            weights.append(1 / sigma**2 if sigma else math.inf)
+    spread = soft_spread(bench.unit, policy)
+    weights += [1 / s**2 if s and on else math.inf for s, on in zip(spread, bench.soft, strict=True)]
+    weights += [0.0] * len(bench.zeros)
+    return np.array(weights)
+
+
+def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
+    """Standard deviations of `SOFTENING` before the fit; 0 where it is exact."""
+    stiffness = [getattr(unit.stiffness_uncertainty, name) for name in SOFTENING[:6]]
+    return [*stiffness, policy.backlash_share * unit.gear_backlash, policy.exponent_spread, policy.exponent_spread]
+
+
+def covariance_of(gram: Array, weights: Array) -> Array:
+    """Covariance under priors; 0 where fixed."""
+    free = np.isfinite(weights)
+    result = np.zeros_like(gram)
+    if free.any():
+        whole = gram[np.ix_(free, free)] + np.diag(weights[free])
+        scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+        inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+        result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
+    return result
+
+
+def deviation(fit_model: Model, declared: Model, unit: Reducer, zeros: int) -> Array:
+    """How far each value is from the middle of its prior."""
+    off: list[float] = []
+    for i, effect in enumerate(fit_model.effects):
+        middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
+        off += [v - m for v, m in zip(effect.values, middle, strict=True)]
+    now = fit_model.mechanism
+    assert isinstance(now, Reducer)
+    off += [-math.log(getattr(now.stiffness, k) / getattr(unit.stiffness, k)) for k in SOFTENING[:6]]
+    off += [now.gear_backlash - unit.gear_backlash]
+    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in EXPONENTS]
+    return np.array(off + [0.0] * zeros)
+
+
+def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
+    """A fit's state at given sizes: prediction, residual, changes."""
+    waves = bench.solve(model, near)
+    offset = model.index_offset
+    count, size = layout(model, len(bench.zeros))
+    solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not bench.apart(e.key)]
+    ends = np.cumsum([0, *(len(e.values) for e in model.effects)])
+    others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
+    apart = [e for _, e in others if bench.apart(e.key)]
+    forces = [c.forces(w) if apart else (None, None) for c, w in zip(bench.conditions, waves, strict=True)]
+    residuals, all_rows, raw = [], [], []
+    gram, moment, data = np.zeros((size, size)), np.zeros(size), 0.0
+    for number in range(len(bench.records)):
+        sight = bench.sights[number]
+        wave = waves[bench.which[number]]
+        rows = np.zeros((size, sight.width))
+        at = np.concatenate(
+            [np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))]
+        )
+        part = sight.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
+        predicted = part[0]
+        rows[at.astype(np.intp)] = part[1:]
+        for i, effect in others:
+            own = slice(ends[i], ends[i + 1])
+            if source(effect.key).acts == "marks":
+                rows[own] = sight.change(wave, offset)
+                continue
+            named = (effect.key, effect.indices)
+            rows[own] = sight.beyond(bench, model, named, forces[bench.which[number]][1], offset)
+            predicted = predicted + np.array(effect.values) @ rows[own]
+        for k, label in enumerate(bench.zeros):
+            if bench.records[number].zero == label:
+                rows[count + len(SOFTENING) + k] = sight.constant
+        rest = sight.measured - predicted
+        white = sight.whiten(np.concatenate([rest[None], rows]))
+        data += float(white[0] @ white[0])
+        gram += white[1:] @ white[1:].T
+        moment += white[1:] @ white[0]
+        residuals.append(rest)
+        all_rows.append(white)
+        raw.append(rows)
+    if bench.zeros:  # a shared zero has any size: the best one is taken off here
+        z = slice(size - len(bench.zeros), size)
+        best = np.linalg.lstsq(gram[z, z], moment[z], rcond=None)[0]
+        data -= float(best @ moment[z])
+        moment -= best @ gram[z]
+        for rest, white, rows in zip(residuals, all_rows, raw, strict=True):
+            rest -= best @ rows[z]
+            white[0] -= best @ white[1:][z]
+    fit = Fit(
+        bench, model, declared, tuple(waves), tuple(residuals), tuple(all_rows), tuple(raw), data, 0.0, gram, moment
+    )
+    weights, off = fit.weights, deviation(model, declared, bench.unit, len(bench.zeros))
+    weights = np.where(np.isfinite(weights), weights, 0.0)
+    return replace(fit, data=data, prior=float(weights @ off**2))
+
+
+def moved(model: Model, step: Array) -> Model:
+    """The model with all values and compliances changed by a step."""
+    effects, at = [], 0
+    for effect in model.effects:
+        count = len(effect.values)
+        least = [p.least for p in source(effect.key).parameters]
+        values = tuple(
+            max(float(v + s), low) for v, s, low in zip(effect.values, step[at : at + count], least, strict=True)
+        )
+        effects.append(replace(effect, values=values))
+        at += count
+    unit = model.mechanism
+    assert isinstance(unit, Reducer)
+    change = step[at : at + len(SOFTENING)]
+    return replace(model, mechanism=softened(unit, change) if change.any() else unit, effects=tuple(effects))
+
+
+def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: float = 0.05) -> Fit:
+    """Levenberg-Marquardt steps from a state.
+
+    Parameters
+    ----------
+    fit : Fit
+    steps : int
+        At most.
+    free : ndarray of bool, shape (k,), optional
+        Which values may move; all that have a prior that lets them.
+    enough : float
+        Fall of the objective below which it has settled.
+    """
+    damping = 0.0
+    reach = np.array(
+        [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
+        + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1] + [np.inf] * len(fit.bench.zeros)
+    )  # fmt: skip
+    for _ in range(steps):
+        step, gain = proposed(fit, free, damping)
+        step *= min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
+        if gain < enough:
+            return replace(fit, converged=True)
+        try:
+            trial = evaluated(fit.bench, moved(fit.model, step), fit.declared, fit.waves)
+        except NotConvergedError:
+            trial = None
+        if trial is not None and trial.objective < fit.objective:
+            fallen = fit.objective - trial.objective
+            fit = trial
+            damping = damping / 10 if damping > 1e-6 else 0.0
+            if fallen < enough:
+                return replace(fit, converged=True)
+        else:
+            damping = max(damping * 10, 1e-3)
+            if damping > 1e3:
+                break
+    return replace(fit, converged=False)
+
+
+def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple[Array, float]:
+    """Step that lowers the objective most, as far as the prediction is linear, and by how much it should fall."""
+    weights = fit.weights
+    vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
+    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    step, scale = np.zeros(weights.size), fit.scale
+    least = np.array(
+        [p.least for e in fit.model.effects for p in source(e.key).parameters]
+        + [-np.inf] * (weights.size - sum(len(e.values) for e in fit.model.effects))
+    )
+    value = np.array(
+        [v for e in fit.model.effects for v in e.values]
+        + [0.0] * (weights.size - sum(len(e.values) for e in fit.model.effects))
+    )
+    after = fit
+    for _ in range(4):
+        held = vary.copy()
+        for _ in range(3):
+            own = fit.gram[np.ix_(held, held)] / scale + np.diag(weights[held])
+            right = fit.moment[held] / scale - weights[held] * off[held]
+            own = own + damping * np.diag(np.diag(own))
+            size = np.sqrt(np.maximum(np.diag(own), 1e-300))
+            step = np.zeros(weights.size)
+            step[held] = np.linalg.lstsq(own / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+            beyond = held & (value + step < least) & (value <= least)
+            if not beyond.any():
+                break
+            held &= ~beyond
+        step = np.maximum(step, least - value)
+        left = fit.data - 2 * step @ fit.moment + step @ fit.gram @ step
+        again = max(1.0, left / fit.bound)
+        if again > 0.99 * scale:
+            break
+        scale = again
+    w = np.where(np.isfinite(weights), weights, 0.0)
+    now = _counted(max(left, 1e-9), fit.bound) + float(w @ (off + step) ** 2)
+    del after
+    return step, fit.objective - now
+
+
+def renoised(fit: Fit) -> Fit:
+    """The same sizes under the noise that their residual shows."""
+    records = []
+    total = sum(r.kept.sum() for r in fit.bench.records)
+    used = float(np.isfinite(fit.weights).sum())
+    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
+        share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
+        noise = noise_of(record.without_nuisance(rest), record.kept, share, floor=fit.bench.policy.model_error)
+        records.append(replace(record, noise=noise))
+    return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
+
+
+def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
+    """The first state: noise of what the model leaves as it stands."""
+    flat = [
+        replace(r, noise=noise_of(r.without_nuisance(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error))
+        for r in bench.records
+    ]
+    return renoised(evaluated(bench.with_records(flat), model, declared))
+
+
+def onto_samples(fit: Fit) -> tuple[Array, ...]:
+    """Residual of each record sample by sample, also of a fit to compressed runs."""
+    if not fit.bench.few:
+        return fit.residual
+    return evaluated(replace(fit.bench, few=()), fit.model, fit.declared, fit.waves).residual

@@ -1,0 +1,122 @@
+"""Angles at which the gear train is solved, and the way from there to the samples of a run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.ndimage import spline_filter1d
+from scipy.sparse import csr_array
+
+from rverror.base.arrays import Array
+
+_TURN = 2 * math.pi
+_DEGREE = 5  # of the splines: five points a wave are then within 0.1 %
+_MARGIN = 12  # nodes beyond either end of an open grid, over which what the ends do to a spline dies away
+
+
+@dataclass(frozen=True)
+class AngleGrid:
+    """Even angles, over one period of the waveform or over the stretch that a run travels.
+
+    Attributes
+    ----------
+    start, step : float
+        First angle and distance, rad.
+    points : int
+    closed : bool
+        Whether the waveform goes on at the first angle after the last.
+    """
+
+    start: float
+    step: float
+    points: int
+    closed: bool
+
+    @property
+    def theta(self) -> Array:
+        """The angles, shape (points,), rad."""
+        return np.asarray(self.start + self.step * np.arange(self.points), dtype=np.float64)
+
+    def to_samples(self, theta: Array) -> Readout:
+        """The way to samples at angles, rad."""
+        place = (theta - self.start) / self.step
+        nearest = np.rint(place)
+        if np.abs(place - nearest).max() < 1e-4:
+            at = nearest.astype(np.intp)
+            return Readout(self, at % self.points if self.closed else at, None, None)
+        low = np.floor(place).astype(np.intp)
+        part = place - low
+        columns = low[:, None] + np.arange(-(_DEGREE // 2), _DEGREE // 2 + 2)
+        columns = columns % self.points if self.closed else np.clip(columns, 0, self.points - 1)
+        rows = np.repeat(np.arange(theta.size), _DEGREE + 1)
+        shape = (theta.size, self.points)
+        weights, slopes = _basis(part), _basis(part, 1) / self.step
+        values = csr_array((weights.ravel(), (rows, columns.ravel())), shape=shape)
+        return Readout(self, None, values, csr_array((slopes.ravel(), (rows, columns.ravel())), shape=shape))
+
+
+def _basis(part: Array, derivative: int = 0) -> Array:
+    """Cardinal splines that reach a place, shape (n, degree + 1), or their slopes per node."""
+    knots = np.arange(_DEGREE + 2, dtype=np.float64)
+    one = BSpline.basis_element(knots, extrapolate=False)
+    if derivative:
+        one = one.derivative(derivative)
+    # node j carries the element that begins (degree + 1) / 2 before it
+    at = part[:, None] - np.arange(-(_DEGREE // 2), _DEGREE // 2 + 2) + (_DEGREE + 1) / 2
+    return np.asarray(np.nan_to_num(one(at)), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """Values at samples from those at the angles of a grid."""
+
+    grid: AngleGrid
+    at: np.ndarray[tuple[int], np.dtype[np.intp]] | None
+    values: csr_array | None
+    slopes: csr_array | None
+
+    def __call__(self, rows: Array) -> Array:
+        """Rows (k, points) at the samples, (k, n)."""
+        if self.at is not None:
+            return np.asarray(rows[:, self.at])
+        assert self.values is not None
+        return np.asarray((self.values @ self._coefficients(rows).T).T)
+
+    def change(self, row: Array) -> Array:
+        """Change of a row (points,) with the angle, at the samples (n,)."""
+        if self.slopes is None:
+            grid = self.grid
+            return np.asarray(grid.to_samples(grid.theta[self.at] + 1e-3 * grid.step).change(row))
+        return np.asarray(self.slopes @ self._coefficients(row[None])[0])
+
+    @property
+    def nodes(self) -> csr_array:
+        """Sparse matrix (n, points) on what the splines carry, or on the values themselves."""
+        if self.at is None:
+            assert self.values is not None
+            return self.values
+        count = self.at.size
+        return csr_array((np.ones(count), (np.arange(count), self.at)), shape=(count, self.grid.points))
+
+    @property
+    def smoothing(self) -> Array | None:
+        """Matrix (points, points) from values to what the splines carry; None where samples lie on the grid."""
+        return None if self.at is not None else self._coefficients(np.eye(self.grid.points)).T
+
+    def _coefficients(self, rows: Array) -> Array:
+        mode = "grid-wrap" if self.grid.closed else "mirror"
+        return np.asarray(spline_filter1d(rows, _DEGREE, axis=1, mode=mode), dtype=np.float64)
+
+
+def whole(start: float, period: float, points: int) -> AngleGrid:
+    """Grid over one period."""
+    return AngleGrid(start, period / points, points, closed=True)
+
+
+def stretch(low: float, high: float, step: float) -> AngleGrid:
+    """Grid over a stretch of travel, with what a spline needs beyond its ends."""
+    points = math.ceil((high - low) / step) + 1 + 2 * _MARGIN
+    return AngleGrid(low - _MARGIN * step, step, points, closed=False)

@@ -1,0 +1,498 @@
+"""The search: propose, refit at the load, compare by evidence, keep rivals until the data decide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rverror.base.chance import chi_square
+from rverror.base.text import describe
+from rverror.diagnosis.gears.fit import Fit, RunSet, deviation, evaluated, fitted, onto_samples, proposed
+from rverror.diagnosis.gears.screen import Proposal, screened
+from rverror.diagnosis.gears.spectrum import best_lines, explained
+from rverror.diagnosis.gears.twins import Gaps
+from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.search import Journal
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+from rverror.statics.loaded_state import NotConvergedError
+
+
+def named(effect: Effect) -> tuple[object, ...]:
+    """Key and indices, to compare."""
+    return (effect.key, *sorted((k, v) for k, v in effect.indices.items()))
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A set of causes, fitted.
+
+    Attributes
+    ----------
+    fit : Fit
+    lines : tuple of float
+        Orders of free lines.
+    slow : bool
+        Whether each run drifts and settles by itself.
+    score : float
+        Minus twice the logarithm of the evidence, but for a constant: the less, the better.
+    """
+
+    fit: Fit
+    lines: tuple[float, ...] = ()
+    slow: bool = False
+
+    @property
+    def score(self) -> float:
+        """Objective, and what every added size must be worth: its prior's width over what the runs leave of it."""
+        fit, policy = self.fit, self.fit.bench.policy
+        total, covariance = fit.objective, fit.covariance
+        end = sum(len(e.values) for e in fit.declared.effects)
+        for effect in fit.added:
+            at = slice(end, end := end + len(effect.values))
+            prior = np.array([policy.workshop * p.plausible for p in source(effect.key).parameters])
+            sign, log = np.linalg.slogdet(covariance[at, at] / np.outer(prior, prior))
+            total -= log if sign > 0 else -40.0 * prior.size
+        regular = 2 * len(self.lines) + (4 if self.slow else 0)
+        return total + regular * policy.row_cost * len(fit.bench.records)
+
+    @property
+    def names(self) -> frozenset[object]:
+        """Causes, to compare."""
+        return (
+            frozenset(named(e) for e in self.fit.added)
+            | frozenset(round(o, 2) for o in self.lines)
+            | ({"slow"} if self.slow else set())
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Hunt:
+    """What a search has at hand.
+
+    Attributes
+    ----------
+    candidates : tuple of Named
+    policy : Policy
+    journal : Journal
+    pins : bool
+        Whether pins too start from sizes that a workshop makes.
+    offsets : tuple of float
+        Where the gear's marks may be, where that is not known, rad.
+    """
+
+    candidates: tuple[Named, ...]
+    policy: Policy
+    journal: Journal
+    pins: bool = False
+    offsets: tuple[float, ...] = ()
+    _coarse: dict[object, RunSet] = field(default_factory=dict, repr=False)
+    _completed: dict[int, tuple[Fit, bool]] = field(default_factory=dict, repr=False)
+    _ranked: dict[int, tuple[Fit, list[Proposal]]] = field(default_factory=dict, repr=False)
+    _kept_gaps: list[Gaps] = field(default_factory=list, repr=False)
+    _rivals: dict[tuple[int, int], tuple[Fit, list[Node]]] = field(default_factory=dict, repr=False)
+
+    def coarse(self, node: Node) -> RunSet:
+        """The runs in few numbers, on few angles: near enough to choose whom to refit."""
+        bench = node.fit.bench
+        key = tuple((id(r.noise), r.orders, r.slow, int(r.kept.sum()), r.slips) for r in bench.records)
+        if key not in self._coarse:
+            made = RunSet.of(
+                bench.unit, bench.records, self.policy, points=self.policy.coarse, anywhere=bench.anywhere,
+                exponents=False,
+            )  # fmt: skip
+            beyond = tuple(
+                c for c in (*self.candidates, *((e.key, e.indices) for e in node.fit.declared.effects))
+                if source(c[0]).acts != "marks" and (source(c[0]).at_output or source(c[0]).frame == "sun")
+            )  # fmt: skip
+            self._coarse[key] = replace(made, few=beyond or (("", {}),))
+        return self._coarse[key]
+
+    # --- propose ------------------------------------------------------------------------------------------------------
+
+    def free(self, fit: Fit) -> list[Named]:
+        """Candidates that a model does not have."""
+        taken = {named(e) for e in fit.model.effects}
+        return [c for c in self.candidates if (c[0], *sorted(c[1].items())) not in taken]
+
+    def proposals(self, settled: Fit, plains: Sequence[Fit]) -> list[tuple[Fit, Proposal]]:
+        """Candidates by what a linear step promises, the best first: from the sizes as declared, and from the fitted.
+
+        Fitted sizes are of use only where they fit: elsewhere they have moved to make up for what is missing.
+        """
+        pairs = [(state, one) for state in plains for one in screened(state, self.free(settled))]
+        pairs.sort(key=lambda pair: pair[1].objective)
+        if settled.data >= settled.bound:
+            return pairs
+        near = [(settled, one) for one in screened(settled, self.free(settled))]
+        return [pair for both in zip(pairs, near, strict=False) for pair in both]
+
+    def significant(self, fit: Fit, fall: float, parameters: int) -> bool:
+        """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
+        chance = chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
+        return fall > chance + unsure(fit, self.policy)
+
+    # --- refit at the load --------------------------------------------------------------------------------------------
+
+    def children(self, node: Node) -> list[Node]:
+        """The node with one cause more, for the leading ones, refitted, the best first."""
+        policy = self.policy
+        settled = onto(self.coarse(node), node.fit)
+        plains = [as_declared(settled)]
+        if self.offsets and not node.fit.added:
+            plains = [evaluated(settled.bench, marked(plains[0].model, o), settled.declared) for o in self.offsets]
+        offers = self.proposals(settled, plains)
+        most = policy.evaluated * min(len(plains), 3)
+        trials = [t for state, one in offers[:most] if (t := tried(state, one))]
+        ahead = {(one.name[0], *sorted(one.name[1].items())) for _, one in offers[:most]}
+        for _, one in offers[most:]:
+            if (one.name[0], *sorted(one.name[1].items())) not in ahead:
+                first = offers[0][1]
+                self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
+        nodes = self._fine(node, self._raced(trials))
+        if not nodes or not self.complete(nodes[0]):
+            plain = min(plains, key=lambda p: p.objective)
+            more = workshop(offers, pins=False) + (workshop(offers[: policy.evaluated], pins=True) if self.pins else [])
+            more += mirrored(nodes, offers)
+            nodes += self._fine(node, self._raced([t for one in more if (t := tried(plain, one))]))
+        return sorted(nodes + self._regular(node), key=lambda n: n.score)
+
+    def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Successive halving: one joint step for the most promising, all steps for the best of these."""
+        policy = self.policy
+        kept = self._ahead(trials, policy.stepped, 2, "solved at the load: may leave")
+        kept = self._ahead([stepped(t, 1) for t in kept], policy.refitted + 3, 1, "after one joint step: may leave")
+        kept = self._ahead([stepped(t, 2) for t in kept], policy.refitted, 1, "after three joint steps: may leave")
+        return sorted((stepped(t, 12) for t in kept), key=lambda t: t.fit.objective)
+
+    def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
+        """The most promising trials; it is written down why the others fell."""
+        ordered = distinct(sorted(trials, key=lambda t: t.prospect), of_each)
+        kept = {named(t.fit.added[-1]) for t in ordered[:most]}
+        for trial in distinct(ordered[most:], 1):
+            last, best = trial.fit.added[-1], ordered[0].fit.added[-1]
+            if named(last) not in kept:
+                self._fell(
+                    (last.key, last.indices), why, trial.prospect - ordered[0].prospect, (best.key, best.indices)
+                )
+        return ordered[:most]
+
+    def _fell(self, name: Named, why: str, more: float, best: Named) -> None:
+        self.journal.note("fell", name, f"{why} {more:.3g} more than {describe(*best)}")
+
+    def _fine(self, node: Node, raced: Sequence[Trial]) -> list[Node]:
+        """The best of a race, fitted to every sample; those behind only where they are near, or it leaves something."""
+        nodes: list[Node] = []
+        for place, trial in enumerate(raced):
+            behind = trial.fit.objective - raced[0].fit.objective
+            if behind > self.policy.close and (place >= self.policy.finest or any(map(self.complete, nodes))):
+                break
+            steps = 10 if place else 30
+            fit = fitted(onto(node.fit.bench, trial.fit), steps=steps, enough=0.3)
+            nodes.append(Node(fit, node.lines, node.slow))
+        return sorted(nodes, key=lambda n: n.score)
+
+    def _regular(self, node: Node) -> list[Node]:
+        """The node with what is regular and no part's: the strongest free line, or runs that drift and settle."""
+        found = []
+        records = node.fit.bench.records
+        if not node.slow and all(r.turns > self.policy.settles for r in records):
+            slow = [r.settling for r in records]
+            power, _ = explained(records, onto_samples(node.fit), slow)
+            if self.significant(node.fit, power, sum(map(len, slow))):
+                bench = node.fit.bench.with_records([replace(r, slow=True) for r in records])
+                found.append(Node(fitted(onto(bench, node.fit)), node.lines, slow=True))
+        for line in best_lines(node.fit, self.policy, outside=True)[:1]:
+            lined = [replace(r, orders=(*r.orders, line.order)) for r in records]
+            fit = onto(node.fit.bench.with_records(lined), node.fit)
+            found.append(Node(fitted(fit), (*node.lines, line.order), node.slow))
+        return found
+
+    # --- compare ------------------------------------------------------------------------------------------------------
+
+    def complete(self, node: Node) -> bool:
+        """Tell whether nothing significant is left for any candidate or line, and no declared size is strained."""
+        if id(node.fit) not in self._completed:
+            self._completed[id(node.fit)] = (node.fit, self._is_complete(node))
+        return self._completed[id(node.fit)][1]
+
+    def _is_complete(self, node: Node) -> bool:
+        fit = node.fit
+        if fit.data > fit.bound or strained(fit) or best_lines(fit, self.policy, outside=False):
+            return False
+        return not any(
+            self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in self.ranking(fit)[:5]
+        )
+
+    def ranking(self, fit: Fit) -> list[Proposal]:
+        """Candidates by what a linear step promises beside a fit, made once."""
+        if id(fit) not in self._ranked:
+            self._ranked[id(fit)] = (fit, screened(fit, self.free(fit)))
+        return self._ranked[id(fit)][1]
+
+    def swapped(self, node: Node) -> Node:
+        """The node with each cause replaced by one that fits better in its place, if there is one."""
+        for _ in range(self.policy.most_effects):
+            better = [r for at in range(len(node.fit.added)) for r in self.rivals(node, at) if r.score < node.score - 1]
+            if not better:
+                return node
+            node = min(better, key=lambda n: n.score)
+        return node
+
+    def pruned(self, node: Node) -> Node:
+        """The node without causes and lines that later ones have made needless."""
+        while True:
+            less = [self.without(node, at) for at in range(len(node.fit.added))]
+            less += [self.without_line(node, order) for order in node.lines]
+            less += [self.without_drift(node)] if node.slow else []
+            needless = [
+                one for one in less
+                if not self.significant(node.fit, one.fit.objective - node.fit.objective, self._sizes(node, one))
+            ]  # fmt: skip
+            if not needless:
+                return node
+            node = min(needless, key=lambda n: n.score)
+
+    def _sizes(self, node: Node, less: Node) -> int:
+        """Number of sizes that one node has more than another."""
+        more = sum(len(e.values) for e in node.fit.added) - sum(len(e.values) for e in less.fit.added)
+        regular = 2 * (len(node.lines) - len(less.lines)) + 4 * (node.slow - less.slow)
+        return more + regular * len(node.fit.bench.records)
+
+    def without(self, node: Node, number: int) -> Node:
+        """The node without one cause, refitted."""
+        effects, at = node.fit.model.effects, len(node.fit.declared.effects) + number
+        model = replace(node.fit.model, effects=effects[:at] + effects[at + 1 :])
+        return Node(fitted(evaluated(node.fit.bench, model, node.fit.declared)), node.lines, node.slow)
+
+    def without_line(self, node: Node, order: float) -> Node:
+        """The node without one free line, refitted."""
+        records = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in node.fit.bench.records]
+        fit = fitted(onto(node.fit.bench.with_records(records), node.fit))
+        return Node(fit, tuple(o for o in node.lines if o != order), node.slow)
+
+    def without_drift(self, node: Node) -> Node:
+        """The node without what drifts and settles, refitted."""
+        records = [replace(r, slow=False) for r in node.fit.bench.records]
+        return Node(fitted(onto(node.fit.bench.with_records(records), node.fit)), node.lines)
+
+    def rivals(self, node: Node, number: int) -> list[Node]:
+        """The node with other causes in one's place that fit nearly as well, the best first."""
+        key = (id(node.fit), number)
+        if key not in self._rivals:
+            self._rivals[key] = (node.fit, self._found_rivals(node, number))
+        return self._rivals[key][1]
+
+    def _found_rivals(self, node: Node, number: int) -> list[Node]:
+        """Causes of the same gaps, elsewhere, or alike to first order; refitted where they come close."""
+        coarse = onto(self.coarse(node), node.fit)
+        rest = lifted(coarse, number)
+        effect, free = coarse.added[number], self.free(coarse)
+        exact = self._gaps(coarse.bench.unit).twins(effect, free)
+        others = [*exact, *elsewhere(effect, coarse.bench.unit, free)]
+        others += [
+            Effect(one.name[0], dict(one.name[1]), tuple(map(float, one.sizes)))
+            for one in screened(rest, free)[: self.policy.rivals]
+        ]
+        trials = []
+        for place, other in enumerate(others):
+            model = replace(rest.model, effects=(*rest.model.effects, other))
+            try:
+                state = evaluated(coarse.bench, model, coarse.declared, coarse.waves)
+            except NotConvergedError:
+                continue
+            trials.append(Trial(state, -math.inf if place < len(exact) else state.objective - proposed(state)[1]))
+        far = coarse.objective + 5 * self.policy.close
+        ordered = distinct(sorted((t for t in trials if t.prospect < far), key=lambda t: t.prospect), 1)
+        fits = [stepped(t, 8).fit for t in ordered[: self.policy.rivals // 2]]
+        near = [fit for fit in fits if fit.objective < coarse.objective + self.policy.close]
+        found = [Node(fitted(onto(node.fit.bench, fit)), node.lines, node.slow) for fit in near]
+        return sorted(found, key=lambda n: n.score)
+
+    def _gaps(self, unit: Reducer) -> Gaps:
+        if not self._kept_gaps:
+            self._kept_gaps.append(Gaps(unit, self.policy.same_gaps))
+        return self._kept_gaps[0]
+
+    def best(self, roots: Sequence[Node], expansions: int) -> tuple[Node, list[Node], bool]:
+        """Search from roots: the node with the most evidence, all that were refitted, and whether nothing is left."""
+        waiting = sorted(roots, key=lambda n: n.score)
+        seen = list(waiting)
+        for _ in range(expansions):
+            if not waiting:
+                break
+            node = self.pruned(waiting.pop(0))
+            seen.append(node)
+            if self.complete(node):
+                return self.swapped(node), seen, True
+            if len(node.names) >= self.policy.most_effects:
+                continue
+            self.journal.tell(
+                f"looking beside {', '.join(describe(e.key, e.indices) for e in node.fit.added) or 'what was declared'}"
+            )
+            self.journal.round += 1
+            for child in self.children(node):
+                parameters = self._sizes(child, node)
+                if self.significant(node.fit, node.fit.objective - child.fit.objective, parameters):
+                    if all(child.names != other.names for other in seen):
+                        waiting.append(child)
+                    seen.append(child)
+            waiting = sorted(waiting, key=lambda n: n.score)[: self.policy.branches]
+        return min(seen, key=lambda n: n.score), seen, False
+
+
+def strained(fit: Fit) -> bool:
+    """Tell whether sizes and stiffnesses lie farther from where they were declared than chance would put them."""
+    first = sum(len(e.values) for e in fit.declared.effects)
+    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
+    weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
+    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    return float(weights @ off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+
+
+def unsure(fit: Fit, policy: Policy) -> float:
+    """Squares that the errors of the equilibrium itself leave."""
+    return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.bench.records if r.noise)
+
+
+def lifted(fit: Fit, number: int) -> Fit:
+    """The state without one of the added effects' part, the contacts as they are with it."""
+    effects = fit.model.effects
+    at = len(fit.declared.effects) + number
+    first = sum(len(e.values) for e in effects[:at])
+    own = np.arange(first, first + len(effects[at].values))
+    values = np.array(effects[at].values)
+    rows, data = [], 0.0
+    kept = np.delete(np.arange(fit.moment.size), own)
+    for white in fit.rows:
+        rest = white[0] + values @ white[1 + own]
+        rows.append(np.concatenate([rest[None], white[1 + kept]]))
+        data += float(rest @ rest)
+    model = replace(fit.model, effects=effects[:at] + effects[at + 1 :])
+    return replace(
+        fit, model=model, rows=tuple(rows), data=data, gram=fit.gram[np.ix_(kept, kept)],
+        moment=(fit.moment + fit.gram[:, own] @ values)[kept],
+    )  # fmt: skip
+
+
+def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
+    """So many of each cause at most, in order."""
+    count: dict[object, int] = {}
+    kept = []
+    for trial in trials:
+        name = named(trial.fit.added[-1])
+        count[name] = count.get(name, 0) + 1
+        if count[name] <= most:
+            kept.append(trial)
+    return kept
+
+
+def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effect]:
+    """The same cause of the same or the opposite sizes on other cranks and discs: contacts alone tell such apart.
+
+    Of a pin the one that another disc meets as this disc meets it.
+    """
+    places = ("crank", "disc", "pin")
+    kept = {k: v for k, v in effect.indices.items() if k not in places}
+    found = []
+    for key, indices in free:
+        if key != effect.key or {k: v for k, v in indices.items() if k not in places} != kept:
+            continue
+        if isinstance(indices.get("pin"), int) and isinstance(effect.indices.get("pin"), int):
+            apart = (int(indices["pin"]) - int(effect.indices["pin"])) * unit.discs
+            if apart % unit.pins:
+                continue
+        signs = (1.0, -1.0) if all(p.least < 0 for p in source(key).parameters) and "pin" not in indices else (1.0,)
+        found += [Effect(key, dict(indices), tuple(sign * v for v in effect.values)) for sign in signs]
+    return found
+
+
+def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> list[Proposal]:
+    """The opposite of what was fitted: pins that are drawn back only unload themselves, so a wave can look like another
+    one of the opposite sign, and a fit end there."""
+    named_offers: dict[object, Proposal] = {(one.name[0], *sorted(one.name[1].items())): one for _, one in offers}
+    result = []
+    for node in nodes:
+        effect = node.fit.added[-1]
+        if source(effect.key).false_minima and named(effect) in named_offers:
+            sizes = np.array(effect.values)
+            result += [replace(named_offers[named(effect)], sizes=-times * sizes) for times in (1.0, 2.0)]
+    return result
+
+
+def workshop(offers: Sequence[tuple[Fit, Proposal]], *, pins: bool) -> list[Proposal]:
+    """Sizes that a workshop makes, in several directions, of sources whose waveforms bend as contacts open."""
+    result = []
+    each = {(one.name[0], *sorted(one.name[1].items())): one for _, one in reversed(offers)}
+    for one in each.values():
+        entry = source(one.name[0])
+        fixed = entry.frame == "housing"
+        if not (entry.false_minima or entry.frame == "bearing") or fixed != pins:
+            continue
+        reach = np.array([p.plausible for p in entry.parameters])
+        if len(reach) == 1:
+            directions = np.array([[0.2], [-0.2]]) if entry.parameters[0].least < 0 else np.array([[0.1], [0.3]])
+        elif len(reach) == 2 and "pin" in one.name[1]:
+            directions = np.array([[-0.2, 0.0], [-0.2, 0.25], [-0.2, -0.25]])
+        elif len(reach) == 2:
+            angle = np.arange(6) * math.pi / 3
+            directions = 0.17 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        else:
+            directions = 0.1 * np.concatenate([np.eye(len(reach)), -np.eye(len(reach))])
+        result += [replace(one, sizes=direction * reach) for direction in directions]
+    return result
+
+
+def marked(model: Model, offset: float) -> Model:
+    """The model with its marks at an offset."""
+    effects = tuple(replace(e, values=(offset,)) if source(e.key).acts == "marks" else e for e in model.effects)
+    return replace(model, effects=effects)
+
+
+def onto(bench: RunSet, fit: Fit) -> Fit:
+    """The same sizes on another bench."""
+    near = all(a.turn == b.turn for a, b in zip(bench.conditions, fit.bench.conditions, strict=True))
+    return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
+
+
+def as_declared(fit: Fit) -> Fit:
+    """Declared sizes and stiffness back at what was declared; what was added stays."""
+    count = len(fit.declared.effects)
+    kept = [
+        now if source(now.key).acts == "marks" else then
+        for now, then in zip(fit.model.effects[:count], fit.declared.effects, strict=True)
+    ]
+    model = replace(fit.declared, effects=(*kept, *fit.model.effects[count:]))
+    return evaluated(fit.bench, model, fit.declared, fit.waves)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A state with one candidate more, and the objective that a fit of everything may reach from there."""
+
+    fit: Fit
+    prospect: float
+
+
+def tried(fit: Fit, one: Proposal) -> Trial | None:
+    """The candidate at the size that it would take, everything else held."""
+    parameters = source(one.name[0]).parameters
+    most = np.array([0.7 * p.plausible for p in parameters])
+    sizes = one.sizes / max(1.0, float((np.abs(one.sizes) / most).max()))
+    effect = Effect(one.name[0], dict(one.name[1]), tuple(map(float, sizes)))
+    try:
+        state = evaluated(fit.bench, replace(fit.model, effects=(*fit.model.effects, effect)), fit.declared, fit.waves)
+    except NotConvergedError:
+        return None
+    return Trial(state, state.objective - proposed(state)[1])
+
+
+def stepped(trial: Trial, steps: int) -> Trial:
+    """So many joint steps more."""
+    fit = fitted(trial.fit, steps=steps, enough=0.5)
+    return Trial(fit, fit.objective - proposed(fit)[1])

@@ -1,0 +1,42 @@
+"""Faults of a run that show only once all that is regular is out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.diagnosis.gears.record import Record
+from rverror.runs.faults import Faults, find_faults
+
+
+def second_look(before: Sequence[Record], residual: Sequence[Array], *, least: float = 0.0) -> list[Record] | None:
+    """Records without what stands out of the residual of a fit; None where nothing more does.
+
+    Parameters
+    ----------
+    before : sequence of Record
+    residual : sequence of ndarray, shape (n,)
+        Of each, rad.
+    least : float
+        Noise that a run must have to be looked at, rad: with less, the model's own kinks would be faults.
+    """
+    changed, records = False, []
+    for record, rest in zip(before, residual, strict=True):
+        records.append(record)
+        if record.noise is not None and record.noise.rms < least:
+            continue
+        clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
+        known = Faults(record.theta, record.kept, np.zeros(0, dtype=np.intp), np.zeros(0))
+        try:
+            found = find_faults(record.theta, clean, residual=True, earlier=known)
+        except ValueError as problem:
+            raise InputError(f"{record.name}: {problem}") from problem
+        if found.spikes.size or found.slips:
+            changed = True
+            slips = tuple(sorted({*record.slips, *(slip.index for slip in found.slips)}))
+            records[-1] = replace(record, kept=found.kept, slips=slips, more=(*record.more, *found.notes()))
+    return records if changed else None

@@ -1,0 +1,228 @@
+"""Runs of a reducer as they are fitted: samples, what may have any size in each, noise, and where the gears stood."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
+from rverror.diagnosis.gears.noise import Flags, RunNoise, Whitening
+from rverror.diagnosis.gears.waveform import Conditioned
+from rverror.diagnosis.policy import Policy
+from rverror.geartrain.contacts import motion
+from rverror.geartrain.kinematics import Conditions, Pose
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.effects import Model
+from rverror.runs.faults import Faults, find_faults
+from rverror.runs.measurement import Run
+
+_SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
+_SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
+_TURN = 2 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One run.
+
+    Attributes
+    ----------
+    name : str
+    theta, error : ndarray, shape (n,)
+        Nominal output angle and transmission error in the order of time, rad.
+    direction : float
+    torque : float, optional
+        N*mm.
+    kept : ndarray of bool, shape (n,)
+        Samples that were not set aside.
+    starts : tuple of int
+        First sample of each series between gaps.
+    slips : tuple of int
+        First sample after each slip of the reading.
+    time : ndarray, optional
+    zero : str
+        Label of a zero that it shares.
+    orders : tuple of float
+        Free lines, each of any size in this run.
+    slow : bool
+        Whether it drifts or settles by itself.
+    noise : RunNoise, optional
+    faults : Faults, optional
+        What was found before any cause was looked for.
+    more : tuple of str
+        What was set aside later, in words.
+    """
+
+    name: str
+    theta: Array
+    error: Array
+    direction: float
+    torque: float | None
+    kept: Flags
+    starts: tuple[int, ...] = (0,)
+    slips: tuple[int, ...] = ()
+    time: Array | None = None
+    zero: str = ""
+    orders: tuple[float, ...] = ()
+    slow: bool = False
+    noise: RunNoise | None = None
+    faults: Faults | None = None
+    more: tuple[str, ...] = ()
+
+    @cached_property
+    def nuisance(self) -> Array:
+        """What may have any size: offset unless it is shared, slips, lines; shape (k, n)."""
+        n = self.theta.size
+        rows = [] if self.zero else [np.ones(n)]
+        rows += [(np.arange(n) >= at).astype(np.float64) for at in self.slips]
+        rows += [wave(order * self.theta) for order in self.orders for wave in (np.cos, np.sin)]
+        rows += list(self.settling) if self.slow else []
+        return np.array(rows, dtype=np.float64).reshape(len(rows), n)
+
+    @cached_property
+    def settling(self) -> Array:
+        """Slow changes that any run may have beside its offset: a drift, and three that settle sooner or later."""
+        clock = np.arange(self.theta.size, dtype=np.float64) if self.time is None else self.time - self.time[0]
+        share = clock / max(float(np.abs(clock).max()), 1e-300)
+        return np.stack([share, *(np.exp(-share / within) for within in _SETTLES)])
+
+    @cached_property
+    def whiten(self) -> Whitening:
+        """Whitening under its noise."""
+        assert self.noise is not None
+        return Whitening(self.noise, self.kept, self.starts, self.nuisance)
+
+    def pose(self, unit: Reducer) -> Pose:
+        """Motion at the samples."""
+        return motion(unit, Conditions(self.theta, self.direction, self.torque, self.time))
+
+    @property
+    def turns(self) -> float:
+        """Output turns that it travels."""
+        return float(np.ptp(self.theta)) / _TURN * self.theta.size / max(self.theta.size - 1, 1)
+
+    def settled(self, rest: Array) -> Array:
+        """What it drifts and settles by, and slips, by least squares on a residual."""
+        own = replace(self, slow=False, slips=()).nuisance
+        steps = np.array([np.arange(rest.size) >= at for at in self.slips], dtype=np.float64).reshape(-1, rest.size)
+        more = np.concatenate([steps, self.settling]) if self.slow else steps
+        rows = np.concatenate([more, own])
+        sizes = np.linalg.lstsq(rows[:, self.kept].T, rest[self.kept], rcond=1e-10)[0]
+        return np.asarray(sizes[: len(more)] @ more)
+
+    def without_nuisance(self, rest: Array) -> Array:
+        """A residual less what offset, slips and lines make of it, by least squares."""
+        rows = self.nuisance if not self.zero else np.concatenate([np.ones((1, rest.size)), self.nuisance])
+        at = self.kept
+        sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
+        return np.asarray(rest - sizes @ rows)
+
+
+def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[Record], list[str]]:
+    """Runs as they are fitted, without what cannot be, and what was noticed.
+
+    Raises
+    ------
+    InputError
+        If a run cannot be used; the message says why.
+    """
+    result, notes = [], []
+    labels = [run.index if run.index != "unknown" else "" for run in runs]
+    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
+        name = run.path or f"run {number + 1}"
+        if np.unique(run.direction).size > 1:
+            raise InputError(f"{name}: the run turns both ways; write one file per direction")
+        run.check_effects(model, name)
+        notes += [f"{name}: {note}" for note in run.notes]
+        theta, error = run.nominal_angle(model), run.error(model)
+        if theta.size < policy.least_rows:
+            raise InputError(
+                f"{name}: {theta.size} samples; {policy.least_rows} or more are needed to tell noise from error: "
+                "measure a longer stretch, or more samples a turn"
+            )
+        try:
+            faults = find_faults(theta, error)
+        except ValueError as problem:
+            raise InputError(f"{name}: {problem}") from problem
+        notes += [f"{name}: {note}" for note in faults.notes()]
+        shared = label if labels.count(label) > 1 and label else ""
+        if shared and not run.torque:
+            notes.append(f"{name}: index {label}: without output_torque its windup is unknown; it has its own offset")
+            shared = ""
+        made = Record(
+            name, theta, error, float(run.direction[0]), run.torque or None, np.ones(theta.size, dtype=np.bool_),
+            time=run.time, zero=shared,
+        )  # fmt: skip
+        result.append(_with_faults(made, faults))
+    return result, notes
+
+
+def _with_faults(record: Record, faults: Faults) -> Record:
+    """The record with what was found: rows that say nothing go, spikes and short gaps stay as places without value."""
+    spikes = np.zeros(record.theta.size, dtype=np.bool_)
+    spikes[faults.spikes] = True
+    used = faults.kept | spikes
+    for slip in faults.slips:
+        used[slip.index] = True
+    slips = [slip.index for slip in faults.slips]
+    short = {g.index: g.samples for g in faults.gaps if 0 < g.samples <= _SHORT_GAP}
+    breaks = [g.index for g in faults.gaps if g.index not in short] + list(faults.turned)
+    theta: list[float] = []
+    error: list[float] = []
+    kept: list[bool] = []
+    clock: list[float] = []
+    place = np.zeros(record.theta.size + 1, dtype=np.intp)
+    for at in range(record.theta.size):
+        place[at] = len(theta)
+        if at in short and theta:
+            for share in np.arange(1, short[at] + 1) / (short[at] + 1):
+                theta.append(theta[-1] * 0 + record.theta[at - 1] + share * (record.theta[at] - record.theta[at - 1]))
+                error.append(0.0)
+                kept.append(False)
+                if record.time is not None:
+                    clock.append(float(record.time[at - 1] + share * (record.time[at] - record.time[at - 1])))
+            place[at] = len(theta)
+        if used[at]:
+            theta.append(float(record.theta[at]))
+            error.append(float(record.error[at]))
+            kept.append(bool(faults.kept[at]))
+            if record.time is not None:
+                clock.append(float(record.time[at]))
+    place[-1] = len(theta)
+    starts = sorted({0, *(int(place[at]) for at in breaks)} - {len(theta)})
+    return replace(
+        record, theta=np.array(theta), error=np.array(error), kept=np.array(kept, dtype=np.bool_), starts=tuple(starts),
+        slips=tuple(int(place[at]) for at in slips), time=np.array(clock) if record.time is not None else None,
+        faults=faults,
+    )  # fmt: skip
+
+
+def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> tuple[list[Conditioned], list[int]]:
+    """Conditions, each once, and which each record has; their grids cover what was travelled, or a turn."""
+    low, high = min(r.theta.min() for r in records), max(r.theta.max() for r in records)
+    step = _TURN / points
+    if anywhere or high - low > 0.8 * _TURN:
+        grid: AngleGrid = whole(_start(records[0], points), _TURN, points)
+    else:
+        grid = stretch(low, high, step)
+    found: list[Conditioned] = []
+    which = []
+    for record in records:
+        key = (record.direction, record.torque)
+        at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
+        if at is None:
+            found.append(Conditioned(*key, grid))
+            at = len(found) - 1
+        which.append(at)
+    return found, which
+
+
+def _start(record: Record, points: int) -> float:
+    """First angle of a grid of a turn: that of a sample, so that even samples lie on it."""
+    return float(record.theta.min())

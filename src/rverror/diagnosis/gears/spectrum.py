@@ -1,0 +1,142 @@
+"""Lines of any order in what is left of the runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.diagnosis.gears.fit import Fit, onto_samples
+from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.samples.lines import line_spectrum
+from rverror.runs.spectrum import frames_of_order
+
+_MOST_PEAKS = 24  # that are looked at closer
+
+
+@dataclass(frozen=True)
+class LineFound:
+    """A line that noise does not explain.
+
+    Attributes
+    ----------
+    order : float
+    power : float
+        Squared distance from nothing in standard deviations, of all runs.
+    waves : tuple of complex
+        cos - i sin of each run, rad.
+    """
+
+    order: float
+    power: float
+    waves: tuple[complex, ...]
+
+
+def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> list[LineFound]:
+    """Significant lines of the residual, the strongest first; each is taken out before the next is looked for.
+
+    Parameters
+    ----------
+    fit : Fit
+    policy : Policy
+    outside : bool
+        Only orders that no part of the reducer has.
+    most : int
+    """
+    records, rests = list(fit.bench.records), onto_samples(fit)
+    unit, turns, found = fit.bench.unit, max(r.turns for r in fit.bench.records), list[LineFound]()
+    # nearer than one wave more or less over the travel a line is the part's, with a swell
+    apart = max(policy.order_tolerance, 1 / turns)
+    for _ in range(_MOST_PEAKS):
+        line = _strongest(records, rests, policy)
+        if line is None or len(found) == most:
+            break
+        records = [replace(r, orders=(*r.orders, line.order)) for r in records]
+        framed = bool(frames_of_order(unit, line.order, tolerance=apart))
+        least = max(policy.accuracy, policy.model_share * _predicted(records, rests, line.order) if framed else 0.0)
+        if np.mean(np.abs(line.waves)) > least and not (framed and outside):
+            found.append(line)
+    return found
+
+
+def _strongest(records: Sequence[Record], rests: Sequence[Array], policy: Policy) -> LineFound | None:
+    """The strongest significant line of any order, if there is one."""
+    turns = max(r.turns for r in records)
+    highest = policy.sampled * min(
+        math.pi / float(np.quantile(np.abs(np.diff(r.theta))[np.diff(r.theta) != 0], 0.9)) for r in records
+    )
+    lowest = policy.least_cycles / turns
+    total: Array | None = None
+    orders: Array | None = None
+    for record, rest in zip(records, rests, strict=True):
+        assert record.noise is not None
+        clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
+        order, power = line_spectrum(record.theta, clean, record.noise, lowest, highest)
+        if orders is None or total is None:
+            orders, total = order, power.copy()
+        else:
+            total = total + np.interp(orders, order, power)
+    assert orders is not None
+    assert total is not None
+    if orders.size < 3:
+        return None
+    cells = orders.size / 2
+    limit = chi_square(policy.false_alarm / cells, 2 * len(records))
+    peak = np.flatnonzero((total[1:-1] >= total[:-2]) & (total[1:-1] > total[2:]) & (total[1:-1] > 0.8 * limit)) + 1
+    for at in peak[np.argsort(-total[peak])][:40]:
+        near = policy.taken / turns
+        if any(abs(orders[at] - o) < near for r in records for o in r.orders):
+            continue
+        line = _sharpened(records, rests, float(orders[at]), turns)
+        if line.power > limit:
+            return line
+    return None
+
+
+def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:
+    """Order of the highest power near one, over all runs."""
+    near = order + np.linspace(-0.4, 0.4, 17) / turns
+    powers = [power_of(records, rests, o)[0] for o in near]
+    best = int(np.argmax(powers))
+    top = near[best]
+    if 0 < best < near.size - 1:
+        left, middle, right = powers[best - 1 : best + 2]
+        top = near[best] + 0.5 * (left - right) / (left - 2 * middle + right) * (near[1] - near[0])
+    power, waves = power_of(records, rests, float(top))
+    return LineFound(float(top), power, tuple(waves))
+
+
+def power_of(records: Sequence[Record], rests: Sequence[Array], order: float) -> tuple[float, list[complex]]:
+    """Power of one line by its own fit in each whitened run."""
+    rows = [np.stack([np.cos(order * record.theta), np.sin(order * record.theta)]) for record in records]
+    power, sizes = explained(records, rests, rows)
+    return power, [complex(size[0], -size[1]) for size in sizes]
+
+
+def explained(records: Sequence[Record], rests: Sequence[Array], rows: Sequence[Array]) -> tuple[float, list[Array]]:
+    """Squares that rows of each run take off its whitened residual, and their sizes."""
+    total, sizes = 0.0, []
+    for record, rest, own in zip(records, rests, rows, strict=True):
+        white = record.whiten(np.concatenate([rest[None], own]))
+        scale = np.maximum(np.linalg.norm(white[1:], axis=1), 1e-300)
+        unit = white[1:] / scale[:, None]
+        size = np.linalg.lstsq(unit.T, white[0], rcond=1e-8)[0]
+        total += float(size @ (unit @ white[0]))
+        sizes.append(size / scale)
+    return total, sizes
+
+
+def _predicted(records: Sequence[Record], rests: Sequence[Array], order: float) -> float:
+    """Amplitude of the prediction about an order, mean of all runs, rad."""
+    sizes = []
+    for record, rest in zip(records, rests, strict=True):
+        near = order + np.linspace(-1, 1, 5) / record.turns
+        wave = (record.error - rest)[record.kept]
+        wave = (wave - wave.mean()) * np.exp(-1j * np.outer(near, record.theta[record.kept]))
+        sizes.append(2 * float(np.abs(wave.mean(axis=1)).max()))
+    return float(np.mean(sizes))

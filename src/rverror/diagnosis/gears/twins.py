@@ -1,0 +1,80 @@
+"""Causes that no run can tell from one, but by what the one can do and the other cannot: they close the same gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.diagnosis.gears.waveform import Named
+from rverror.geartrain.action_line import Clearance, Compliance, Contacts
+from rverror.geartrain.contacts import pose
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
+from rverror.statics.energy import Errors, error_closing, geometry
+
+_ANGLES, _GOLDEN = 16, 0.6180339887  # irregular against every order
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """What sources close at all contacts of a gear train.
+
+    Attributes
+    ----------
+    unit : Reducer
+    same : float
+        Share of the gaps that sources may lack and still close the very same ones.
+    """
+
+    unit: Reducer
+    same: float
+    _made: dict[object, Array | None] = field(default_factory=dict, repr=False)
+
+    def twins(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
+        """Other sources that close the gaps of an effect, or of which its source can do all; in the nearest size."""
+        own = self.of((effect.key, effect.indices))
+        if own is None:
+            return []
+        gaps, found = np.array(effect.values) @ own, []
+        for key, indices in candidates:
+            rows = self.of((key, indices))
+            if rows is None or (key, dict(indices)) == (effect.key, dict(effect.indices)):
+                continue
+            if _apart(gaps[None], rows) < self.same or _apart(rows, own) < self.same:
+                sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
+                found.append(Effect(key, dict(indices), tuple(float(size) for size in sizes)))
+        return found
+
+    def of(self, named: Named) -> Array | None:
+        """Gaps per parameter of a source, at some angles; None where it closes none of its own."""
+        key = (named[0], tuple(sorted(named[1].items())))
+        if key not in self._made:
+            self._made[key] = self._rows(named)
+        return self._made[key]
+
+    def _rows(self, named: Named) -> Array | None:
+        entry, indices = source(named[0]), named[1]
+        if entry.at_output:
+            return None
+        motion = pose(self.unit, 2 * np.pi * np.mod(_GOLDEN * np.arange(_ANGLES), 1), direction=1.0, torque=1.0)
+        assert isinstance(motion, Contacts)
+        if isinstance(entry.vector(motion, **indices), (Clearance, Compliance)):
+            return None
+        contacts = geometry(motion)
+        zero = _flat(error_closing(contacts, ()))
+        units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
+        return np.array([_flat(error_closing(contacts, (unit,))) - zero for unit in units])
+
+
+def _apart(rows: Array, others: Array) -> float:
+    """Share of rows that no combination of others makes."""
+    sizes = np.linalg.lstsq(others.T, rows.T, rcond=1e-9)[0]
+    return float(np.linalg.norm(rows - sizes.T @ others) / max(float(np.linalg.norm(rows)), 1e-300))
+
+
+def _flat(errors: Errors) -> Array:
+    return np.concatenate([errors.pin.ravel(), errors.flank.ravel(), errors.joint.ravel()])

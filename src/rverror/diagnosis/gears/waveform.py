@@ -1,0 +1,144 @@
+"""The gear train under the conditions of a run, solved where the joint went, with every change that a fit asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.geartrain.action_line import ContactForces
+from rverror.geartrain.contacts import closed_form_forces, motion
+from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
+from rverror.geartrain.mechanism import ContactLaw, Reducer, Stiffness
+from rverror.geartrain.source import IndexValue
+from rverror.model.catalogue import source
+from rverror.model.compose import source_matrix
+from rverror.model.effects import Effect
+from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
+from rverror.statics.prediction import turned
+
+Named = tuple[str, Mapping[str, IndexValue]]
+
+#: Of the contact law.
+EXPONENTS = tuple(field.name for field in fields(ContactLaw))
+_MOST_EXPONENT = 1.5  # a point contact of Hertz
+_REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
+
+
+def softened(unit: Reducer, change: Array) -> Reducer:
+    """The reducer with each of `SOFTENING` changed: logarithms of six compliances, backlash, exponents, in bounds."""
+    softer = dict(zip(SOFTENING, change, strict=True))
+    stiffness = Stiffness(
+        **{
+            field.name: getattr(unit.stiffness, field.name) * math.exp(-softer[field.name])
+            for field in fields(Stiffness)
+        }
+    )
+    law = ContactLaw(**{k: min(max(getattr(unit.contact_law, k) + softer[k], 1.0), _MOST_EXPONENT) for k in EXPONENTS})
+    backlash = max(unit.gear_backlash + float(softer["gear_backlash"]), 0.0)
+    return replace(unit, stiffness=stiffness, contact_law=law, gear_backlash=backlash)
+
+
+@dataclass(frozen=True, eq=False)
+class Waveform:
+    """Output error of a gear train over a grid, and its changes.
+
+    Attributes
+    ----------
+    grid : AngleGrid
+    error : ndarray, shape (points,)
+        rad.
+    rows : ndarray, shape (parameters, points)
+        Change per parameter of each effect that the contacts feel.
+    soft : ndarray, shape (9, points)
+        Change per unit of each of `SOFTENING`.
+    effects : tuple of Effect
+        Felt by the contacts.
+    unit : Reducer
+    poses : ndarray, optional
+    """
+
+    grid: AngleGrid
+    error: Array
+    rows: Array
+    soft: Array
+    effects: tuple[Effect, ...]
+    unit: Reducer
+    poses: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """One direction and torque, over a stretch of travel: what every solution shares.
+
+    Attributes
+    ----------
+    direction : float
+    torque : float, optional
+        N*mm; None for the closed form.
+    turn : AngleGrid
+        Over the angles that were travelled, or one turn.
+    """
+
+    direction: float
+    torque: float | None
+    turn: AngleGrid
+    _kept: dict[AngleGrid, Statics] = field(default_factory=dict, repr=False)
+
+    def repeat(self, unit: Reducer) -> AngleGrid:
+        """One turn of the crank against the carrier."""
+        return whole(self.turn.start, 2 * math.pi / fundamental_orders(unit)["crank"], _REPEAT_POINTS)
+
+    def _statics(self, unit: Reducer, grid: AngleGrid) -> Statics:
+        """Statics over a grid; geometry is made once, what the stiffness changes only where it does."""
+        made = self._kept.get(grid)
+        if made is None:
+            made = statics_of(unit, Conditions(grid.theta, self.direction, self.torque))
+        self._kept[grid] = made = made.elastic(unit)
+        return made
+
+    def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
+        return motion(unit, Conditions(grid.theta, self.direction, self.torque))
+
+    def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
+        """Waveform with these effects, all felt by the contacts; from poses near it where there are."""
+        if self.torque is None:
+            grid = self.turn
+            where = self._motion(unit, grid)
+            forces = closed_form_forces(where)
+            rows = _matrix(where, forces, [(e.key, e.indices) for e in effects])
+            values = np.array([v for e in effects for v in e.values])
+            return Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)
+        alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
+        grid = self.repeat(unit) if alike else self.turn
+        statics = self._statics(unit, grid)
+        start = None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
+        solved = statics.predict(effects, start)
+        return Waveform(grid, solved.transmission_error, solved.matrix, solved.softening, effects, unit, solved.poses)
+
+    def _carried(self, near: Waveform, grid: AngleGrid) -> Array | None:
+        """Poses over one turn of the crank at the angles of another grid: after each the gear train stands as it did,
+        turned with the carrier."""
+        if near.poses is None or not near.grid.closed or near.grid.points == self.turn.points or grid != self.turn:
+            return None
+        still = turned(near.unit, near.poses, near.grid.start - near.grid.theta)
+        at = grid.theta - near.grid.start
+        return turned(near.unit, near.grid.to_samples(grid.theta + 1e-3 * grid.step)(still.T).T, at)
+
+    def forces(self, wave: Waveform) -> tuple[Pose, ContactForces]:
+        """Motion and forces per unit torque over the whole grid of travel, in the state of a waveform."""
+        where = self._motion(wave.unit, self.turn)
+        if self.torque is None:
+            return where, closed_form_forces(where)
+        statics = self._statics(wave.unit, self.turn)
+        start = wave.poses if wave.grid == self.turn else self._carried(wave, self.turn)
+        return statics.motion, statics.forces(wave.effects, start)
+
+
+def _matrix(where: Pose, forces: ContactForces, named: Sequence[Named]) -> Array:
+    rows = [source_matrix(where, forces, key, indices) for key, indices in named]
+    return np.concatenate([np.zeros((0, where.theta.size)), *rows])

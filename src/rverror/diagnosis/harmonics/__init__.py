@@ -1,1 +1,0 @@
-"""The likelihood of a reducer's whole periods: harmonics in units of their noise."""

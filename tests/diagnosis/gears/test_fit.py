@@ -1,0 +1,230 @@
+"""The joint fit: its derivatives against differences, its covariance against scatter, its bounds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import rverror
+from gear_runs import OTHER, UNIT, begin, red, runs_of
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import (
+    Fit,
+    RunSet,
+    deviation,
+    evaluated,
+    fitted,
+    moved,
+    proposed,
+    renoised,
+    soft_spread,
+)
+from rverror.diagnosis.gears.noise import RunNoise
+from rverror.diagnosis.gears.record import records_of
+from rverror.diagnosis.policy import POLICY
+from rverror.geartrain.mechanism import ContactLaw, Stiffness
+from rverror.model.catalogue import source
+from rverror.statics.loaded_state import SOFTENING
+
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+PLAY = rverror.effect("crank.bearing_clearance", clearance="6 um", uncertainty="3 um")
+PROFILE = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="4 um", sin="3 um")
+ENCODER = rverror.effect("sensor.encoder_eccentricity", cos="2 arcsec", sin="-1 arcsec", uncertainty="1 arcsec")
+SOFT = replace(UNIT, contact_law=ContactLaw(pin_exponent=1.1, flank_exponent=1.08))
+LOADS = ((1.0, 30e3), (-1.0, 30e3), (1.0, 150e3), (-1.0, 150e3))
+
+
+@pytest.fixture(scope="module")
+def state() -> Fit:
+    """Somewhere beside the minimum, with declared, added, felt and read effects, and a zero that two runs share."""
+    declared = rverror.Model(SOFT, (PLAY, ENCODER))
+    runs = runs_of(rverror.Model(OTHER, (PLAY, CAM)), LOADS[:3], points=512)
+    runs = [*runs[:2], replace(runs[2])]
+    records, _ = records_of(declared, runs, POLICY)
+    records = [replace(r, zero="A" if i < 2 else "", noise=RunNoise(np.array([0.5]), 2 * ARCSEC))
+               for i, r in enumerate(records)]  # fmt: skip
+    bench = RunSet.of(SOFT, records, POLICY, points=512, anywhere=False)
+    start = rverror.Model(SOFT, (PLAY, ENCODER, CAM, PROFILE))
+    step = np.concatenate([[1e-3, 1e-6, 1e-6], 1e-3 * np.ones(4), [0.1, -0.1, 0.05, 0.1, 0.1, 0.1, 2e-3, 0.02, 0.03]])
+    return evaluated(bench, moved(start, np.append(step, 0.0)), declared)
+
+
+def nudged(state: Fit, at: int, by: float) -> Fit:
+    step = np.zeros(state.moment.size)
+    step[at] = by
+    return evaluated(state.bench, moved(state.model, step), state.declared, state.waves)
+
+
+def steps(state: Fit) -> Array:
+    """Of each value, small beside what matters."""
+    sizes = [1e-5 * p.plausible for e in state.model.effects for p in source(e.key).parameters]
+    return np.array([*sizes, *[1e-4] * 6, 1e-5, 1e-4, 1e-4])
+
+
+def test_every_change_of_the_prediction_is_that_of_differences(state: Fit) -> None:
+    """Each row, whitened, of every run: sizes that are felt and read, compliances, backlash and exponents."""
+    assert state.moment.size == 3 + 4 + 9 + 1
+    zero = np.concatenate([white[-1] for white in state.rows])
+    zero /= np.linalg.norm(zero)
+
+    def beside(parts: list[Array]) -> Array:
+        """All runs, less what the shared zero makes of it."""
+        every = np.concatenate(parts)
+        return np.asarray(every - (every @ zero) * zero)
+
+    for at, by in enumerate(steps(state)):
+        up, down = nudged(state, at, by), nudged(state, at, -by)
+        change = beside([(low[0] - high[0]) / (2 * by) for high, low in zip(up.rows, down.rows, strict=True)])
+        row = beside([white[1 + at] for white in state.rows])
+        assert np.linalg.norm(row - change) < 2e-3 * max(float(np.linalg.norm(change)), 1e-6 / by), at
+    assert not state.rows[2][-1].any()
+
+
+def test_gradient_and_curvature_of_the_objective(state: Fit) -> None:
+    """As the step takes them: of the squares over their scale, and of the priors about what was declared."""
+    assert state.scale > 2  # beyond what noise makes: the logarithm counts
+    weights, off = state.weights[:-1], deviation(state.model, state.declared, SOFT, 1)
+    for at, by in enumerate(steps(state)):
+        up, down = nudged(state, at, by), nudged(state, at, -by)
+        slope = (up.objective - down.objective) / (2 * by)
+        middle = state.moment[at] / state.scale
+        prior = (up.prior - down.prior) / (2 * by)
+        assert slope - prior == pytest.approx(-2 * middle, rel=5e-3, abs=1e-3 * math.sqrt(state.gram[at, at])), at
+        assert prior == pytest.approx(2 * weights[at] * off[at], rel=1e-3, abs=1e-6 * weights[at] * by), at
+        curvature = (up.prior - 2 * state.prior + down.prior) / by**2
+        assert curvature == pytest.approx(2 * weights[at], rel=1e-2), at
+
+
+def test_a_zero_that_runs_share_is_taken_off_once(state: Fit) -> None:
+    """Readings moved together change nothing, and a step says truly what it leaves."""
+    assert state.moment[-1] == pytest.approx(0, abs=1e-6 * math.sqrt(state.gram[-1, -1] * state.data))
+    records = [replace(r, error=r.error + (90 * ARCSEC if r.zero else 0.0)) for r in state.bench.records]
+    moved_zero = evaluated(state.bench.with_records(records), state.model, state.declared, state.waves)
+    assert moved_zero.data == pytest.approx(state.data, rel=1e-6)
+    assert moved_zero.moment[:-1] == pytest.approx(state.moment[:-1], rel=1e-4, abs=1e-4 * np.abs(state.moment).max())
+    step = np.zeros(state.moment.size)
+    step[3:5] = 1e-5  # of the cam
+    after = evaluated(moved_zero.bench, moved(state.model, step), state.declared, state.waves)
+    zero = -(state.gram[-1, :-1] @ step[:-1]) / state.gram[-1, -1]
+    step[-1] = zero
+    left = moved_zero.data - 2 * step @ moved_zero.moment + step @ moved_zero.gram @ step
+    assert after.data == pytest.approx(left, rel=1e-4)
+
+
+def test_priors_are_those_of_the_declaration(state: Fit) -> None:
+    """3 um, 1 arcsec twice, workshop sizes, a quarter of the stiffness, half the backlash, a tenth of an exponent."""
+    plausible = [p.plausible for e in (CAM, PROFILE) for p in source(e.key).parameters]
+    sigma = [3e-3, ARCSEC, ARCSEC, *(0.5 * p for p in plausible), *[0.25] * 6, 0.01, 0.1, 0.1]
+    assert 1 / np.sqrt(state.weights[:-1]) == pytest.approx(sigma)
+    assert state.weights[-1] == 0
+    exact = replace(SOFT, stiffness_uncertainty=replace(SOFT.stiffness_uncertainty, gear_mesh=0.0))
+    assert soft_spread(exact, POLICY)[SOFTENING.index("gear_mesh")] == 0
+
+
+def test_squares_beyond_noise_count_by_their_logarithm(state: Fit) -> None:
+    n = state.bench.freedom
+    assert state.bound == pytest.approx(n + 5 * math.sqrt(2 * n))
+    assert state.objective - state.prior == pytest.approx(state.bound * (1 + math.log(state.data / state.bound)))
+    assert replace(state, data=0.9 * n).objective - state.prior == pytest.approx(0.9 * n)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_stiffness_and_sizes_come_back_within_their_uncertainty(seed: int) -> None:
+    """Two loads and both directions, stiffness a third off, noise with a colour; the errors of all values together."""
+    true = rverror.Model(OTHER, (CAM, PROFILE))
+    declared = rverror.Model(UNIT)
+    runs = runs_of(true, LOADS, seed=seed, rms=0.5)
+    first = begin(declared, runs)
+    fit = evaluated(first.bench, rverror.Model(UNIT, (CAM, PROFILE)), declared)
+    fit = fitted(renoised(fitted(fit, steps=40)), steps=40)
+    assert fit.converged
+    assert fit.data < fit.bound
+    now = fit.model.mechanism
+    assert isinstance(now, rverror.Reducer)
+    pairs = zip(fit.model.effects, true.effects, strict=True)
+    off = [float(d) for e, x in pairs for d in np.subtract(e.values, x.values)]
+    off += [-math.log(getattr(now.stiffness, k) / getattr(OTHER.stiffness, k)) for k in SOFTENING[:6]]
+    off += [now.gear_backlash - OTHER.gear_backlash]
+    off += [getattr(now.contact_law, k) - getattr(OTHER.contact_law, k) for k in SOFTENING[7:]]
+    sigma = np.sqrt(np.diag(fit.covariance))
+    assert np.abs(off / sigma).max() < 4
+    distance = float(np.array(off) @ np.linalg.solve(fit.covariance, np.array(off)))
+    assert distance < chi2.isf(1e-3, len(off))
+    told = sigma[4:10] < 0.5 * 0.25
+    assert told[SOFTENING.index("pin_contact")]
+    # the declared stiffness itself lies outside
+    assert math.log(200e3 / now.stiffness.pin_contact) / sigma[4] > 4
+
+
+def test_the_covariance_is_that_of_many_draws() -> None:
+    """Linear at the truth: noise and declared stiffness drawn anew, the step back is as long as the covariance says."""
+    policy = replace(POLICY, backlash_share=0.2, exponent_spread=0.03)
+    truth = replace(UNIT, contact_law=ContactLaw(pin_exponent=1.15, flank_exponent=1.15))
+    model = rverror.Model(truth, (CAM,))
+    runs = runs_of(model, LOADS, points=512, rms=1e-6)
+    records, _ = records_of(rverror.Model(truth), runs, policy)
+    noise = RunNoise(np.array([0.7]), 0.5 * ARCSEC * math.sqrt(1 - 0.7**2))
+    records = [replace(r, noise=noise) for r in records]
+    bench = RunSet.of(truth, records, policy, points=512, anywhere=False)
+    waves = evaluated(bench, model, rverror.Model(truth)).waves
+    distances, inside = [], []
+    for seed in range(24):
+        z = np.random.default_rng(seed).normal(size=11)
+        names = SOFTENING[:6]
+        stated = replace(
+            truth,
+            stiffness=Stiffness(
+                **{k: getattr(truth.stiffness, k) * math.exp(0.25 * s) for k, s in zip(names, z[:6], strict=True)}
+            ),
+            gear_backlash=truth.gear_backlash / max(1 + 0.2 * z[6], 0.3),
+            contact_law=ContactLaw(
+                pin_exponent=max(1.15 - 0.03 * z[7], 1.0), flank_exponent=max(1.15 - 0.03 * z[8], 1.0)
+            ),
+        )
+        middle = np.array([CAM.values[0], CAM.values[1]])
+        drawn = [replace(r, error=r.error + red(seed * 10 + i, r.error.size, 0.5)) for i, r in enumerate(records)]
+        own = replace(bench.with_records(drawn), unit=stated)
+        fit = evaluated(own, model, rverror.Model(stated), waves)
+        step, _ = proposed(fit)
+        # the prior of a size is about nothing: what it pulls is known, 8 and 5 um of its 0.5 * plausible
+        pull = fit.covariance[:, :2] @ (fit.weights[:2] * middle)
+        error = step + pull
+        keep = np.isfinite(fit.weights)
+        distances.append(float(error[keep] @ np.linalg.solve(fit.covariance[np.ix_(keep, keep)], error[keep])))
+        inside += list(np.abs(error[keep]) < 1.96 * np.sqrt(np.diag(fit.covariance)[keep]))
+    total, freedom = sum(distances), 24 * int(keep.sum())
+    assert chi2.isf(0.9995, freedom) < total < chi2.isf(5e-4, freedom)
+    assert 0.90 < np.mean(inside) < 0.99
+
+
+def test_a_clearance_never_falls_below_nothing() -> None:
+    """Runs without play, a declared play of 6 +- 3 um: it ends at 0 or above, and other sizes are no worse for it."""
+    true = rverror.Model(UNIT, (CAM,))
+    declared = rverror.Model(UNIT, (PLAY,))
+    first = begin(declared, runs_of(true, LOADS, points=512, rms=0.1))
+    fit = fitted(evaluated(first.bench, rverror.Model(UNIT, (PLAY, CAM)), declared), steps=40)
+    assert 0 <= fit.model.effects[0].values[0] < 3e-3
+    at = replace(PLAY, values=(0.0,))
+    bound = evaluated(first.bench, rverror.Model(UNIT, (at, CAM)), declared)
+    step, gain = proposed(bound)
+    assert step[0] >= 0
+    assert gain >= -1e-6
+    assert moved(bound.model, -np.ones(step.size) * 1e-3).effects[0].values == (0.0,)
+
+
+def test_steps_never_raise_the_objective_and_end() -> None:
+    true = rverror.Model(OTHER, (CAM, PROFILE))
+    declared = rverror.Model(UNIT)
+    fit = begin(declared, runs_of(true, LOADS[:2], points=512))
+    fit = evaluated(fit.bench, rverror.Model(UNIT, (CAM, PROFILE)), declared)
+    objectives = [fit.objective]
+    for _ in range(8):
+        fit = fitted(fit, steps=1)
+        objectives.append(fit.objective)
+    assert np.all(np.diff(objectives) <= 0)
+    assert objectives[-1] < objectives[0] - 100

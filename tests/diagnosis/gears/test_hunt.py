@@ -1,0 +1,192 @@
+"""The search's steps, each by itself: what is needless goes, what fits as well is named, what is strained is no end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import OTHER, UNIT, begin, runs_of
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, renoised
+from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, distinct, lifted, named, strained, tried, unsure
+from rverror.diagnosis.gears.reducers import candidates_of
+from rverror.diagnosis.gears.screen import screened
+from rverror.diagnosis.policy import POLICY
+from rverror.diagnosis.search import Journal
+from rverror.model.effects import Effect, Model
+
+BARE = Model(UNIT)
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+PINS = rverror.effect("cycloid.pin_radius", pin="all", deviation="6 um")
+BOTH_WAYS = ((1.0, 50e3), (-1.0, 50e3), (1.0, 150e3))
+
+
+def settled(true: Model, *effects: Effect, declared: Model = BARE, **more: Any) -> Node:
+    """The fit of runs with these effects added."""
+    runs = runs_of(true, BOTH_WAYS, points=1024, **more)
+    first = begin(declared, runs)
+    start = replace(first.model, effects=(*declared.effects, *effects))
+    return Node(fitted(renoised(fitted(evaluated(first.bench, start, declared), steps=30)), steps=30))
+
+
+def hunt_of(node: Node) -> Hunt:
+    candidates = candidates_of(node.fit.declared, node.fit.bench.records, POLICY)
+    return Hunt(candidates, POLICY, Journal(lambda text: None))
+
+
+@pytest.fixture(scope="module")
+def right() -> Node:
+    """The true cause, fitted."""
+    return settled(Model(OTHER, (CAM,)), CAM)
+
+
+@pytest.fixture(scope="module")
+def crowded() -> Node:
+    """The true cause beside one that is needless, and a line that is none."""
+    profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=3, cos="0.5 um")
+    node = settled(Model(OTHER, (CAM,)), CAM, profile)
+    records = [replace(r, orders=(23.37,)) for r in node.fit.bench.records]
+    fit = fitted(evaluated(node.fit.bench.with_records(records), node.fit.model, BARE, node.fit.waves))
+    return Node(fit, (23.37,))
+
+
+def test_pruning_drops_what_is_needless_and_keeps_what_is_not(crowded: Node) -> None:
+    hunt = hunt_of(crowded)
+    left = hunt.pruned(crowded)
+    assert [e.key for e in left.fit.added] == ["crank.eccentricity"]
+    assert left.lines == ()
+    assert all(r.orders == () for r in left.fit.bench.records)
+    assert left.score < crowded.score
+    assert left.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
+
+
+def test_evidence_asks_more_of_more_sizes(right: Node, crowded: Node) -> None:
+    """The score of a needless cause is worse by about the logarithm of how much better its sizes are known."""
+    fit = crowded.fit
+    covariance = fit.covariance
+    own = covariance[2:4, 2:4]
+    plausible = [p.plausible for p in rverror.CATALOGUE["cycloid.disc_profile"].parameters]
+    expected = -math.log(np.linalg.det(own) / np.prod([(0.5 * p) ** 2 for p in plausible]))
+    hunt = hunt_of(crowded)
+    less = hunt.without_line(hunt.without(crowded, 1), 23.37)
+    lines = 2 * POLICY.row_cost * len(fit.bench.records)
+    cam = [np.linalg.slogdet(f.covariance[:2, :2])[1] for f in (fit, less.fit)]
+    whole = np.linalg.slogdet(covariance[:2, :2])[1]
+    assert crowded.score - less.score == pytest.approx(
+        fit.objective - less.fit.objective + expected + lines - (whole - cam[1]), abs=1e-6
+    )
+    assert less.score == pytest.approx(right.score, abs=20)
+
+
+def test_nothing_is_complete_without_the_cause_and_all_is_with_it(right: Node) -> None:
+    assert hunt_of(right).complete(right)
+    without = Node(fitted(evaluated(right.fit.bench, BARE, BARE)))
+    assert not hunt_of(without).complete(without)
+
+
+def test_a_strained_fit_is_never_complete() -> None:
+    """A declared size that is off by 8 of its uncertainties; with five times the uncertainty it is not."""
+    wrong = replace(CAM, values=(CAM.values[0] - 8e-4, CAM.values[1]), uncertainty=1e-4)
+    node = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (wrong,)))
+    assert node.fit.data < node.fit.bound
+    assert strained(node.fit)
+    nobody = replace(hunt_of(node), candidates=())
+    assert not nobody.complete(node)
+    bench = replace(node.fit.bench, policy=replace(POLICY, strained=1e-200))
+    assert nobody.complete(Node(replace(node.fit, bench=bench)))  # nothing but the strain is against it
+    calm = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (replace(wrong, uncertainty=5e-4),)))
+    assert not strained(calm.fit)
+
+
+def test_rivals_hold_the_exact_twin_at_another_place(right: Node) -> None:
+    """Half a turn on, crank 1 stands as crank 0 did and disc 1 as disc 0: no run tells the two apart."""
+    rivals = hunt_of(right).rivals(right, 0)
+    twin = next(r for r in rivals if dict(r.fit.added[0].indices) == {"crank": 1, "disc": 1})
+    assert twin.fit.added[0].key == CAM.key
+    assert twin.fit.objective == pytest.approx(right.fit.objective, abs=0.2)
+    assert twin.fit.added[0].values == pytest.approx(right.fit.added[0].values, abs=1e-5)
+
+
+def test_rivals_hold_the_exact_twin_of_another_key() -> None:
+    """A disc ground smaller all around is pins that are all larger."""
+    node = settled(Model(UNIT, (PINS, CAM)), PINS, declared=Model(UNIT, (CAM,)), rms=0.1)
+    rivals = hunt_of(node).rivals(node, 0)
+    keys = {r.fit.added[0].key: r for r in rivals}
+    assert "cycloid.profile_modification" in keys, sorted(keys)
+    twin = keys["cycloid.profile_modification"]
+    assert twin.fit.objective == pytest.approx(node.fit.objective, abs=1.0)
+
+
+def test_what_is_lifted_is_the_residual_with_it_back_in(right: Node) -> None:
+    """Its linear part at the contacts as they are; then the screen finds it again at its size."""
+    rest = lifted(right.fit, 0)
+    assert rest.added == ()
+    assert rest.data > 20 * right.fit.data
+    for white, now in zip(rest.rows, right.fit.rows, strict=True):
+        assert white[0] == pytest.approx(now[0] + np.array(right.fit.added[0].values) @ now[1:3])
+    assert rest.moment == pytest.approx(sum(w[1:] @ w[0] for w in rest.rows))
+    (one,) = screened(rest, [(CAM.key, dict(CAM.indices))])
+    assert one.sizes == pytest.approx(right.fit.added[0].values, abs=3e-4)
+    assert one.objective == pytest.approx(right.fit.objective, abs=5)
+
+
+def test_the_screen_says_what_a_linear_refit_reaches(right: Node) -> None:
+    """Against generalised least squares under the priors, written out; the true cause comes first."""
+    start = as_declared(Node(fitted(evaluated(right.fit.bench, BARE, BARE))).fit)
+    hunt = hunt_of(right)
+    ranking = screened(start, hunt.candidates)
+    assert ranking[0].name[0] == "crank.eccentricity"
+    one = next(r for r in ranking if r.name == ("cycloid.disc_pitch", {"disc": 0, "harmonic": 1}))
+    rows = start.bench.influences(start.model, start.waves, [one.name])
+    white = [np.concatenate([w, s.whiten(r)]) for w, s, r in zip(start.rows, start.bench.sights, rows, strict=True)]
+    every = np.concatenate(white, axis=1)
+    prior = np.array([0.5 * p.plausible for p in rverror.CATALOGUE[one.name[0]].parameters])
+    weights = np.concatenate([start.weights, prior**-2])
+    step = np.concatenate([one.step, one.sizes])
+    left = every[0] - step @ every[1:]
+    scale = max(1.0, float(left @ left) / start.bound)
+    gradient = every[1:] @ left / scale - weights * step  # as declared: every prior is about where it stands
+    size = np.sqrt(np.sum(every[1:] ** 2, axis=1) / scale + weights)
+    assert np.abs(gradient / size).max() < 0.02 * math.sqrt(start.bound)
+    data = float(left @ left)
+    counted = data if data < start.bound else start.bound * (1 + math.log(data / start.bound))
+    assert one.objective == pytest.approx(counted + float(weights @ step**2), rel=1e-6)
+
+
+def test_a_size_that_cannot_be_is_not_offered() -> None:
+    """Play is never negative: where the runs ask for less it is no candidate."""
+    play = rverror.effect("crank.bearing_clearance", clearance="5 um")
+    node = settled(Model(UNIT), declared=Model(UNIT, (play,)))
+    exact = evaluated(node.fit.bench, Model(UNIT, (play,)), Model(UNIT, (play,)))
+    names = {one.name[0]: one for one in screened(exact, [("coupling.bearing_clearance", {})])}
+    assert all(one.sizes[0] >= 0 for one in names.values())
+
+
+def test_trials_start_at_sizes_that_a_workshop_makes(right: Node) -> None:
+    without = fitted(evaluated(right.fit.bench, BARE, BARE))
+    (one,) = screened(without, [("crank.eccentricity", {"crank": 0, "disc": 0})])
+    plausible = np.array([p.plausible for p in rverror.CATALOGUE["crank.eccentricity"].parameters])
+    wild = tried(without, replace(one, sizes=100 * one.sizes))
+    calm = tried(without, one)
+    assert wild is not None
+    assert calm is not None
+    assert np.abs(wild.fit.added[0].values / plausible).max() == pytest.approx(0.7)
+    assert calm.fit.added[0].values == pytest.approx(one.sizes)
+    assert calm.prospect < without.objective
+    twice = [calm, wild, calm]
+    assert distinct(twice, 2) == [calm, wild]
+    assert named(calm.fit.added[0]) == ("crank.eccentricity", ("crank", 0), ("disc", 0))
+
+
+def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) -> None:
+    """0.02 arcsec over n samples in 0.3 of noise: a 225th of a square each."""
+    fit: Fit = right.fit
+    n = sum(r.theta.size for r in fit.bench.records)
+    assert unsure(fit, POLICY) == pytest.approx(n / 225, rel=0.1)
+    hunt = hunt_of(right)
+    assert not hunt.significant(fit, unsure(fit, POLICY) + 10, 2)
+    assert hunt.significant(fit, unsure(fit, POLICY) + 40, 2)

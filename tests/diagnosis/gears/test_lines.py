@@ -1,0 +1,109 @@
+"""Lines of any order in what a fit leaves: their order and size, and how often noise is taken for one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import TURN, UNIT, begin, red
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import Fit, renoised
+from rverror.diagnosis.gears.spectrum import best_lines, explained, power_of
+from rverror.diagnosis.policy import POLICY
+
+MODEL = rverror.Model(UNIT)
+N = 1024
+
+
+def left(wave: Array | float, seed: int = 0, *, turns: float = 1.0, runs: int = 1, memory: float = 0.7) -> Fit:
+    """A fit of which a wave in noise is left; closed form, so that nothing is solved."""
+    theta = TURN / N * np.arange(round(N * turns))
+    made = [
+        rverror.run_from_arrays(
+            input_angle=UNIT.ratio * theta,
+            output_angle=theta + wave + red(100 * seed + i, theta.size, 0.3, memory),
+            direction="forward",
+        )
+        for i in range(runs)
+    ]
+    return begin(MODEL, made)
+
+
+@pytest.mark.parametrize("order", [56.5, 23.37, 11.3, 5.27])
+@pytest.mark.parametrize("turns", [1.0, 3.0])
+def test_a_line_of_no_part_is_found_with_its_order(order: float, turns: float) -> None:
+    """1.5 arcsec in 0.3 of noise: the order to 0.05 over one turn, to a third of it over three."""
+    theta = TURN / N * np.arange(round(N * turns))
+    fit = left(1.5 * ARCSEC * np.cos(order * theta + 0.4), turns=turns)
+    (line,) = best_lines(fit, POLICY, outside=True)
+    assert line.order == pytest.approx(order, abs=0.05 / turns)
+    assert abs(line.waves[0]) == pytest.approx(1.5 * ARCSEC, rel=0.1)
+    assert np.angle(line.waves[0]) == pytest.approx(0.4, abs=0.2)
+
+
+def test_lines_come_the_most_significant_first_and_no_lobe_of_theirs() -> None:
+    theta = TURN / N * np.arange(3 * N)
+    wave = ARCSEC * (np.cos(11.3 * theta) + 2 * np.cos(23.37 * theta) + 1.5 * np.cos(91.7 * theta))
+    found = best_lines(left(wave, turns=3), POLICY, outside=True, most=5)
+    assert [line.order for line in found] == pytest.approx([91.7, 23.37, 11.3], abs=0.02)
+
+
+def test_a_part_s_order_is_no_line_of_the_outside() -> None:
+    """Order 16 is the cranks'; asked for all orders it is a line too."""
+    theta = TURN / N * np.arange(N)
+    fit = left(2 * ARCSEC * np.cos(16 * theta))
+    assert best_lines(fit, POLICY, outside=True) == []
+    (line,) = best_lines(fit, POLICY, outside=False)
+    assert line.order == pytest.approx(16, abs=0.05)
+
+
+def test_what_is_free_already_is_not_found_again() -> None:
+    theta = TURN / N * np.arange(3 * N)
+    fit = left(2 * ARCSEC * np.cos(23.37 * theta), turns=3)
+    records = [replace(r, orders=(23.37,)) for r in fit.bench.records]
+    freed = renoised(replace(fit, bench=fit.bench.with_records(records)))
+    assert best_lines(freed, POLICY, outside=False) == []
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.7, 0.95])
+def test_noise_is_seldom_taken_for_a_line(memory: float) -> None:
+    """One in a thousand runs by the policy: two in sixty have a chance of 2e-3."""
+    wrong = sum(bool(best_lines(left(0.0, s, memory=memory), POLICY, outside=False)) for s in range(60))
+    assert wrong <= 1
+
+
+def test_runs_in_which_a_line_stands_alike_tell_it_together() -> None:
+    """Of four runs the power is the sum, at any phase."""
+    theta = TURN / N * np.arange(N)
+    wave = 0.4 * ARCSEC * np.cos(23.37 * theta)
+    alone, four = left(wave, runs=1), left(wave, runs=4)
+    power = [power_of(f.bench.records, f.residual, 23.37)[0] for f in (alone, four)]
+    assert power[1] / power[0] == pytest.approx(4, rel=0.5)
+
+
+def test_power_is_what_a_line_takes_off_the_squares() -> None:
+    theta = TURN / N * np.arange(N)
+    fit = left(ARCSEC * np.cos(30 * theta))
+    (record,), (rest,) = fit.bench.records, fit.residual
+    rows = np.stack([np.cos(30 * theta), np.sin(30 * theta)])
+    power, (sizes,) = explained([record], [rest], [rows])
+    before, after = (float(np.sum(record.whiten(r[None]) ** 2)) for r in (rest, rest - sizes @ rows))
+    assert power == pytest.approx(before - after)
+    assert power == pytest.approx(power_of([record], [rest], 30.0)[0])
+    assert math.hypot(*sizes) == pytest.approx(ARCSEC, rel=0.1)
+
+
+def test_no_line_is_smaller_than_the_equilibrium_is_right_to() -> None:
+    theta = TURN / N * np.arange(N)
+    run = rverror.run_from_arrays(
+        input_angle=UNIT.ratio * theta,
+        output_angle=theta + 0.02 * ARCSEC * np.cos(23.37 * theta) + red(0, N, 1e-3),
+        direction="forward",
+    )
+    assert best_lines(begin(MODEL, [run]), POLICY, outside=False) == []
+    assert best_lines(begin(MODEL, [run]), replace(POLICY, accuracy=0.01 * ARCSEC), outside=False)

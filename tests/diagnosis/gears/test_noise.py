@@ -1,0 +1,142 @@
+"""Noise of one run, and what is left of its samples once they are white: against dense generalised least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from gear_runs import red
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.noise import RunNoise, Whitening, noise_of
+
+FLOOR = 1e-3 * ARCSEC
+
+
+def covariance(noise: RunNoise, n: int) -> Array:
+    """Of so many samples on end, by the correlation of the autoregressive model summed over its impulse response."""
+    response = lfilter([noise.sigma], np.concatenate([[1.0], -noise.coefficients]), np.eye(1, 4000)[0])
+    return np.asarray(toeplitz([response[: 4000 - lag] @ response[lag:] for lag in range(n)]))
+
+
+def least_squares(rows: Array, values: Array, spread: Array) -> tuple[Array, Array, float]:
+    """Sizes, their covariance and the squares that are left, written out."""
+    inverse = np.linalg.inv(spread)
+    gram = rows @ inverse @ rows.T
+    sizes = np.linalg.solve(gram, rows @ inverse @ values)
+    rest = values - sizes @ rows
+    return sizes, np.linalg.inv(gram), float(rest @ inverse @ rest)
+
+
+@given(
+    st.integers(0, 2**16),
+    st.lists(st.floats(-0.8, 0.8), min_size=0, max_size=3),
+    st.sets(st.integers(8, 56), max_size=6),
+    st.booleans(),
+)
+@settings(max_examples=40, deadline=None)
+def test_whitened_rows_are_generalised_least_squares(
+    seed: int, reflections: list[float], dropped: set[int], offset: bool
+) -> None:
+    """Given its first samples a series is its innovations; one that is set aside is a row and column that is gone."""
+    n, rng = 60, np.random.default_rng(seed)
+    coefficients = np.zeros(0)
+    for one in reflections:  # Levinson's recursion keeps the model stable
+        coefficients = np.append(coefficients - one * coefficients[::-1], one)
+    noise, lags = RunNoise(coefficients, 0.7), coefficients.size
+    kept = np.ones(n, dtype=np.bool_)
+    kept[list(dropped)] = False
+    nuisance = np.ones((1, n)) if offset else np.zeros((0, n))
+    values, rows = rng.normal(size=n), rng.normal(size=(2, n))
+    white = Whitening(noise, kept, (0,), nuisance)(np.concatenate([values[None], rows]))
+    sizes = np.linalg.solve(white[1:] @ white[1:].T, white[1:] @ white[0])
+    # conditional on the first samples: their covariance and what they foretell are taken off the others'
+    whole = covariance(noise, n)
+    first, then = np.arange(lags), np.flatnonzero(kept & (np.arange(n) >= lags))
+    told = whole[np.ix_(then, first)] @ np.linalg.inv(whole[np.ix_(first, first)])
+    spread = whole[np.ix_(then, then)] - told @ whole[np.ix_(first, then)]
+    every = np.concatenate([rows, nuisance])
+    expected, variance, squares = least_squares(
+        every[:, then] - every[:, first] @ told.T, values[then] - told @ values[first], spread
+    )
+    assert sizes == pytest.approx(expected[:2], rel=1e-6, abs=1e-9)
+    assert np.linalg.inv(white[1:] @ white[1:].T) == pytest.approx(variance[:2, :2], rel=1e-6, abs=1e-9)
+    rest = white[0] - sizes @ white[1:]
+    assert float(rest @ rest) == pytest.approx(squares, rel=1e-6, abs=1e-9)
+
+
+def test_a_series_begins_anew_after_a_gap() -> None:
+    """Both parts by themselves: no sample of the first foretells one of the second."""
+    noise, rng = RunNoise(np.array([0.8]), 1.0), np.random.default_rng(1)
+    values = rng.normal(size=(1, 50))
+    kept, none = np.ones(50, dtype=np.bool_), np.zeros((0, 50))
+    white = Whitening(noise, kept, (0, 20), none)
+    parts = [values[:, a:b] for a, b in ((0, 20), (20, 50))]
+    apart = [Whitening(noise, np.ones(p.shape[1], dtype=np.bool_), (0,), none[:, : p.shape[1]])(p) for p in parts]
+    assert white(values) == pytest.approx(np.concatenate(apart, axis=1))
+    assert white.freedom == white(values).shape[1] == 48
+    assert list(white.usable[18:20]) == [19, 21]
+    assert white.sparse @ values[0] == pytest.approx(white.filtered(values)[0])
+
+
+def test_nothing_is_left_of_what_may_have_any_size() -> None:
+    noise, n = RunNoise(np.array([0.5, 0.2]), 0.3), 200
+    nuisance = np.stack([np.ones(n), np.cos(np.arange(n) / 9)])
+    white = Whitening(noise, np.ones(n, dtype=np.bool_), (0,), nuisance)
+    assert white(np.array([[3.0, -2.0]]) @ nuisance) == pytest.approx(0, abs=1e-9)
+    assert white(np.zeros((0, n))).shape == (0, n - 2)
+
+
+FREQUENCIES = np.array([0.1, 0.5, 1.5, 2.5])  # rad per sample
+
+
+def told(memory: float, seed: int, *, lines: float = 0.0, every: int = 0) -> tuple[Array, float]:
+    """Spectrum and rms that are found, over the true ones; every so manieth sample is set aside."""
+    n = 4096
+    theta = 2 * np.pi * np.arange(n) / n
+    kept = np.ones(n, dtype=np.bool_)
+    residual = red(seed, n, 0.3, memory) + lines * ARCSEC * (3 * np.cos(40 * theta) + np.cos(391.3 * theta + 1))
+    if every:
+        kept[::every] = False
+        residual[::every] = 1.0  # a spike
+    true = RunNoise(np.array([memory]), 0.3 * ARCSEC * np.sqrt(1 - memory**2))
+    found = noise_of(residual, kept, 2.0, floor=FLOOR)
+    return np.asarray(found.spectrum(FREQUENCIES) / true.spectrum(FREQUENCIES)), found.rms / true.rms
+
+
+@pytest.mark.parametrize(("memory", "every"), [(0.0, 0), (0.7, 0), (0.95, 0), (0.0, 97), (0.7, 97)])
+def test_the_colour_of_one_pass_is_found(memory: float, every: int) -> None:
+    """One pass of n under a Hann window knows a spectrum of p lags to sqrt(4 p 35 / 18 n), a quarter."""
+    shape, size = zip(*(told(memory, seed, every=every) for seed in range(20)), strict=True)
+    assert np.mean(shape, axis=0) == pytest.approx(np.ones(4), abs=0.12)
+    assert np.std(shape, axis=0).max() < 1.3 * np.sqrt(4 * 32 * 35 / 18 / 4096)
+    assert np.mean(size) == pytest.approx(1, abs=0.03)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.7, 0.95])
+def test_lines_ten_times_the_noise_are_not_taken_for_it(memory: float) -> None:
+    """Each fills five bins of a band, which are cut at eight medians: as noise the power would be a hundred times."""
+    shape, size = zip(*(told(memory, seed, lines=1.0) for seed in range(12)), strict=True)
+    assert np.all(np.mean(shape, axis=0) < 1.5)
+    assert np.all(np.mean(shape, axis=0) > 0.9)
+    assert np.mean(size) == pytest.approx(1, abs=0.15)
+
+
+def test_a_perfect_fit_is_no_certainty() -> None:
+    found = noise_of(np.zeros(500), np.ones(500, dtype=np.bool_), 1.0, floor=FLOOR)
+    assert found.rms == pytest.approx(FLOOR, rel=1e-6)
+
+
+def test_what_was_fitted_is_not_counted_twice() -> None:
+    """A residual of which a tenth was fitted away has the noise of the whole."""
+    n, size = 1000, []
+    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(n, 100)))[0]
+    for seed in range(10):
+        white = np.random.default_rng(seed + 1).normal(size=n)
+        left = white - basis @ (basis.T @ white)
+        size.append(noise_of(left, np.ones(n, dtype=np.bool_), 100.0, floor=1e-6).rms)
+    assert np.mean(size) == pytest.approx(1, abs=0.02)

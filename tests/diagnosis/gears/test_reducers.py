@@ -1,0 +1,240 @@
+"""End to end on simulated runs of a small reducer whose stiffness is not the declared one, in coloured noise.
+
+Half a turn on, crank 1 and disc 1 stand as crank 0 and disc 0 did, and each pin as the opposite one: such twins belong
+in every answer.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import OTHER, TURN, UNIT, red, runs_of
+from oracle import REALISTIC
+from pages import ROOT
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.policy import POLICY
+from rverror.diagnosis.result import Diagnosis
+from rverror.model.effects import Model
+
+sys.path.append(str(ROOT / "benchmarks"))
+
+from real_bench.simulator import Law, PartErrors, Reality, put_effect, transmission_error
+
+BARE = Model(UNIT)
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+PIN = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
+HERE = ("crank.eccentricity", {"crank": 0, "disc": 0})
+TWIN = ("crank.eccentricity", {"crank": 1, "disc": 1})
+TRUE = Model(OTHER, (CAM,))
+
+
+def sets(found: Diagnosis) -> list[list[tuple[str, dict[str, Any]]]]:
+    """Of each addition, it and what cannot be told from it."""
+    return [
+        [(key, dict(indices)) for key, indices in [(a.effect.key, a.effect.indices), *a.indistinguishable]]
+        for a in found.added
+    ]
+
+
+def the_cam_is_named(found: Diagnosis) -> None:
+    """Alone, with its twin, its size within its interval, and nothing but noise left."""
+    (names,) = sets(found)
+    assert HERE in names
+    assert TWIN in names
+    assert len(names) <= 4
+    for estimate, size in zip(found.added[0].estimates, CAM.values, strict=True):
+        half = (estimate.high - estimate.low) / 2
+        assert half < 0.2e-3
+        assert abs(estimate.value - size) < 2 * half  # four standard deviations
+    assert found.noise_rms == pytest.approx(0.3 * ARCSEC, rel=0.1)
+    assert found.after.heldout_rms < 1.15 * 0.3 * ARCSEC
+
+
+def test_one_turn_each_way_names_the_cause_and_says_the_stiffness() -> None:
+    found = rverror.diagnose(BARE, runs_of(TRUE))
+    assert found.verdict == "explained"
+    the_cam_is_named(found)
+    assert found.before.heldout_rms > 0.999 * found.before_refitted.heldout_rms
+    assert found.before_refitted.heldout_rms > 3 * found.after.heldout_rms
+    soft = {e.name: e for e in found.elastic}
+    assert soft["pin_contact"].told
+    assert soft["pin_contact"].low < OTHER.stiffness.pin_contact < soft["pin_contact"].high < 200e3
+    for name in ("crank_bearing", "carrier_bearing", "gear_mesh"):
+        assert soft[name].low < getattr(OTHER.stiffness, name) < soft[name].high
+    assert isinstance(found.model.mechanism, rverror.Reducer)
+    assert found.model.mechanism.stiffness.pin_contact == soft["pin_contact"].value
+
+
+def test_other_stiffness_alone_is_no_missing_error() -> None:
+    for seed in range(3):
+        found = rverror.diagnose(BARE, runs_of(Model(OTHER), ((1.0, 50e3), (-1.0, 120e3)), seed=seed))
+        assert found.verdict == "nothing_missing"
+        assert found.added == found.unexplained == ()
+
+
+@pytest.mark.parametrize(("start", "turns"), [(1.0, 0.4), (4.0, 10 / 360)])
+def test_a_part_of_a_turn_is_diagnosed_from_anywhere(start: float, turns: float) -> None:
+    """0.4 of a turn names the cam; ten degrees hold a bit less than half a turn of the crank, and say less."""
+    found = rverror.diagnose(BARE, runs_of(TRUE, points=4096 if turns < 0.1 else 2048, turns=turns, start=start))
+    assert any("alike over a short travel" in note for note in found.notes)
+    if turns > 0.1:
+        assert found.verdict == "explained"
+        the_cam_is_named(found)
+    else:
+        assert all(HERE in names for names in sets(found))
+        assert found.noise_rms < 0.4 * ARCSEC
+
+
+def test_a_pin_and_its_opposite_one_are_named_together() -> None:
+    found = rverror.diagnose(BARE, runs_of(Model(OTHER, (PIN,))))
+    (names,) = sets(found)
+    assert ("cycloid.pin_position", {"pin": 5}) in names
+    assert ("cycloid.pin_position", {"pin": 13}) in names
+    assert found.verdict == "explained"
+    for estimate, size in zip(found.added[0].estimates, PIN.values, strict=True):
+        assert abs(estimate.value - size) < estimate.high - estimate.low
+
+
+def test_a_ratio_whose_turns_do_not_close_needs_one_turn_only() -> None:
+    """Ratio 44.2: all parts stand as before after five turns, all but the sun after one."""
+    odd = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+    assert odd.exact_ratio.denominator == 5
+    other = replace(OTHER, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+    found = rverror.diagnose(Model(odd), runs_of(Model(other, (CAM,)), ratio=odd.ratio))
+    assert found.verdict == "explained"
+    the_cam_is_named(found)
+
+
+@pytest.fixture(scope="module")
+def unmarked() -> Diagnosis:
+    """A pin's error, read from a zero that is 21.2 degrees behind the gear's marks."""
+    few = replace(POLICY, keys=("cycloid.pin_position", "crank.eccentricity", "cycloid.disc_pitch"))
+    return rverror.diagnose(BARE, runs_of(Model(OTHER, (PIN,)), marks=0.37, index="unknown"), policy=few)
+
+
+def test_a_cause_is_named_though_the_marks_are_unknown(unmarked: Diagnosis) -> None:
+    (names,) = sets(unmarked)
+    assert {key for key, _ in names} == {"cycloid.pin_position"}
+    assert any("the gear's marks are" in note for note in unmarked.notes)
+    assert unmarked.after.heldout_rms < 1.15 * 0.3 * ARCSEC
+
+
+@pytest.mark.xfail(reason="the search ends beside the least objective: 1.5 degrees off, a pin too far", strict=True)
+def test_where_the_marks_are_is_found_with_the_rest(unmarked: Diagnosis) -> None:
+    """Pins and marks turned together look alike: the error stands at one place of the bench, or half a turn on."""
+    pin, offset = dict(unmarked.added[0].effect.indices)["pin"], unmarked.model.index_offset
+    assert isinstance(pin, int)
+    at = (TURN * (pin - 5) / 16 - (offset - 0.37)) % (TURN / 2)
+    assert min(at, TURN / 2 - at) < math.radians(0.1)
+
+
+def test_a_reading_that_settles_is_neither_noise_nor_a_cause() -> None:
+    found = rverror.diagnose(
+        BARE, runs_of(TRUE, turns=2, points=512, more=lambda theta, share: 20 * ARCSEC * np.exp(-share / 0.12))
+    )
+    assert found.verdict == "explained"
+    the_cam_is_named(found)
+    assert sum("drifts and settles by 20" in n or "drifts and settles by 19" in n for n in found.notes) == 2
+
+
+def test_slips_spikes_and_lost_rows_are_told_and_harm_nothing() -> None:
+    def bad(theta: Array, share: Array) -> Array:
+        count = np.arange(theta.size)
+        return np.asarray((15 * (share > 0.6) + 60 * (count % 331 == 40)) * ARCSEC, dtype=np.float64)
+
+    runs = runs_of(TRUE, more=bad)
+    lost = np.random.default_rng(0).choice(np.arange(10, 1000), 10, replace=False)
+    kept = np.ones(1024, dtype=np.bool_)
+    kept[lost] = False
+    first = runs[0]
+    assert first.input_angle is not None
+    assert first.output_angle is not None
+    runs[0] = rverror.run_from_arrays(
+        input_angle=first.input_angle[kept], output_angle=first.output_angle[kept], direction="forward", torque=50e3
+    )
+    found = rverror.diagnose(BARE, runs)
+    assert found.verdict == "explained"
+    the_cam_is_named(found)
+    for word in ("slips by", "spikes set aside", "missing"):
+        assert any(word in note for note in found.notes), word
+    assert found.traces[1].slips is not None
+    assert len(found.traces[1].slips) == 1
+
+
+def test_a_line_of_no_part_is_told_beside_the_cause() -> None:
+    """1.5 arcsec at order 23.37, five noises: reported with its order to 0.05, and no cause is made of it."""
+    found = rverror.diagnose(
+        BARE, runs_of(TRUE, points=512, turns=2, more=lambda theta, share: 1.5 * ARCSEC * np.cos(23.37 * theta))
+    )
+    assert found.verdict == "unexplained"
+    (line,) = found.unexplained
+    assert line.order == pytest.approx(23.37, abs=0.05)
+    assert line.low < 1.5 * ARCSEC < line.high
+    assert line.frames == ()
+    (names,) = sets(found)
+    assert HERE in names
+
+
+def test_a_declared_size_is_refitted_and_not_blamed() -> None:
+    stated = replace(CAM, values=(CAM.values[0] - 0.7e-3, CAM.values[1] + 0.5e-3), uncertainty=0.5e-3)
+    found = rverror.diagnose(Model(UNIT, (stated,)), runs_of(TRUE))
+    assert found.verdict == "nothing_missing"
+    assert found.model.effects[0].values == pytest.approx(CAM.values, abs=0.15e-3)
+    assert found.before.heldout_rms > 2 * found.before_refitted.heldout_rms
+    assert found.after == found.before_refitted
+
+
+def test_only_the_keys_that_are_asked_for_are_tried() -> None:
+    """Without the cause among them nothing is named, and what is left is said."""
+    few = replace(POLICY, keys=("sensor.encoder_eccentricity",))
+    found = rverror.diagnose(BARE, runs_of(TRUE), policy=few)
+    assert (found.verdict, found.added) == ("unexplained", ())
+    assert found.unexplained
+    assert found.unexplained[0].order == pytest.approx(16, abs=0.1)
+    assert found.tried == 1
+
+
+def test_where_every_candidate_is_taken_nothing_more_is_tried() -> None:
+    theta = TURN * np.arange(512) / 512
+    error = 5 * ARCSEC * np.cos(theta) + red(0, 512)
+    run = rverror.run_from_arrays(input_angle=UNIT.ratio * theta, output_angle=theta + error, direction="forward")
+    found = rverror.diagnose(BARE, [run], policy=replace(POLICY, keys=("sensor.encoder_eccentricity",)))
+    assert [a.effect.key for a in found.added] == ["sensor.encoder_eccentricity"]
+    assert found.tried == 1
+
+
+def test_physics_that_is_not_the_package_s() -> None:
+    """Finite bodies of the oracle, contacts that close by a power law, other stiffness: RV-40E, one turn each way."""
+    unit = rverror.reducer("RV-40E")
+    errors = PartErrors(unit)
+    put_effect(errors, unit, "crank.eccentricity", {"crank": 0, "disc": 0}, {"radial": 8e-3, "tangential": -5e-3})
+    springs = replace(REALISTIC, pin=1.4e5, cam=3.6e5, carrier=2.7e5)
+    real = Reality(springs=springs, pin_law=Law(exponent=10 / 9))
+    theta = 2 * math.pi * np.arange(512) / 512
+    runs = []
+    for number, direction in enumerate((1.0, -1.0)):
+        clean, _ = transmission_error(unit, theta, errors, real, sense=int(direction), torque=50e3)
+        turned = slice(None) if direction > 0 else slice(None, None, -1)
+        error = (clean + red(number, 512))[turned]
+        runs.append(
+            rverror.run_from_arrays(
+                input_angle=unit.ratio * theta[turned], output_angle=theta[turned] + error, direction=direction,
+                torque=50e3,
+            )
+        )  # fmt: skip
+    few = replace(POLICY, keys=("crank.eccentricity", "cycloid.disc_bore_position", "cycloid.disc_pitch",
+                                "involute.planet_eccentricity", "sensor.encoder_eccentricity"))  # fmt: skip
+    found = rverror.diagnose(Model(unit), runs, policy=few)
+    (names,) = sets(found)
+    assert HERE in names
+    assert {key for key, _ in names} == {"crank.eccentricity"}
+    assert found.after.heldout_rms < 1.2 * 0.3 * ARCSEC
+    assert math.hypot(*found.added[0].effect.values) == pytest.approx(math.hypot(8e-3, 5e-3), rel=0.05)
