@@ -15,7 +15,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto_samples
 from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, onto, unsure
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.spectrum import LineFound, best_lines
+from rverror.diagnosis.gears.spectrum import LineFound, best_lines, power_of
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import Reducer
@@ -29,8 +29,8 @@ _TURN = 2 * math.pi
 
 
 def account(
-    declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, root: Node, best: Node, seen: Sequence[Node],
-    done: bool, notes: list[str],
+    declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, root: Node, best: Node, done: bool,
+    notes: list[str],
 ) -> Diagnosis:  # fmt: skip
     """Say what a search came to.
 
@@ -42,8 +42,6 @@ def account(
     hunt : Hunt
     root, best : Node
         Without and with what was added.
-    seen : sequence of Node
-        All that was refitted.
     done : bool
         Whether nothing significant is left.
     notes : list of str
@@ -84,13 +82,7 @@ def account(
     if unclear:
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
     result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
-    if (
-        len(result.effects) > len(declared.effects)
-        and model is not declared
-        and not math.isfinite(_spread(fit, declared))
-    ):
-        notes.append("index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed")
-    elif model is not declared:
+    if model is not declared:
         notes.append(_offset_note(fit, declared))
     return Diagnosis(
         verdict="unexplained" if lines or unclear else settled,
@@ -161,7 +153,6 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     free = np.isfinite(fit.weights)
     rests = onto_samples(fit)
     labels = [blocks(r) for r in bench.records]
-    raw = [_raw(fit, number) for number in range(len(bench.records))]
     result = [np.zeros_like(rest) for rest in rests]
     usable = [np.asarray(r.whiten.usable) for r in bench.records]
     for fold in range(max(int(label.max()) + 1 for label in labels)):
@@ -182,7 +173,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
         for number, record in enumerate(bench.records):
             label = labels[number]
             out = label == fold % (label.max() + 1)
-            rest = rests[number] - step @ raw[number]
+            rest = rests[number] - step @ fit.raw[number]
             if fold > label.max():
                 continue
             others = ~out & record.kept
@@ -194,11 +185,6 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
             sizes = np.linalg.lstsq(rows[alive][:, others].T, rest[others], rcond=1e-10)[0]
             result[number][out] = (rest - sizes @ rows[alive])[out]
     return result
-
-
-def _raw(fit: Fit, number: int) -> Array:
-    """Change of a record's prediction with all values, sample by sample."""
-    return fit.raw[number]
 
 
 def reach(fit: Fit, variance: float) -> float:
@@ -272,8 +258,6 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
 
 def _lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
-    from rverror.diagnosis.gears.spectrum import power_of
-
     policy = fit.bench.policy
     rests = onto_samples(fit)
     found: list[LineFound] = list(left)
@@ -286,9 +270,7 @@ def _lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[
     for line in found:
         wave = np.array(line.waves)
         size = float(np.mean(np.abs(wave)))
-        # amplitude from its own significance: chi-square of two degrees a run
-        spread = size * math.sqrt(len(wave) / max(line.power, 1e-9)) / math.sqrt(len(wave))
-        half = reach(fit, spread**2)
+        half = reach(fit, size**2 / max(line.power, 1e-9))  # the power is that of all runs together
         order = round(line.order) if abs(line.order - round(line.order)) < policy.told_order / turns else line.order
         frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
@@ -324,7 +306,7 @@ def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
         else:
             value, stated = getattr(now.contact_law, name), getattr(unit.contact_law, name)
             low, high, dimension = max(value - half, 1.0), value + half, "number"
-        result.append(ElasticEstimate(name, dimension, stated, value, low, high, told))
+        result.append(ElasticEstimate(name, dimension, stated, value, low, high, bool(told)))
     return tuple(result)
 
 
@@ -407,7 +389,7 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
                 record.torque,
                 run.index,
                 (mean[3], mean[4]),
-                record.theta[~record.kept],
+                record.theta[np.setdiff1d(np.flatnonzero(~record.kept), record.absent)],
                 record.theta[list(record.slips)],
             )
         )

@@ -199,7 +199,7 @@ class Fit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of all values, shape (k, k): 0 where fixed, infinite where nothing is known."""
+        """Covariance of all values, shape (k, k): 0 where fixed; every other value has a prior, or is a shared zero."""
         return covariance_of(self.gram / self.scale, self.weights)
 
 
@@ -383,15 +383,10 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
     vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
     off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
     step, scale = np.zeros(weights.size), fit.scale
-    least = np.array(
-        [p.least for e in fit.model.effects for p in source(e.key).parameters]
-        + [-np.inf] * (weights.size - sum(len(e.values) for e in fit.model.effects))
-    )
-    value = np.array(
-        [v for e in fit.model.effects for v in e.values]
-        + [0.0] * (weights.size - sum(len(e.values) for e in fit.model.effects))
-    )
-    after = fit
+    least, value = np.full(weights.size, -np.inf), np.zeros(weights.size)
+    count, _ = layout(fit.model, 0)
+    least[:count] = [p.least for e in fit.model.effects for p in source(e.key).parameters]
+    value[:count] = [v for e in fit.model.effects for v in e.values]
     for _ in range(4):
         held = vary.copy()
         for _ in range(3):
@@ -406,14 +401,13 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
                 break
             held &= ~beyond
         step = np.maximum(step, least - value)
-        left = fit.data - 2 * step @ fit.moment + step @ fit.gram @ step
+        left = float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step)
         again = max(1.0, left / fit.bound)
         if again > 0.99 * scale:
             break
         scale = again
     w = np.where(np.isfinite(weights), weights, 0.0)
     now = _counted(max(left, 1e-9), fit.bound) + float(w @ (off + step) ** 2)
-    del after
     return step, fit.objective - now
 
 

@@ -23,9 +23,14 @@ from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
 
 
-def named(effect: Effect) -> tuple[object, ...]:
+def identity(name: Named) -> tuple[object, ...]:
     """Key and indices, to compare."""
-    return (effect.key, *sorted((k, v) for k, v in effect.indices.items()))
+    return (name[0], *sorted(name[1].items()))
+
+
+def named(effect: Effect) -> tuple[object, ...]:
+    """`identity` of an effect."""
+    return identity((effect.key, effect.indices))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +61,9 @@ class Node:
         for effect in fit.added:
             at = slice(end, end := end + len(effect.values))
             prior = np.array([policy.workshop * p.plausible for p in source(effect.key).parameters])
-            sign, log = np.linalg.slogdet(covariance[at, at] / np.outer(prior, prior))
-            total -= log if sign > 0 else -40.0 * prior.size
+            total -= np.linalg.slogdet(covariance[at, at] / np.outer(prior, prior))[1]
         regular = 2 * len(self.lines) + (4 if self.slow else 0)
-        return total + regular * policy.row_cost * len(fit.bench.records)
+        return float(total + regular * policy.row_cost * len(fit.bench.records))
 
     @property
     def names(self) -> frozenset[object]:
@@ -118,7 +122,7 @@ class Hunt:
     def free(self, fit: Fit) -> list[Named]:
         """Candidates that a model does not have."""
         taken = {named(e) for e in fit.model.effects}
-        return [c for c in self.candidates if (c[0], *sorted(c[1].items())) not in taken]
+        return [c for c in self.candidates if identity(c) not in taken]
 
     def proposals(self, settled: Fit, plains: Sequence[Fit]) -> list[tuple[Fit, Proposal]]:
         """Candidates by what a linear step promises, the best first: from the sizes as declared, and from the fitted.
@@ -149,9 +153,9 @@ class Hunt:
         offers = self.proposals(settled, plains)
         most = policy.evaluated * min(len(plains), 3)
         trials = [t for state, one in offers[:most] if (t := tried(state, one))]
-        ahead = {(one.name[0], *sorted(one.name[1].items())) for _, one in offers[:most]}
+        ahead = {identity(one.name) for _, one in offers[:most]}
         for _, one in offers[most:]:
-            if (one.name[0], *sorted(one.name[1].items())) not in ahead:
+            if identity(one.name) not in ahead:
                 first = offers[0][1]
                 self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
         nodes = self._fine(node, self._raced(trials))
@@ -319,8 +323,8 @@ class Hunt:
             self._kept_gaps.append(Gaps(unit, self.policy.same_gaps))
         return self._kept_gaps[0]
 
-    def best(self, roots: Sequence[Node], expansions: int) -> tuple[Node, list[Node], bool]:
-        """Search from roots: the node with the most evidence, all that were refitted, and whether nothing is left."""
+    def best(self, roots: Sequence[Node], expansions: int) -> tuple[Node, bool]:
+        """Search from roots: the node with the most evidence, and whether nothing is left beside it."""
         waiting = sorted(roots, key=lambda n: n.score)
         seen = list(waiting)
         for _ in range(expansions):
@@ -329,7 +333,7 @@ class Hunt:
             node = self.pruned(waiting.pop(0))
             seen.append(node)
             if self.complete(node):
-                return self.swapped(node), seen, True
+                return self.swapped(node), True
             if len(node.names) >= self.policy.most_effects:
                 continue
             self.journal.tell(
@@ -343,7 +347,7 @@ class Hunt:
                         waiting.append(child)
                     seen.append(child)
             waiting = sorted(waiting, key=lambda n: n.score)[: self.policy.branches]
-        return min(seen, key=lambda n: n.score), seen, False
+        return min(seen, key=lambda n: n.score), False
 
 
 def strained(fit: Fit) -> bool:
@@ -415,7 +419,7 @@ def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effe
 def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> list[Proposal]:
     """The opposite of what was fitted: pins that are drawn back only unload themselves, so a wave can look like another
     one of the opposite sign, and a fit end there."""
-    named_offers: dict[object, Proposal] = {(one.name[0], *sorted(one.name[1].items())): one for _, one in offers}
+    named_offers: dict[object, Proposal] = {identity(one.name): one for _, one in offers}
     result = []
     for node in nodes:
         effect = node.fit.added[-1]
@@ -428,7 +432,7 @@ def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> l
 def workshop(offers: Sequence[tuple[Fit, Proposal]], *, pins: bool) -> list[Proposal]:
     """Sizes that a workshop makes, in several directions, of sources whose waveforms bend as contacts open."""
     result = []
-    each = {(one.name[0], *sorted(one.name[1].items())): one for _, one in reversed(offers)}
+    each = {identity(one.name): one for _, one in reversed(offers)}
     for one in each.values():
         entry = source(one.name[0])
         fixed = entry.frame == "housing"

@@ -119,21 +119,15 @@ class Whitening:
     def __post_init__(self) -> None:
         """Span what is to be taken out."""
         dropped = np.flatnonzero(~self.kept)
-        lags = self.noise.coefficients.size
         units = np.zeros((dropped.size, self.kept.size))
         units[np.arange(dropped.size), dropped] = 1
         rows = self.filtered(np.concatenate([self.nuisance, units]))
         size = np.linalg.norm(rows, axis=1)
-        rows = rows[size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
-        basis = (
-            np.linalg.qr((rows / np.linalg.norm(rows, axis=1)[:, None]).T)[0]
-            if len(rows)
-            else np.zeros((rows.shape[1], 0))
-        )
+        shows = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
+        basis = np.linalg.qr((rows[shows] / size[shows, None]).T)[0]
         object.__setattr__(self, "_basis", np.ascontiguousarray(basis.T))
-        assert lags >= 0
 
-    @property
+    @cached_property
     def usable(self) -> npt.NDArray[np.intp]:
         """Samples whose whitened value has all its lags."""
         lags, n = self.noise.coefficients.size, self.kept.size
@@ -144,12 +138,8 @@ class Whitening:
 
     def filtered(self, rows: Array) -> Array:
         """Rows through the whitening filter, each series by itself; its first samples lack lags and go."""
-        lags, n = self.noise.coefficients.size, rows.shape[-1]
         white = np.asarray(lfilter(self.noise.filter, [1.0], rows, axis=-1) if rows.size else rows)
-        usable = np.ones(n, dtype=np.bool_)
-        for start in self.starts:
-            usable[start : start + lags] = False
-        return white[..., usable]
+        return white[..., self.usable]
 
     @property
     def basis(self) -> Array:
@@ -160,10 +150,7 @@ class Whitening:
     def sparse(self) -> csr_array:
         """The filter as a sparse matrix (usable samples, n), without what it takes nuisances out by."""
         lags, n = self.noise.coefficients.size, self.kept.size
-        usable = np.ones(n, dtype=np.bool_)
-        for start in self.starts:
-            usable[start : start + lags] = False
-        at = np.flatnonzero(usable)
+        at = self.usable
         columns = at[:, None] - np.arange(lags + 1)
         values = np.broadcast_to(self.noise.filter, columns.shape)
         rows = np.repeat(np.arange(at.size), lags + 1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -55,6 +56,8 @@ class Record:
     noise : RunNoise, optional
     faults : Faults, optional
         What was found before any cause was looked for.
+    absent : tuple of int
+        Places of short gaps, where nothing was read.
     more : tuple of str
         What was set aside later, in words.
     """
@@ -73,6 +76,7 @@ class Record:
     slow: bool = False
     noise: RunNoise | None = None
     faults: Faults | None = None
+    absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
 
     @cached_property
@@ -165,41 +169,29 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
 
 def _with_faults(record: Record, faults: Faults) -> Record:
     """The record with what was found: rows that say nothing go, spikes and short gaps stay as places without value."""
-    spikes = np.zeros(record.theta.size, dtype=np.bool_)
-    spikes[faults.spikes] = True
-    used = faults.kept | spikes
-    for slip in faults.slips:
-        used[slip.index] = True
-    slips = [slip.index for slip in faults.slips]
-    short = {g.index: g.samples for g in faults.gaps if 0 < g.samples <= _SHORT_GAP}
-    breaks = [g.index for g in faults.gaps if g.index not in short] + list(faults.turned)
-    theta: list[float] = []
-    error: list[float] = []
-    kept: list[bool] = []
-    clock: list[float] = []
-    place = np.zeros(record.theta.size + 1, dtype=np.intp)
-    for at in range(record.theta.size):
-        place[at] = len(theta)
-        if at in short and theta:
-            for share in np.arange(1, short[at] + 1) / (short[at] + 1):
-                theta.append(theta[-1] * 0 + record.theta[at - 1] + share * (record.theta[at] - record.theta[at - 1]))
-                error.append(0.0)
-                kept.append(False)
-                if record.time is not None:
-                    clock.append(float(record.time[at - 1] + share * (record.time[at] - record.time[at - 1])))
-            place[at] = len(theta)
-        if used[at]:
-            theta.append(float(record.theta[at]))
-            error.append(float(record.error[at]))
-            kept.append(bool(faults.kept[at]))
-            if record.time is not None:
-                clock.append(float(record.time[at]))
-    place[-1] = len(theta)
-    starts = sorted({0, *(int(place[at]) for at in breaks)} - {len(theta)})
+    used = faults.kept.copy()
+    used[faults.spikes] = True
+    used[[slip.index for slip in faults.slips]] = True
+    short = {gap.index: gap.samples for gap in faults.gaps if 0 < gap.samples <= _SHORT_GAP}
+    at = np.repeat(np.array(list(short), dtype=np.intp), list(short.values()))
+    share = np.concatenate([np.zeros(0), *(np.arange(1, k + 1) / (k + 1) for k in short.values())])
+
+    def put(row: Array, between: Array) -> Array:
+        return np.asarray(np.insert(row, at, between)[chosen])
+
+    def even(row: Array) -> Array:
+        return put(row, row[at - 1] + share * (row[at] - row[at - 1]))
+
+    absent = np.insert(np.zeros(used.size, dtype=np.bool_), at, True)
+    chosen = np.insert(used, at, True)
+    place: npt.NDArray[np.intp] = (np.cumsum(chosen) - chosen)[~absent]  # of each row as read, among those that stay
+    breaks = [gap.index for gap in faults.gaps if gap.index not in short] + list(faults.turned)
     return replace(
-        record, theta=np.array(theta), error=np.array(error), kept=np.array(kept, dtype=np.bool_), starts=tuple(starts),
-        slips=tuple(int(place[at]) for at in slips), time=np.array(clock) if record.time is not None else None,
-        faults=faults,
+        record, theta=even(record.theta), error=put(record.error, np.zeros(at.size)),
+        kept=np.insert(faults.kept, at, False)[chosen], absent=tuple(np.flatnonzero(absent[chosen]).tolist()),
+        starts=tuple(sorted({0, *(int(place[one]) for one in breaks)} - {int(chosen.sum())})),
+        slips=tuple(int(place[slip.index]) for slip in faults.slips),
+        time=None if record.time is None else even(record.time), faults=faults,
     )  # fmt: skip
 
 
@@ -208,7 +200,8 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
     low, high = min(r.theta.min() for r in records), max(r.theta.max() for r in records)
     step = _TURN / points
     if anywhere or high - low > 0.8 * _TURN:
-        grid: AngleGrid = whole(_start(records[0], points), _TURN, points)
+        # from a sample on, so that even samples lie on it
+        grid: AngleGrid = whole(float(records[0].theta.min()), _TURN, points)
     else:
         grid = stretch(low, high, step)
     found: list[Conditioned] = []
@@ -221,8 +214,3 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
             at = len(found) - 1
         which.append(at)
     return found, which
-
-
-def _start(record: Record, points: int) -> float:
-    """First angle of a grid of a turn: that of a sample, so that even samples lie on it."""
-    return float(record.theta.min())

@@ -57,13 +57,13 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
     root = Node(fitted(renoised(fitted(first))))
-    best, seen, done = hunt.best([root], policy.expansions)
+    best, done = hunt.best([root], policy.expansions)
     for _ in range(policy.looks):
         fit = best.fit
         calm = fit.data <= fit.bound  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
-        renewed = renoised(best.fit if changed is None else onto(best.fit.bench.with_records(changed), best.fit))
+        renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit))
         best = hunt.pruned(Node(fitted(renewed), best.lines, best.slow))
         done = hunt.complete(best)
         if changed is None and (done or hunt.pins):
@@ -72,9 +72,8 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         root = Node(fitted(onto(best.fit.bench.with_records(bare), root.fit)))
         if not done:
             hunt = replace(hunt, pins=True, candidates=candidates_of(model, bare, policy, late=True))
-            best, more, done = hunt.best([best, root], policy.again)
-            seen += more
-    return account(declared, model, runs, hunt, root, best, seen, done, notes)
+            best, done = hunt.best([best, root], policy.again)
+    return account(declared, model, runs, hunt, root, best, done, notes)
 
 
 def _points(records: Sequence[Record]) -> int:
