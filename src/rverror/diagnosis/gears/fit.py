@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
-from rverror.diagnosis.gears.waveform import EXPONENTS, Conditioned, Named, Waveform, softened
+from rverror.diagnosis.gears.waveform import EXPONENTS, MOST_EXPONENT, Conditioned, Named, Waveform, softened
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
@@ -30,6 +30,9 @@ from rverror.model.readings import felt
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
 
 Flags = npt.NDArray[np.bool_]
+
+#: Share of the promised fall from which longer steps are trusted; below one less it, shorter ones.
+_TRUE = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +341,7 @@ def moved(model: Model, step: Array) -> Model:
 
 
 def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: float = 0.05) -> Fit:
-    """Levenberg-Marquardt steps from a state.
+    """Gauss-Newton steps from a state, each within what the last one showed to be nearly linear.
 
     Parameters
     ----------
@@ -350,57 +353,73 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     enough : float
         Fall of the objective below which it has settled.
     """
-    damping = 0.0
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
         + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
+    damping, trusted = 0.0, 1.0  # share of the reach within which the linear step holds
     for _ in range(steps):
-        step, gain = proposed(fit, free, damping)
-        step *= min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
-        if gain < enough:
+        step, gain = proposed(fit, free, trusted * reach, damping)
+        little = enough * fit.scale  # where much is unexplained, a little more of it decides nothing
+        if gain < little and (trusted == 1 or proposed(fit, free, reach)[1] < little):
             return replace(fit, converged=True)
         try:
             trial = evaluated(fit.bench, moved(fit.model, step), fit.declared, fit.waves)
         except NotConvergedError:
             trial = None
-        if trial is not None and trial.objective < fit.objective:
-            fallen = fit.objective - trial.objective
+        fallen = -math.inf if trial is None else fit.objective - trial.objective
+        if trial is not None and fallen > 0:
             fit = trial
-            damping = damping / 10 if damping > 1e-6 else 0.0
-            if fallen < enough:
+            if fallen < little:
                 return replace(fit, converged=True)
-        else:
-            damping = max(damping * 10, 1e-3)
-            if damping > 1e3:
-                break
+        if fallen > _TRUE * gain:
+            damping, trusted = damping / 10 if damping > 1e-6 else 0.0, min(2 * trusted, 1.0)
+        elif fallen < 0:
+            damping, trusted = max(damping * 10, 1e-3), 0.3 * float((np.abs(step) / reach).max())
+        elif fallen < (1 - _TRUE) * gain:
+            damping = max(damping * 3, 1e-3)
     return replace(fit, converged=False)
 
 
-def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple[Array, float]:
-    """Step that lowers the objective most, as far as the prediction is linear, and by how much it should fall."""
+def bounds(fit: Fit) -> tuple[Array, Array]:
+    """How far each value may go down and up: sizes that have no sign, backlash, exponents, shape (k,) each."""
+    now = fit.model.mechanism
+    assert isinstance(now, Reducer)
+    down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
+    exponents = [getattr(now.contact_law, k) for k in EXPONENTS]
+    zeros = len(fit.bench.zeros)
+    down += [-math.inf] * 6 + [-now.gear_backlash] + [1.0 - e for e in exponents] + [-math.inf] * zeros
+    up = [math.inf] * (len(down) - zeros - 2) + [MOST_EXPONENT - e for e in exponents] + [math.inf] * zeros
+    return np.minimum(down, 0.0), np.maximum(up, 0.0)
+
+
+def proposed(
+    fit: Fit, free: Flags | None = None, reach: Array | None = None, damping: float = 0.0
+) -> tuple[Array, float]:
+    """Step that lowers the objective most, as far as the prediction is linear, and by how much it should fall.
+
+    A value that would go beyond its bound, or farther than `reach`, goes that far, and the others make the best of it.
+    """
     weights = fit.weights
     vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
     off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    low, high = bounds(fit)
+    if reach is not None:
+        low, high = np.maximum(low, -reach), np.minimum(high, reach)
     step, scale = np.zeros(weights.size), fit.scale
-    least, value = np.full(weights.size, -np.inf), np.zeros(weights.size)
-    count, _ = layout(fit.model, 0)
-    least[:count] = [p.least for e in fit.model.effects for p in source(e.key).parameters]
-    value[:count] = [v for e in fit.model.effects for v in e.values]
     for _ in range(4):
-        held = vary.copy()
-        for _ in range(3):
+        held, step = vary.copy(), np.zeros(weights.size)
+        while held.any():
+            right = (fit.moment - fit.gram @ np.where(held, 0.0, step))[held] / scale - weights[held] * off[held]
             own = fit.gram[np.ix_(held, held)] / scale + np.diag(weights[held])
-            right = fit.moment[held] / scale - weights[held] * off[held]
             own = own + damping * np.diag(np.diag(own))
             size = np.sqrt(np.maximum(np.diag(own), 1e-300))
-            step = np.zeros(weights.size)
             step[held] = np.linalg.lstsq(own / np.outer(size, size), right / size, rcond=1e-12)[0] / size
-            beyond = held & (value + step < least) & (value <= least)
+            beyond = held & ((step < low) | (step > high))
             if not beyond.any():
                 break
+            step = np.clip(step, low, high)
             held &= ~beyond
-        step = np.maximum(step, least - value)
         left = float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step)
         again = max(1.0, left / fit.bound)
         if again > 0.99 * scale:

@@ -99,7 +99,7 @@ class Hunt:
     _completed: dict[int, tuple[Fit, bool]] = field(default_factory=dict, repr=False)
     _ranked: dict[int, tuple[Fit, list[Proposal]]] = field(default_factory=dict, repr=False)
     _kept_gaps: list[Gaps] = field(default_factory=list, repr=False)
-    _rivals: dict[tuple[int, int], tuple[Fit, list[Node]]] = field(default_factory=dict, repr=False)
+    _rivals: dict[object, list[Node]] = field(default_factory=dict, repr=False)
 
     def coarse(self, node: Node) -> RunSet:
         """The runs in few numbers, on few angles: near enough to choose whom to refit."""
@@ -269,10 +269,13 @@ class Hunt:
         return more + regular * len(node.fit.bench.records)
 
     def without(self, node: Node, number: int) -> Node:
-        """The node without one cause, refitted."""
+        """The node without one cause, refitted; a few steps tell where it is needed by far."""
         effects, at = node.fit.model.effects, len(node.fit.declared.effects) + number
         model = replace(node.fit.model, effects=effects[:at] + effects[at + 1 :])
-        return Node(fitted(evaluated(node.fit.bench, model, node.fit.declared)), node.lines, node.slow)
+        fit = fitted(evaluated(node.fit.bench, model, node.fit.declared), steps=4)
+        if fit.objective < node.fit.objective + 5 * self.policy.close:
+            fit = fitted(fit)
+        return Node(fit, node.lines, node.slow)
 
     def without_line(self, node: Node, order: float) -> Node:
         """The node without one free line, refitted."""
@@ -286,11 +289,18 @@ class Hunt:
         return Node(fitted(onto(node.fit.bench.with_records(records), node.fit)), node.lines)
 
     def rivals(self, node: Node, number: int) -> list[Node]:
-        """The node with other causes in one's place that fit nearly as well, the best first."""
-        key = (id(node.fit), number)
-        if key not in self._rivals:
-            self._rivals[key] = (node.fit, self._found_rivals(node, number))
-        return self._rivals[key][1]
+        """The node with other causes in one's place that fit nearly as well, the best first.
+
+        They are looked for once; under noise that is known better they are only refitted.
+        """
+        key = (node.names, named(node.fit.added[number]), len(self.candidates))
+        known = self._rivals.get(key)
+        if known is None:
+            known = self._found_rivals(node, number)
+        elif any(rival.fit.bench is not node.fit.bench for rival in known):
+            known = [Node(fitted(onto(node.fit.bench, r.fit)), node.lines, node.slow) for r in known]
+        self._rivals[key] = sorted(known, key=lambda n: n.score)
+        return self._rivals[key]
 
     def _found_rivals(self, node: Node, number: int) -> list[Node]:
         """Causes of the same gaps, elsewhere, or alike to first order; refitted where they come close."""
@@ -315,8 +325,7 @@ class Hunt:
         ordered = distinct(sorted((t for t in trials if t.prospect < far), key=lambda t: t.prospect), 1)
         fits = [stepped(t, 8).fit for t in ordered[: self.policy.rivals // 2]]
         near = [fit for fit in fits if fit.objective < coarse.objective + self.policy.close]
-        found = [Node(fitted(onto(node.fit.bench, fit)), node.lines, node.slow) for fit in near]
-        return sorted(found, key=lambda n: n.score)
+        return [Node(fitted(onto(node.fit.bench, fit)), node.lines, node.slow) for fit in near]
 
     def _gaps(self, unit: Reducer) -> Gaps:
         if not self._kept_gaps:

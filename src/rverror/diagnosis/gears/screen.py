@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit, _counted, deviation
+from rverror.diagnosis.gears.fit import Fit, _counted, bounds, deviation
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
@@ -60,7 +60,10 @@ def screened(fit: Fit, named: Sequence[Named], rows: Sequence[Array] | None = No
         for block, (first, last) in zip(own, pairwise(ends), strict=True):
             block += new[first:last] @ new[first:last].T
     weights, off = fit.weights, deviation(fit.model, fit.declared, bench.unit, len(bench.zeros))
-    free = np.isfinite(weights)
+    low, high = bounds(fit)
+    pull = fit.moment / fit.scale - np.where(np.isfinite(weights), weights, 0.0) * off
+    stopped = ((low == 0) & (pull < 0)) | ((high == 0) & (pull > 0))  # at a bound, and would go on
+    free = np.isfinite(weights) & ~stopped
     gram, first, w, o = fit.gram[np.ix_(free, free)], fit.moment[free], weights[free], off[free]
     result = []
     for name, block, (begin, end) in zip(named, own, pairwise(ends), strict=True):

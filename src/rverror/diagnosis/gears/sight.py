@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -136,7 +137,7 @@ class EverySample:
 
 @dataclass(frozen=True, eq=False)
 class Few:
-    """A run as few numbers say it.
+    """A run as few numbers say it: a row is what R makes of a waveform.
 
     Attributes
     ----------
@@ -150,76 +151,70 @@ class Few:
     grid: AngleGrid
     root: Array
     names: Mapping[object, slice]
-    _maps: dict[object, Array] = field(default_factory=dict, repr=False)
+    _maps: dict[AngleGrid, Array] = field(default_factory=dict, repr=False)
 
     @property
     def width(self) -> int:
-        """Angles, sources beyond, and the measured error."""
+        """Rows of R: angles, sources beyond, and the measured error."""
         return len(self.root)
 
     @property
     def measured(self) -> Array:
         """The error."""
-        row = np.zeros(self.width)
-        row[-1] = 1
-        return row
+        return np.asarray(self.root[:, -1])
 
     @property
     def constant(self) -> Array:
         """An offset of one."""
-        row = np.zeros(self.width)
-        row[: self.grid.points] = 1
-        return row
+        return np.asarray(self.root[:, : self.grid.points].sum(axis=1))
 
-    def _wide(self, rows: Array) -> Array:
-        result = np.zeros((len(rows), self.width))
-        result[:, : self.grid.points] = rows
-        return result
+    @cached_property
+    def _own(self) -> Array:
+        """Matrix from the own grid to R's rows."""
+        return np.ascontiguousarray(self.root[:, : self.grid.points].T)
 
-    def _map(self, grid: AngleGrid, offset: float) -> Array | None:
-        """Matrix from a closed grid to the own one, without orders that this cannot follow."""
-        if grid == self.grid and not offset:
-            return None
-        key = (grid, offset)
-        if key not in self._maps:
-            if len(self._maps) > 6:
-                self._maps.clear()
-            first = 2 * math.pi / (grid.step * grid.points)  # order of the first harmonic
-            most = min(grid.points // 2 - 1, int(_HIGHEST * 2 * math.pi / self.grid.step / first))
-            harmonic = np.arange(most + 1)
-            forth = np.exp(-1j * np.outer(harmonic, 2 * np.pi * np.arange(grid.points) / grid.points))
-            back = np.exp(1j * first * np.outer(harmonic, self.grid.theta + offset - grid.start))
-            weight = np.where(harmonic == 0, 1.0, 2.0)[:, None] / grid.points
-            self._maps[key] = np.ascontiguousarray((forth.T @ (weight * back)).real)
-        return self._maps[key]
+    def _read(self, grid: AngleGrid, rows: Array, offset: float, *, slope: bool = False) -> Array:
+        """Rows on a grid, or how they change, at the own angles, so much further on.
+
+        Without orders that the own grid cannot follow, where the other one is closed.
+        """
+        angle = self.grid.theta + offset
+        if not grid.closed:
+            readout = grid.to_samples(angle + 1e-3 * grid.step)
+            return readout.change(rows[0])[None] if slope else grid.to_samples(angle)(rows)
+        first = 2 * math.pi / (grid.step * grid.points)  # order of the first harmonic
+        most = min(grid.points // 2 - 1, int(_HIGHEST * 2 * math.pi / self.grid.step / first))
+        order = first * np.arange(most + 1)
+        sizes = np.fft.rfft(rows)[:, : most + 1] * np.where(order == 0, 1.0, 2.0) / grid.points
+        if slope:
+            sizes = sizes * 1j * order
+        return np.asarray((sizes @ np.exp(1j * np.outer(order, angle - grid.start))).real)
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
         """Rows on the grid of a waveform."""
-        if not wave.grid.closed and offset:
-            return self._wide(wave.grid.to_samples(self.grid.theta + offset)(rows))
-        turn = self._map(wave.grid, offset)
-        return self._wide(rows if turn is None else rows @ turn)
+        return self.of_grid(wave.grid, rows, offset)
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid."""
-        turn = self._map(grid, offset)
-        return self._wide(rows if turn is None else rows @ turn)
+        if offset:
+            return np.asarray(self._read(grid, rows, offset) @ self._own)
+        if grid == self.grid:
+            return np.asarray(rows @ self._own)
+        if grid not in self._maps:
+            self._maps[grid] = self._read(grid, np.eye(grid.points), 0.0) @ self._own
+        return np.asarray(rows @ self._maps[grid])
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
-        readout = wave.grid.to_samples(self.grid.theta + offset + 1e-3 * self.grid.step)
-        return np.asarray(self._wide(readout.change(wave.error)[None])[0])
+        return np.asarray((self._read(wave.grid, wave.error[None], offset, slope=True) @ self._own)[0])
 
     def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is no waveform of the grid."""
-        at = self.names[_name(named)]
-        rows = np.zeros((at.stop - at.start, self.width))
-        rows[np.arange(len(rows)), np.arange(at.start, at.stop)] = 1
-        return rows
+        return np.asarray(self.root[:, self.names[_name(named)]].T)
 
     def whiten(self, rows: Array) -> Array:
-        """Rows under the noise."""
-        return np.asarray(rows @ self.root.T)
+        """Rows as they are: R's are white."""
+        return rows
 
 
 def _name(named: Named) -> object:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,20 +52,26 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
     unit, turns, found = fit.bench.unit, max(r.turns for r in fit.bench.records), list[LineFound]()
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
+
+    def is_framed(order: float) -> bool:
+        return bool(frames_of_order(unit, order, tolerance=apart))
+
     for _ in range(_MOST_PEAKS):
-        line = _strongest(records, rests, policy)
+        line = _strongest(records, rests, policy, is_framed if outside else None)
         if line is None or len(found) == most:
             break
         records = [replace(r, orders=(*r.orders, line.order)) for r in records]
-        framed = bool(frames_of_order(unit, line.order, tolerance=apart))
+        framed = is_framed(line.order)
         least = max(policy.accuracy, policy.model_share * _predicted(records, rests, line.order) if framed else 0.0)
         if np.mean(np.abs(line.waves)) > least and not (framed and outside):
             found.append(line)
     return found
 
 
-def _strongest(records: Sequence[Record], rests: Sequence[Array], policy: Policy) -> LineFound | None:
-    """The strongest significant line of any order, if there is one."""
+def _strongest(
+    records: Sequence[Record], rests: Sequence[Array], policy: Policy, uncalled_for: Callable[[float], bool] | None
+) -> LineFound | None:
+    """The strongest significant line of any order, if there is one; none where all are of orders not called for."""
     turns = max(r.turns for r in records)
     highest = policy.sampled * min(
         math.pi / float(np.quantile(np.abs(np.diff(r.theta))[np.diff(r.theta) != 0], 0.9)) for r in records
@@ -88,6 +94,8 @@ def _strongest(records: Sequence[Record], rests: Sequence[Array], policy: Policy
     cells = orders.size / 2
     limit = chi_square(policy.false_alarm / cells, 2 * len(records))
     peak = np.flatnonzero((total[1:-1] >= total[:-2]) & (total[1:-1] > total[2:]) & (total[1:-1] > 0.8 * limit)) + 1
+    if uncalled_for is not None and all(map(uncalled_for, orders[peak])):
+        return None
     for at in peak[np.argsort(-total[peak])][:40]:
         near = policy.taken / turns
         if any(abs(orders[at] - o) < near for r in records for o in r.orders):
@@ -100,7 +108,7 @@ def _strongest(records: Sequence[Record], rests: Sequence[Array], policy: Policy
 
 def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:
     """Order of the highest power near one, over all runs."""
-    near = order + np.linspace(-0.4, 0.4, 17) / turns
+    near = order + np.linspace(-0.4, 0.4, 9) / turns
     powers = [power_of(records, rests, o)[0] for o in near]
     best = int(np.argmax(powers))
     top = near[best]
@@ -125,8 +133,9 @@ def explained(records: Sequence[Record], rests: Sequence[Array], rows: Sequence[
         white = record.whiten(np.concatenate([rest[None], own]))
         scale = np.maximum(np.linalg.norm(white[1:], axis=1), 1e-300)
         unit = white[1:] / scale[:, None]
-        size = np.linalg.lstsq(unit.T, white[0], rcond=1e-8)[0]
-        total += float(size @ (unit @ white[0]))
+        moment = unit @ white[0]
+        size = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True) @ moment
+        total += float(size @ moment)
         sizes.append(size / scale)
     return total, sizes
 

@@ -25,8 +25,10 @@ Named = tuple[str, Mapping[str, IndexValue]]
 
 #: Of the contact law.
 EXPONENTS = tuple(field.name for field in fields(ContactLaw))
-_MOST_EXPONENT = 1.5  # a point contact of Hertz
+#: A point contact of Hertz.
+MOST_EXPONENT = 1.5
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
+_DENSER = 5  # than the grid of the travel, where that is coarse
 
 
 def softened(unit: Reducer, change: Array) -> Reducer:
@@ -38,7 +40,7 @@ def softened(unit: Reducer, change: Array) -> Reducer:
             for field in fields(Stiffness)
         }
     )
-    law = ContactLaw(**{k: min(max(getattr(unit.contact_law, k) + softer[k], 1.0), _MOST_EXPONENT) for k in EXPONENTS})
+    law = ContactLaw(**{k: min(max(getattr(unit.contact_law, k) + softer[k], 1.0), MOST_EXPONENT) for k in EXPONENTS})
     backlash = max(unit.gear_backlash + float(softer["gear_backlash"]), 0.0)
     return replace(unit, stiffness=stiffness, contact_law=law, gear_backlash=backlash)
 
@@ -91,7 +93,8 @@ class Conditioned:
 
     def repeat(self, unit: Reducer) -> AngleGrid:
         """One turn of the crank against the carrier."""
-        return whole(self.turn.start, 2 * math.pi / fundamental_orders(unit)["crank"], _REPEAT_POINTS)
+        period = 2 * math.pi / fundamental_orders(unit)["crank"]
+        return whole(self.turn.start, period, min(_REPEAT_POINTS, math.ceil(_DENSER * period / self.turn.step)))
 
     def _statics(self, unit: Reducer, grid: AngleGrid) -> Statics:
         """Statics over a grid; geometry is made once, what the stiffness changes only where it does."""
@@ -123,7 +126,7 @@ class Conditioned:
     def _carried(self, near: Waveform, grid: AngleGrid) -> Array | None:
         """Poses over one turn of the crank at the angles of another grid: after each the gear train stands as it did,
         turned with the carrier."""
-        if near.poses is None or not near.grid.closed or near.grid.points == self.turn.points or grid != self.turn:
+        if near.poses is None or not near.grid.closed or near.grid.points == self.turn.points:
             return None
         still = turned(near.unit, near.poses, near.grid.start - near.grid.theta)
         at = grid.theta - near.grid.start
