@@ -341,7 +341,7 @@ def moved(model: Model, step: Array) -> Model:
 
 
 def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: float = 0.05) -> Fit:
-    """Gauss-Newton steps from a state, each within what the last one showed to be nearly linear.
+    """Levenberg-Marquardt steps from a state.
 
     Parameters
     ----------
@@ -357,27 +357,29 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
         + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
-    damping, trusted = 0.0, 1.0  # share of the reach within which the linear step holds
+    damping = 0.0
     for _ in range(steps):
-        step, gain = proposed(fit, free, trusted * reach, damping)
+        step, gain = proposed(fit, free, damping)
+        part = min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
         little = enough * fit.scale  # where much is unexplained, a little more of it decides nothing
-        if gain < little and (trusted == 1 or proposed(fit, free, reach)[1] < little):
+        if gain < little:
             return replace(fit, converged=True)
         try:
-            trial = evaluated(fit.bench, moved(fit.model, step), fit.declared, fit.waves)
+            trial = evaluated(fit.bench, moved(fit.model, part * step), fit.declared, fit.waves)
         except NotConvergedError:
             trial = None
         fallen = -math.inf if trial is None else fit.objective - trial.objective
+        promised = part * (2 - part) * gain
+        if fallen > _TRUE * promised:
+            damping = damping / 10 if damping > 1e-6 else 0.0
+        elif fallen < (1 - _TRUE) * promised:
+            damping = max(damping * (3 if fallen > 0 else 10), 1e-3)
         if trial is not None and fallen > 0:
             fit = trial
             if fallen < little:
                 return replace(fit, converged=True)
-        if fallen > _TRUE * gain:
-            damping, trusted = damping / 10 if damping > 1e-6 else 0.0, min(2 * trusted, 1.0)
-        elif fallen < 0:
-            damping, trusted = max(damping * 10, 1e-3), 0.3 * float((np.abs(step) / reach).max())
-        elif fallen < (1 - _TRUE) * gain:
-            damping = max(damping * 3, 1e-3)
+        elif damping > 1e3:
+            break
     return replace(fit, converged=False)
 
 
@@ -393,19 +395,15 @@ def bounds(fit: Fit) -> tuple[Array, Array]:
     return np.minimum(down, 0.0), np.maximum(up, 0.0)
 
 
-def proposed(
-    fit: Fit, free: Flags | None = None, reach: Array | None = None, damping: float = 0.0
-) -> tuple[Array, float]:
+def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple[Array, float]:
     """Step that lowers the objective most, as far as the prediction is linear, and by how much it should fall.
 
-    A value that would go beyond its bound, or farther than `reach`, goes that far, and the others make the best of it.
+    A value that would go beyond its bound goes that far, and the others make the best of it.
     """
     weights = fit.weights
     vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
     off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
     low, high = bounds(fit)
-    if reach is not None:
-        low, high = np.maximum(low, -reach), np.minimum(high, reach)
     step, scale = np.zeros(weights.size), fit.scale
     for _ in range(4):
         held, step = vary.copy(), np.zeros(weights.size)

@@ -269,11 +269,11 @@ class Hunt:
         return more + regular * len(node.fit.bench.records)
 
     def without(self, node: Node, number: int) -> Node:
-        """The node without one cause, refitted; a few steps tell where it is needed by far."""
+        """The node without one cause, refitted; a few steps tell where not even a linear one promises enough."""
         effects, at = node.fit.model.effects, len(node.fit.declared.effects) + number
         model = replace(node.fit.model, effects=effects[:at] + effects[at + 1 :])
         fit = fitted(evaluated(node.fit.bench, model, node.fit.declared), steps=4)
-        if fit.objective < node.fit.objective + 5 * self.policy.close:
+        if fit.objective - proposed(fit)[1] < node.fit.objective + 5 * self.policy.close:
             fit = fitted(fit)
         return Node(fit, node.lines, node.slow)
 
