@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
+from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, RunSet, deviation, evaluated, fitted, onto_samples, proposed
@@ -21,6 +23,8 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
+
+_ELSEWHERE = 0.5  # cosine between sizes below which they are other sizes of one cause: 60 degrees
 
 
 def identity(name: Named) -> tuple[object, ...]:
@@ -84,15 +88,18 @@ class Hunt:
     candidates : tuple of Named
     policy : Policy
     journal : Journal
+    late : tuple of Named
+        Candidates that are tried in place of two others, or last.
     pins : bool
         Whether pins too start from sizes that a workshop makes.
     offsets : tuple of float
-        Where the gear's marks may be, where that is not known, rad.
+        Where the gear's marks may be, where that is not known, the likeliest first, rad.
     """
 
     candidates: tuple[Named, ...]
     policy: Policy
     journal: Journal
+    late: tuple[Named, ...] = ()
     pins: bool = False
     offsets: tuple[float, ...] = ()
     _coarse: dict[object, RunSet] = field(default_factory=dict, repr=False)
@@ -119,10 +126,10 @@ class Hunt:
 
     # --- propose ------------------------------------------------------------------------------------------------------
 
-    def free(self, fit: Fit) -> list[Named]:
+    def free(self, fit: Fit, *, late: bool = False) -> list[Named]:
         """Candidates that a model does not have."""
         taken = {named(e) for e in fit.model.effects}
-        return [c for c in self.candidates if identity(c) not in taken]
+        return [c for c in (*self.candidates, *(self.late if late else ())) if identity(c) not in taken]
 
     def proposals(self, settled: Fit, plains: Sequence[Fit]) -> list[tuple[Fit, Proposal]]:
         """Candidates by what a linear step promises, the best first: from the sizes as declared, and from the fitted.
@@ -148,8 +155,9 @@ class Hunt:
         policy = self.policy
         settled = onto(self.coarse(node), node.fit)
         plains = [as_declared(settled)]
-        if self.offsets and not node.fit.added:
-            plains = [evaluated(settled.bench, marked(plains[0].model, o), settled.declared) for o in self.offsets]
+        likely = self.offsets[: policy.likely_zeros]
+        if likely and not node.fit.added:
+            plains = [evaluated(settled.bench, marked(plains[0].model, o), settled.declared) for o in likely]
         offers = self.proposals(settled, plains)
         most = policy.evaluated * min(len(plains), 3)
         trials = [t for state, one in offers[:most] if (t := tried(state, one))]
@@ -158,10 +166,13 @@ class Hunt:
             if identity(one.name) not in ahead:
                 first = offers[0][1]
                 self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
-        nodes = self._fine(node, self._raced(trials))
+        nodes = [self.remarked(one) for one in self._fine(node, self._raced(trials))]
+        nodes.sort(key=lambda n: n.score)
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
-            more = workshop(offers, pins=False) + (workshop(offers[: policy.evaluated], pins=True) if self.pins else [])
+            found = {named(n.fit.added[-1]) for n in nodes}
+            pins = offers[: policy.evaluated] if self.pins else [o for o in offers if identity(o[1].name) in found]
+            more = workshop(offers, pins=False) + workshop(pins, pins=True)
             more += mirrored(nodes, offers)
             nodes += self._fine(node, self._raced([t for one in more if (t := tried(plain, one))]))
         return sorted(nodes + self._regular(node), key=lambda n: n.score)
@@ -169,9 +180,9 @@ class Hunt:
     def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
         """Successive halving: one joint step for the most promising, all steps for the best of these."""
         policy = self.policy
-        kept = self._ahead(trials, policy.stepped, 2, "solved at the load: may leave")
-        kept = self._ahead([stepped(t, 1) for t in kept], policy.refitted + 3, 1, "after one joint step: may leave")
-        kept = self._ahead([stepped(t, 2) for t in kept], policy.refitted, 1, "after three joint steps: may leave")
+        kept = self._ahead(trials, policy.stepped, 3, "solved at the load: may leave")
+        kept = self._ahead([stepped(t, 1) for t in kept], policy.refitted + 3, 2, "after one joint step: may leave")
+        kept = self._ahead([stepped(t, 2) for t in kept], policy.refitted, 2, "after three joint steps: may leave")
         return sorted((stepped(t, 12) for t in kept), key=lambda t: t.fit.objective)
 
     def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
@@ -240,13 +251,32 @@ class Hunt:
         return self._ranked[id(fit)][1]
 
     def swapped(self, node: Node) -> Node:
-        """The node with each cause replaced by one that fits better in its place, if there is one."""
+        """The node with each cause, or two of them, replaced by one that fits better in their place, if any does."""
         for _ in range(self.policy.most_effects):
-            better = [r for at in range(len(node.fit.added)) for r in self.rivals(node, at) if r.score < node.score - 1]
+            count = range(len(node.fit.added))
+            others = [rival for at in count for rival in self.rivals(node, at)]
+            others += [one for pair in combinations(count, 2) for one in self._found_rivals(node, *pair)]
+            better = [one for one in others if one.score < node.score - 1]
             if not better:
                 return node
             node = min(better, key=lambda n: n.score)
         return node
+
+    def remarked(self, node: Node) -> Node:
+        """The node with the gear's marks where they strain nothing, if its one cause leaves only noise but strains.
+
+        A cause of one order is turned by wrong marks as it is by its own angle: only what was declared tells them.
+        """
+        fit = node.fit
+        if not self.offsets or len(fit.added) != 1 or fit.data > fit.bound or self.complete(node):
+            return node
+        bench, declared = self.coarse(node), fit.declared
+        alike = [one for one in self.candidates if one[0] == fit.added[0].key]
+        trials = []
+        for offset in self.offsets:
+            state = evaluated(bench, marked(declared, offset), declared)
+            trials += [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
+        return min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
 
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""
@@ -302,19 +332,24 @@ class Hunt:
         self._rivals[key] = sorted(known, key=lambda n: n.score)
         return self._rivals[key]
 
-    def _found_rivals(self, node: Node, number: int) -> list[Node]:
+    def _found_rivals(self, node: Node, *numbers: int) -> list[Node]:
         """Causes of the same gaps, elsewhere, or alike to first order; refitted where they come close."""
         coarse = onto(self.coarse(node), node.fit)
-        rest = lifted(coarse, number)
-        effect, free = coarse.added[number], self.free(coarse)
-        exact = self._gaps(coarse.bench.unit).twins(effect, free)
-        others = [*exact, *elsewhere(effect, coarse.bench.unit, free)]
-        others += [
-            Effect(one.name[0], dict(one.name[1]), tuple(map(float, one.sizes)))
-            for one in screened(rest, free)[: self.policy.rivals]
-        ]
+        rest, free = coarse, self.free(coarse, late=len(numbers) > 1)
+        for number in sorted(numbers, reverse=True):
+            rest = lifted(rest, number)
+        exact: list[Effect] = []
+        others: list[Effect] = []
+        if len(numbers) == 1:
+            effect = coarse.added[numbers[0]]
+            exact = self._gaps(coarse.bench.unit).twins(effect, free)
+            others = elsewhere(effect, coarse.bench.unit, free)
+        rows = rest.bench.influences(rest.model, rest.waves, free)
+        for hold in (False, True):
+            leading = screened(rest, free, rows, hold=hold)[: self.policy.rivals]
+            others += [Effect(one.name[0], dict(one.name[1]), tuple(map(float, one.sizes))) for one in leading]
         trials = []
-        for place, other in enumerate(others):
+        for place, other in enumerate([*exact, *others]):
             model = replace(rest.model, effects=(*rest.model.effects, other))
             try:
                 state = evaluated(coarse.bench, model, coarse.declared, coarse.waves)
@@ -333,30 +368,38 @@ class Hunt:
         return self._kept_gaps[0]
 
     def best(self, roots: Sequence[Node], expansions: int) -> tuple[Node, bool]:
-        """Search from roots: the node with the most evidence, and whether nothing is left beside it."""
-        waiting = sorted(roots, key=lambda n: n.score)
-        seen = list(waiting)
+        """Search from roots, in their order: the node with the most evidence, and whether nothing is left beside it."""
+        waiting, seen = list(roots), list(roots)
+        last = replace(self, candidates=self.late, late=()) if self.late else None
         for _ in range(expansions):
             if not waiting:
                 break
             node = self.pruned(waiting.pop(0))
+            if last and node.fit.added and not self.complete(node):
+                # one cause of a kind that is tried last is likelier than two others
+                bare = min(roots, key=lambda n: len(n.names))
+                waiting = sorted([*waiting, node, *last.beside(bare, seen)], key=lambda n: n.score)
+                node, last = self.pruned(waiting.pop(0)), None
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
-            if len(node.names) >= self.policy.most_effects:
-                continue
-            self.journal.tell(
-                f"looking beside {', '.join(describe(e.key, e.indices) for e in node.fit.added) or 'what was declared'}"
-            )
-            self.journal.round += 1
-            for child in self.children(node):
-                parameters = self._sizes(child, node)
-                if self.significant(node.fit, node.fit.objective - child.fit.objective, parameters):
-                    if all(child.names != other.names for other in seen):
-                        waiting.append(child)
-                    seen.append(child)
-            waiting = sorted(waiting, key=lambda n: n.score)[: self.policy.branches]
+            if len(node.names) < self.policy.most_effects:
+                waiting = sorted([*waiting, *self.beside(node, seen)], key=lambda n: n.score)[: self.policy.branches]
         return min(seen, key=lambda n: n.score), False
+
+    def beside(self, node: Node, seen: list[Node]) -> list[Node]:
+        """Children that are better than a node by more than chance and new; all better ones are added to those seen."""
+        self.journal.tell(
+            f"looking beside {', '.join(describe(e.key, e.indices) for e in node.fit.added) or 'what was declared'}"
+        )
+        self.journal.round += 1
+        found = []
+        for child in self.children(node):
+            if self.significant(node.fit, node.fit.objective - child.fit.objective, self._sizes(child, node)):
+                if all(child.names != other.names for other in seen):
+                    found.append(child)
+                seen.append(child)
+        return found
 
 
 def strained(fit: Fit) -> bool:
@@ -394,13 +437,16 @@ def lifted(fit: Fit, number: int) -> Fit:
 
 
 def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
-    """So many of each cause at most, in order."""
-    count: dict[object, int] = {}
+    """So many of each cause at most, whose sizes point elsewhere, in order."""
+    ahead: dict[object, list[Array]] = {}
     kept = []
     for trial in trials:
-        name = named(trial.fit.added[-1])
-        count[name] = count.get(name, 0) + 1
-        if count[name] <= most:
+        last = trial.fit.added[-1]
+        sizes = np.array(last.values) / [p.plausible for p in source(last.key).parameters]
+        way = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
+        others = ahead.setdefault(named(last), [])
+        if len(others) < most and all(way @ other < _ELSEWHERE for other in others):
+            others.append(way)
             kept.append(trial)
     return kept
 
@@ -474,14 +520,17 @@ def onto(bench: RunSet, fit: Fit) -> Fit:
 
 
 def as_declared(fit: Fit) -> Fit:
-    """Declared sizes and stiffness back at what was declared; what was added stays."""
+    """Declared sizes and stiffness back at what was declared, if they can be; what was added stays."""
     count = len(fit.declared.effects)
     kept = [
         now if source(now.key).acts == "marks" else then
         for now, then in zip(fit.model.effects[:count], fit.declared.effects, strict=True)
     ]
     model = replace(fit.declared, effects=(*kept, *fit.model.effects[count:]))
-    return evaluated(fit.bench, model, fit.declared, fit.waves)
+    try:
+        return evaluated(fit.bench, model, fit.declared, fit.waves)
+    except NotConvergedError:  # what was added stands on the stiffness that was fitted with it
+        return fit
 
 
 @dataclass(frozen=True, eq=False)

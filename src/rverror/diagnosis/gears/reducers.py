@@ -52,7 +52,9 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell("predicting the declared model")
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
-    hunt = Hunt(candidates_of(model, records, policy), policy, journal)
+    hunt = Hunt(
+        candidates_of(model, records, policy), policy, journal, candidates_of(model, records, policy, late=True)
+    )
     if anywhere:
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
@@ -71,8 +73,8 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         bare = [replace(r, orders=(), slow=False) for r in best.fit.bench.records]
         root = Node(fitted(onto(best.fit.bench.with_records(bare), root.fit)))
         if not done:
-            hunt = replace(hunt, pins=True, candidates=candidates_of(model, bare, policy, late=True))
-            best, done = hunt.best([best, root], policy.again)
+            hunt = replace(hunt, pins=True, candidates=(*hunt.candidates, *hunt.late), late=())
+            best, done = hunt.best([root, best], policy.again)
     return account(declared, model, runs, hunt, root, best, done, notes)
 
 
@@ -99,7 +101,7 @@ def with_marks(declared: Model, runs: Sequence[Run]) -> tuple[Model, bool]:
 
 
 def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
-    """Likely angles of the marks, by how well the declared waveform fits; what is missing may turn the match."""
+    """Angles of the marks, by how well the declared waveform fits; what is missing may turn the match."""
     coarse = onto(hunt.coarse(Node(first)), first)
     unit = first.bench.unit
     repeat = 2 * math.pi / fundamental_orders(unit)["crank"]
@@ -111,20 +113,20 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
         state = evaluated(coarse.bench, marked(coarse.model, span * at / count), coarse.declared)
         trials.append((fitted(state, steps=1).objective, span * at / count))
     trials.sort()
-    offsets = tuple(angle for _, angle in trials[: hunt.policy.likely_zeros])
+    offsets = tuple(angle for _, angle in trials)
     best = evaluated(first.bench, marked(first.model, offsets[0]), first.declared)
     return replace(hunt, offsets=offsets), renoised(best)
 
 
 def candidates_of(model: Model, records: Sequence[Record], policy: Policy, *, late: bool = False) -> tuple[Named, ...]:
-    """Sources of the catalogue that the runs can show and the model does not have."""
+    """Sources of the catalogue that the runs can show and the model does not have, tried late or not."""
     unit = model.mechanism
     assert isinstance(unit, Reducer)
     taken = [(e.key, dict(e.indices)) for e in model.effects]
     return tuple(
         (key, indices)
         for key, entry in CATALOGUE.items()
-        if entry.applies_to(unit) and policy.tries(entry) and (late or not entry.late)
+        if entry.applies_to(unit) and policy.tries(entry) and entry.late == late
         if not any(entry.lacks(unit, record) for record in records)
         for indices in entry.candidates(unit)
         if (key, dict(indices)) not in taken

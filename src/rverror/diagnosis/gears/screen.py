@@ -34,7 +34,9 @@ class Proposal:
     step: Array
 
 
-def screened(fit: Fit, named: Sequence[Named], rows: Sequence[Array] | None = None) -> list[Proposal]:
+def screened(
+    fit: Fit, named: Sequence[Named], rows: Sequence[Array] | None = None, *, hold: bool = False
+) -> list[Proposal]:
     """Candidates, the most promising first.
 
     Parameters
@@ -43,7 +45,9 @@ def screened(fit: Fit, named: Sequence[Named], rows: Sequence[Array] | None = No
         A state; it need not be settled.
     named : sequence of Named
     rows : sequence of ndarray, shape (parameters, n), optional
-        Influence of all of them on each record, where it is not the linear one.
+        Influence of all of them on each record, where it is known already.
+    hold : bool
+        Whether everything else keeps its size.
     """
     bench, policy = fit.bench, fit.bench.policy
     if rows is None:
@@ -63,7 +67,7 @@ def screened(fit: Fit, named: Sequence[Named], rows: Sequence[Array] | None = No
     low, high = bounds(fit)
     pull = fit.moment / fit.scale - np.where(np.isfinite(weights), weights, 0.0) * off
     stopped = ((low == 0) & (pull < 0)) | ((high == 0) & (pull > 0))  # at a bound, and would go on
-    free = np.isfinite(weights) & ~stopped
+    free = np.isfinite(weights) & ~stopped & (not hold)
     gram, first, w, o = fit.gram[np.ix_(free, free)], fit.moment[free], weights[free], off[free]
     result = []
     for name, block, (begin, end) in zip(named, own, pairwise(ends), strict=True):
