@@ -1,0 +1,146 @@
+"""What is said of a fit: its intervals, what it leaves of stretches that it did not see, and its lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import rverror
+from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.account import _lines, elastic, left_out, reach
+from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, evaluated, fitted
+from rverror.diagnosis.gears.noise import RunNoise
+from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.policy import POLICY, Policy
+from rverror.model.effects import Model
+
+N = 600
+THETA = TURN / N * np.arange(N)
+ENCODER = rverror.effect("sensor.encoder_eccentricity", cos="0 arcsec", sin="0 arcsec", uncertainty="100 arcsec")
+
+
+def encoded(error: Array, noise: float, *, uncertainty: float = 100.0, zero: str = "") -> Fit:
+    """An encoder fitted to one turn in white noise (both in arcsec); linear and in closed form."""
+    record = replace(record_of(error, zero=zero), torque=None, noise=RunNoise(np.zeros(0), noise * ARCSEC))
+    declared = Model(UNIT, (replace(ENCODER, uncertainty=uncertainty * ARCSEC),))
+    return fitted(evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), declared, declared))
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3])
+def test_where_noise_is_little_an_interval_is_as_wide_as_the_model_s_own_error(noise: float) -> None:
+    """A wave of that rms, whatever its phase, moves cosine and sine together by sqrt(2) of it: once it for each.
+
+    Student's factor at 95 % is 2 % above that of a normal distribution with 75 samples.
+    """
+    own = POLICY.model_error
+    for phase in (0.3, 1.1, 2.0):
+        fit = encoded(math.sqrt(2) * own * np.cos(THETA - phase), noise)
+        half = [reach(fit, float(fit.covariance[at, at])) for at in range(2)]
+        assert half == pytest.approx([1.96 * own] * 2, rel=0.03)
+        assert math.hypot(*fit.model.effects[0].values) == pytest.approx(math.sqrt(2) * own, rel=1e-3)
+        assert np.all(np.abs(fit.model.effects[0].values) < half)
+
+
+def test_where_noise_is_much_an_interval_is_that_of_least_squares() -> None:
+    """A cosine of n samples is known to sqrt(2 / n) of the noise, of which the model's own error is a hundredth."""
+    noise = 100 * POLICY.model_error / ARCSEC
+    fit = encoded(np.zeros(N), noise, uncertainty=1e4)
+    half = reach(fit, float(fit.covariance[0, 0]))
+    assert half == pytest.approx(1.96 * noise * ARCSEC * math.sqrt(2 / N), rel=0.05)
+
+
+def least_squares(error: Array, used: Flags, noise: float, sigma: float) -> Array:
+    """What the used samples leave of all, an offset free and a wave about nothing by so much: written out."""
+    rows = np.stack([np.ones(N), np.cos(THETA), np.sin(THETA)])
+    weighted = rows[:, used] / noise
+    gram = weighted @ weighted.T + np.diag([0.0, sigma**-2, sigma**-2])
+    return np.asarray(error - np.linalg.solve(gram, weighted @ error[used] / noise) @ rows)
+
+
+@pytest.mark.parametrize("uncertainty", [0.02, 0.05, 100.0])
+def test_a_stretch_that_is_left_out_has_the_sizes_of_the_others_and_of_the_priors(uncertainty: float) -> None:
+    """Sixths of a turn, each against a fit of its own to the other five; a prior as narrow holds it back."""
+    noise = 0.3 * ARCSEC
+    error = red(3, N, 0.3, 0.0) + 0.08 * ARCSEC * np.cos(THETA - 0.5)
+    fit = encoded(error, 0.3, uncertainty=uncertainty, zero="A")
+    assert fit.scale == 1
+    (found,) = left_out(fit)
+    expected = np.zeros(N)
+    for out in np.arange(N).reshape(6, -1):
+        used = np.ones(N, dtype=np.bool_)
+        used[out] = False
+        expected[out] = least_squares(error, used, noise, uncertainty * ARCSEC)[out]
+    assert found == pytest.approx(expected, abs=1e-5 * noise)
+    # the whole fit has seen them, and leaves less
+    whole = least_squares(error, np.ones(N, dtype=np.bool_), noise, uncertainty * ARCSEC)
+    assert fit.residual[0] == pytest.approx(whole, abs=1e-5 * noise)
+    assert float(found @ found) > float(whole @ whole)
+
+
+def lined(seed: int, runs: int, policy: Policy) -> Fit:
+    """Runs of 1.5 arcsec at an order of no part in white noise of 0.3, which is known."""
+    records = [
+        replace(
+            record_of(1.5 * ARCSEC * np.cos(23.37 * THETA + 0.4) + red(100 * seed + i, N, 0.3, 0.0)),
+            name=f"run {i}",
+            torque=None,
+            noise=RunNoise(np.zeros(0), 0.3 * ARCSEC),
+        )
+        for i in range(runs)
+    ]
+    return evaluated(RunSet.of(UNIT, records, policy, points=512, anywhere=False), Model(UNIT), Model(UNIT))
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_a_line_s_interval_is_that_of_a_wave_in_white_noise(runs: int) -> None:
+    """1.96 sqrt(2 / n) of the noise either way, for the mean of two runs sqrt(2) less; and so lines are scattered."""
+    policy = replace(POLICY, model_error=1e-4 * ARCSEC)
+    expected = 0.3 * ARCSEC * math.sqrt(2 / N / runs)
+    off = []
+    for seed in range(24):
+        fit = lined(seed, runs, policy)
+        (line,) = _lines(fit, [], best_lines(fit, policy, outside=True))
+        assert line.high - line.amplitude == pytest.approx(1.96 * expected, rel=0.05)
+        assert line.amplitude - line.low == pytest.approx(1.96 * expected, rel=0.05)
+        off.append((line.amplitude - 1.5 * ARCSEC) / expected)
+    assert chi2.isf(0.999, 24) < float(np.sum(np.square(off))) < chi2.isf(0.001, 24)
+
+
+def test_a_line_that_was_freed_is_told_as_one_that_was_left() -> None:
+    fit = lined(1, 2, POLICY)
+    (found,) = best_lines(fit, POLICY, outside=True)
+    (left,) = _lines(fit, [], [found])
+    records = [replace(r, orders=(found.order,)) for r in fit.bench.records]
+    (free,) = _lines(replace(fit, bench=fit.bench.with_records(records)), [found.order], [])
+    for one, other in zip(
+        (free.order, free.amplitude, free.low, free.high),
+        (left.order, left.amplitude, left.low, left.high),
+        strict=True,
+    ):
+        assert one == pytest.approx(other, rel=1e-3)
+
+
+def test_runs_that_are_all_noise_leave_stiffness_what_was_known_before() -> None:
+    """A quarter of the logarithm either way, half the backlash, a tenth of an exponent: times 1.96, within bounds."""
+    (run,) = runs_of(Model(UNIT), ((1.0, 50e3),), points=512)
+    first = begin(Model(UNIT), [run], points=512)
+    loud = [replace(r, noise=RunNoise(np.zeros(0), 1.0)) for r in first.bench.records]
+    soft = {e.name: e for e in elastic(evaluated(first.bench.with_records(loud), Model(UNIT), Model(UNIT)))}
+    for name in ("pin_contact", "crank_bearing", "gear_mesh", "carrier_bearing"):
+        one, stated = soft[name], getattr(UNIT.stiffness, name)
+        assert one.value == one.declared == pytest.approx(stated)
+        assert math.log(one.high / stated) == pytest.approx(1.96 * 0.25, rel=0.05)
+        assert math.log(stated / one.low) == pytest.approx(1.96 * 0.25, rel=0.05)
+        assert not one.told
+    backlash = soft["gear_backlash"]
+    assert backlash.high - 0.02 == pytest.approx(1.96 * 0.01, rel=0.05)
+    assert 0.02 - backlash.low == pytest.approx(1.96 * 0.01, rel=0.05)
+    exponent = soft["pin_exponent"]
+    assert exponent.high - 1 == pytest.approx(1.96 * 0.1, rel=0.05)
+    assert exponent.low == 1
