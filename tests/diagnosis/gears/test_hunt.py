@@ -11,10 +11,24 @@ import pytest
 
 import rverror
 from gear_runs import OTHER, UNIT, begin, runs_of
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, renoised
-from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, distinct, lifted, named, strained, tried, unsure
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted, renoised
+from rverror.diagnosis.gears.hunt import (
+    Hunt,
+    Node,
+    as_declared,
+    distinct,
+    lifted,
+    mirrored,
+    named,
+    strained,
+    tried,
+    unsure,
+)
+from rverror.diagnosis.gears.noise import RunNoise
+from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import candidates_of
-from rverror.diagnosis.gears.screen import screened
+from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
 from rverror.model.effects import Effect, Model
@@ -100,6 +114,39 @@ def test_a_strained_fit_is_never_complete() -> None:
     assert nobody.complete(Node(replace(node.fit, bench=bench)))  # nothing but the strain is against it
     calm = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (replace(wrong, uncertainty=5e-4),)))
     assert not strained(calm.fit)
+
+
+def declared_off(by: float, added: tuple[Effect, ...] = ()) -> Fit:
+    """A declared encoder, both its sizes so many uncertainties off, beside what was added; closed form."""
+    encoder = rverror.effect("sensor.encoder_eccentricity", cos="0 arcsec", sin="0 arcsec", uncertainty="2 arcsec")
+    (run,) = runs_of(BARE, ((1.0, 50e3),), points=512)
+    record = replace(records_of(BARE, [run], POLICY)[0][0], torque=None, noise=RunNoise(np.zeros(0), ARCSEC))
+    declared = Model(UNIT, (encoder,))
+    now = Model(UNIT, (replace(encoder, values=(by * 2 * ARCSEC,) * 2), *added))
+    return evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), now, declared)
+
+
+@pytest.mark.parametrize("added", [(), (CAM,), (replace(CAM, values=(3.0, -2.0)),)])
+def test_only_what_was_declared_is_strained(added: tuple[Effect, ...]) -> None:
+    """Two sizes' squares exceed -2 ln p by chance p; what was added may be of any size and counts in neither."""
+    limit = math.sqrt(-math.log(POLICY.strained))
+    assert not strained(declared_off(0.0, added))
+    assert not strained(declared_off(0.99 * limit, added))
+    assert strained(declared_off(1.01 * limit, added))
+
+
+def test_the_opposite_of_what_was_fitted_is_offered_where_fits_may_end_there() -> None:
+    """Once and twice, along what it was: of pins and discs, which unload, and only where they still are candidates."""
+    profile = rverror.effect("cycloid.disc_profile", disc=0, harmonic=2, cos="4 um", sin="-3 um")
+    other = replace(profile, indices={"disc": 1, "harmonic": 2})
+    nodes = [Node(declared_off(0.0, (CAM, effect))) for effect in (profile, other, CAM)]
+    named_alike = [
+        Proposal(("cycloid.disc_profile", {"harmonic": 2, "disc": 0}), 1.0, np.array([1.0, 2.0]), np.zeros(3)),
+        Proposal(("crank.eccentricity", dict(CAM.indices)), 2.0, np.array([1.0, 2.0]), np.zeros(3)),
+    ]
+    found = mirrored(nodes, [(nodes[0].fit, one) for one in named_alike])
+    assert [one.name for one in found] == [named_alike[0].name] * 2
+    assert [list(one.sizes) for one in found] == [pytest.approx([-0.004, 0.003]), pytest.approx([-0.008, 0.006])]
 
 
 def test_rivals_hold_the_exact_twin_at_another_place(right: Node) -> None:
