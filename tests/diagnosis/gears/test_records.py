@@ -64,12 +64,27 @@ def test_a_short_gap_is_filled_and_a_long_one_begins_a_new_series(lost: int, bre
         assert record.starts == (0, 700)
         assert record.kept.all()
         assert record.theta.size == N - lost
+        assert record.absent == ()
     else:
         assert record.starts == (0,)
         assert list(np.flatnonzero(~record.kept)) == list(range(700, 700 + lost))
         assert record.theta == pytest.approx(THETA)
+        assert record.absent == tuple(range(700, 700 + lost))
     assert len([note for note in notes if "missing" in note]) == 1
     assert record.turns == pytest.approx(1, rel=0.04)
+
+
+def test_what_was_never_read_is_told_from_what_was_set_aside() -> None:
+    """Both are places without value; only a spike was a reading, and a long gap before them moves their places."""
+    used = np.ones(N, dtype=np.bool_)
+    used[300:320], used[700:703], used[1500] = False, False, False
+    error = 5 * ARCSEC * np.cos(THETA) + red(0, N)
+    error[1000] += 200 * ARCSEC
+    record, _ = one(read(THETA[used], error[used]))
+    assert record.theta[list(record.absent)] == pytest.approx(THETA[[700, 701, 702, 1500]])
+    spikes = np.setdiff1d(np.flatnonzero(~record.kept), record.absent)
+    assert record.theta[spikes] == pytest.approx(THETA[[1000]])
+    assert one(read())[0].absent == ()
 
 
 def test_one_percent_of_the_samples_missing_costs_one_percent() -> None:
