@@ -130,7 +130,7 @@ class Conditioned:
             return None
         still = turned(near.unit, near.poses, near.grid.start - near.grid.theta)
         at = grid.theta - near.grid.start
-        return turned(near.unit, near.grid.to_samples(grid.theta + 1e-3 * grid.step)(still.T).T, at)
+        return turned(near.unit, near.grid.to_samples(grid.theta)(still.T).T, at)
 
     def forces(self, wave: Waveform) -> tuple[Pose, ContactForces]:
         """Motion and forces per unit torque over the whole grid of travel, in the state of a waveform."""

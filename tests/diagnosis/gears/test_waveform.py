@@ -1,0 +1,50 @@
+"""The gear train under a run's conditions: what is carried from one turn of the crank against what is solved anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import OTHER, TURN, UNIT
+from rverror.diagnosis.gears.grid import whole
+from rverror.diagnosis.gears.waveform import Conditioned
+from rverror.geartrain.kinematics import Conditions
+from rverror.statics.loaded_state import statics_of
+
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+PROFILE = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="4 um", sin="3 um")
+PIN = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize(("points", "within"), [(256, 1e-9), (512, 1e-9), (600, 1e-4)])
+def test_poses_of_one_turn_of_the_crank_are_those_of_the_whole_turn(
+    direction: float, points: int, within: float
+) -> None:
+    """Turned on with the carrier; 600 angles do not hold whole turns of the crank, between whose angles a spline runs.
+
+    `within` is of how far each unknown moves.
+    """
+    conditioned = Conditioned(direction, 50e3, whole(0.3, TURN, points))
+    near = conditioned.solve(OTHER, (CAM, PROFILE))
+    assert near.grid.points < points
+    carried = conditioned._carried(near, conditioned.turn)
+    assert carried is not None
+    solved = statics_of(OTHER, Conditions(conditioned.turn.theta, direction, 50e3)).predict((CAM, PROFILE)).poses
+    assert carried == pytest.approx(solved, rel=0, abs=within * float(np.ptp(solved, axis=0).max()))
+    # each unknown by itself, those that move least among them
+    assert np.all(np.abs(carried - solved).max(axis=0) <= 10 * within * np.ptp(solved, axis=0))
+
+
+def test_a_cause_in_the_housing_is_solved_from_poses_without_it() -> None:
+    """It does not repeat with the crank; from the turn of the crank that was solved before, or anew, it is the same."""
+    conditioned = Conditioned(1.0, 50e3, whole(0.3, TURN, 256))
+    near = conditioned.solve(UNIT, (CAM,))
+    after, anew = conditioned.solve(UNIT, (CAM, PIN), near), conditioned.solve(UNIT, (CAM, PIN))
+    assert near.grid != after.grid == anew.grid == conditioned.turn
+    assert after.error == pytest.approx(anew.error, rel=0, abs=1e-9 * float(np.ptp(anew.error)))
+    assert conditioned._carried(anew, conditioned.turn) is None
+    assert conditioned._carried(replace(near, poses=None), conditioned.turn) is None
