@@ -107,3 +107,30 @@ def test_no_line_is_smaller_than_the_equilibrium_is_right_to() -> None:
     )
     assert best_lines(begin(MODEL, [run]), POLICY, outside=False) == []
     assert best_lines(begin(MODEL, [run]), replace(POLICY, accuracy=0.01 * ARCSEC), outside=False)
+
+
+@pytest.mark.parametrize(("share", "reported"), [(0.02, False), (-0.02, False), (0.04, True), (-0.04, True)])
+def test_a_line_of_the_gears_within_some_percent_of_the_prediction_is_the_model_s_own_error(
+    share: float, reported: bool
+) -> None:
+    """A cam is larger or smaller than declared; three percent are beyond what its model claims.
+
+    Each is seen in the noise, and what is as large at an order of no part is a line, also beside the cam's.
+    """
+    theta = TURN / N * np.arange(N)
+    declared = rverror.Model(UNIT, (rverror.effect("crank.eccentricity", crank=0, disc=0, radial="30 um"),))
+    predicted = rverror.transmission_error(declared, theta, direction=1.0)
+    size = 2 * abs(np.mean(predicted * np.exp(-16j * theta)))
+    beside, far = (share * size * np.cos(order * theta) for order in (17.4, 23.37))
+    for wave, orders in (
+        (share * predicted, [16] * reported),
+        (beside, [17.4]),
+        (share * predicted + far, [16] * reported + [23.37]),
+    ):
+        run = rverror.run_from_arrays(
+            input_angle=UNIT.ratio * theta,
+            output_angle=theta + predicted + wave + red(5, N, 0.01 * size / ARCSEC, 0.0),
+            direction="forward",
+        )
+        found = best_lines(begin(declared, [run]), POLICY, outside=False, most=3)
+        assert sorted(line.order for line in found) == pytest.approx(orders, abs=0.1)

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rverror
-from gear_runs import TURN, UNIT, red
+from gear_runs import TURN, UNIT, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated, fitted
 from rverror.diagnosis.gears.grid import AngleGrid
 from rverror.diagnosis.gears.noise import RunNoise
-from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.sight import EverySample, Few, compressed
 from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.diagnosis.policy import POLICY
@@ -132,3 +132,39 @@ def test_a_fit_to_few_numbers_is_the_fit_to_the_samples() -> None:
     assert after.model.effects[0].values == pytest.approx(
         same.model.effects[0].values, abs=0.1 * math.sqrt(full.covariance[0, 0])
     )
+
+
+@pytest.mark.parametrize("points", [96, 128])
+def test_a_sun_s_waves_are_seen_though_the_angles_of_the_gears_are_too_few_for_them(points: int) -> None:
+    """Order 96: two or fewer angles a wave say nothing of it, the samples all, whose noise alone is left."""
+    sun = rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um", sin="-4 um")
+    bare, true = rverror.Model(UNIT), rverror.Model(UNIT, (sun,))
+    records, _ = records_of(bare, runs_of(true, ((1.0, 50e3),)), POLICY)
+    noise = RunNoise(np.array([0.7]), 0.3 * ARCSEC * math.sqrt(1 - 0.7**2))
+    bench = RunSet.of(UNIT, [replace(r, noise=noise) for r in records], POLICY, points=points, anywhere=False)
+    few = replace(bench, few=((sun.key, dict(sun.indices)),))
+    fit, without = evaluated(few, true, bare), evaluated(few, bare, bare)
+    assert fit.data < few.freedom + 5 * math.sqrt(2 * few.freedom)
+    assert without.data > 50 * fit.data
+    # the change that a fit reckons with is the whole of it: it is linear
+    moment, gram = fit.moment[:2], fit.gram[:2, :2]
+    assert np.abs(np.linalg.solve(gram, moment)).max() < 0.2e-3
+    assert fit.data + 2 * moment @ sun.values + np.array(sun.values) @ gram @ sun.values == pytest.approx(
+        without.data, rel=1e-3
+    )
+
+
+def test_only_a_sun_is_added_by_its_influence_and_only_where_it_must() -> None:
+    """Where runs are compressed, or where its turns do not close with the output's."""
+    odd = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+    for unit, few, apart in ((UNIT, (), False), (UNIT, BEYOND, True), (odd, (), True), (odd, BEYOND, True)):
+        record = Record("run 1", TURN / 64 * np.arange(64), np.zeros(64), 1.0, 50e3, np.ones(64, dtype=np.bool_))
+        bench = replace(RunSet.of(unit, [record], POLICY, points=64, anywhere=False), few=few)
+        assert bench.apart("involute.sun_pitch") is apart
+        effects = (
+            rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um"),
+            rverror.effect("crank.eccentricity", crank=0, disc=0, radial="1 um"),
+            rverror.effect("sensor.encoder_eccentricity", cos="1 arcsec"),
+        )
+        assert bench.around(rverror.Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
+        assert not any(bench.apart(effect.key) for effect in effects[1:])
