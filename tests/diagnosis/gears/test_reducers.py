@@ -192,6 +192,33 @@ def test_a_declared_size_is_refitted_and_not_blamed() -> None:
     assert found.after == found.before_refitted
 
 
+@pytest.mark.parametrize("size", [1, 4])
+def test_how_far_a_declared_size_is_off_is_no_noise(size: int) -> None:
+    """Arc minutes of an encoder over 0.3 of a turn are no line: until it is refitted, they look like more noise.
+
+    Its prior is so wide that where the middle is does not matter: declared right or wrong, the cause promises as much.
+    Where they were taken for noise, it promised a ninth to a sixth.  In closed form.
+    """
+    encoder = rverror.effect("sensor.encoder_eccentricity", cos="200 arcsec", sin="-300 arcsec", uncertainty="1 deg")
+    profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos=f"{size} um", sin=f"{size / 2} um")
+    theta = 1.0 + TURN / 2048 * np.arange(614)
+    error = rverror.transmission_error(Model(UNIT, (encoder, profile)), theta, direction=1.0) + red(0, 614)
+    run = rverror.run_from_arrays(input_angle=UNIT.ratio * theta, output_angle=theta + error, direction="forward")
+    right, wrong = (
+        rverror.diagnose(
+            Model(UNIT, (replace(encoder, values=values),)),
+            [run],
+            policy=replace(POLICY, keys=("cycloid.disc_profile",)),
+        )
+        for values in (encoder.values, (0.0, 0.0))
+    )
+    assert right.verdict == wrong.verdict == "explained"
+    for found in (right, wrong):
+        assert {(key, indices["harmonic"]) for names in sets(found) for key, indices in names} == {(profile.key, 2)}
+    assert right.candidates[0].heldout_gain > 200
+    assert 1 / 1.5 < wrong.candidates[0].heldout_gain / right.candidates[0].heldout_gain < 1.5
+
+
 def test_only_the_keys_that_are_asked_for_are_tried() -> None:
     """Without the cause among them nothing is named, and what is left is said."""
     few = replace(POLICY, keys=("sensor.encoder_eccentricity",))
