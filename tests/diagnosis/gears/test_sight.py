@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rverror
-from gear_runs import TURN, UNIT, red, runs_of
+from gear_runs import TURN, UNIT, record_of, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated, fitted
@@ -158,8 +158,7 @@ def test_only_a_sun_is_added_by_its_influence_and_only_where_it_must() -> None:
     """Where runs are compressed, or where its turns do not close with the output's."""
     odd = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
     for unit, few, apart in ((UNIT, (), False), (UNIT, BEYOND, True), (odd, (), True), (odd, BEYOND, True)):
-        record = Record("run 1", TURN / 64 * np.arange(64), np.zeros(64), 1.0, 50e3, np.ones(64, dtype=np.bool_))
-        bench = replace(RunSet.of(unit, [record], POLICY, points=64, anywhere=False), few=few)
+        bench = replace(RunSet.of(unit, [record_of(np.zeros(64))], POLICY, points=64, anywhere=False), few=few)
         assert bench.apart("involute.sun_pitch") is apart
         effects = (
             rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um"),
