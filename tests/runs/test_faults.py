@@ -18,6 +18,7 @@ from recordings import bench
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.runs.faults import FaultBounds, Faults, find_faults
+from rverror.runs.faults_as_read import NEAR
 from rverror.runs.measurement import load_run
 from rverror.runs.virtual_bench import coloured_noise, quantised
 
@@ -160,7 +161,11 @@ def test_a_burst_is_set_aside_wherever_it_lies(
     error = as_read(*unit)
     error[place : place + length] += sign * size * ARCSEC
     found = find_faults(THETA, error)
-    assert set(range(place, place + length)) <= set(spikes_of(found)) <= set(range(place - 1, place + length + 1))
+    found_at, whole = set(spikes_of(found)), set(range(place, place + length))
+    assert whole <= found_at
+    # a kink beside it may go with it, where what foretells a sample reaches over the burst
+    assert len(found_at - whole) <= 2
+    assert found_at <= set(range(place - NEAR, place + length + NEAR))
     assert found.slips == ()
 
 

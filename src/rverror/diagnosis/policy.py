@@ -55,8 +55,8 @@ class Policy:
 
     # --- reducers: what is enough -------------------------------------------------------------------------------------
 
-    #: Effects and lines that are added to a reducer at most.  Chosen: one more than the benches ask for.
-    most_effects: int = 4
+    #: Effects that are added to a reducer at most.  Chosen: sets of four fit what three others did.
+    most_effects: int = 3
     #: Standard deviations that the squares of the residual may exceed their number by and be noise still; beyond them
     #: what is not explained counts as noise of its own size.  Five: hardly ever by chance.
     by_chance: float = 5.0

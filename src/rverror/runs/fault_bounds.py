@@ -19,6 +19,8 @@ WIDEST_SLIP = 3
 #: Rounds of a search: each takes the largest of a neighbourhood, so that it no longer spoils its neighbours.
 ROUNDS = 12
 
+# Samples by which a feature may lie elsewhere in another turn.
+_JITTER = 1
 # Median and 80 % quantile of the size of a standard normal.
 _MEDIAN_SIZE = 0.67449
 _MOST_SIZE = 1.28155
@@ -162,3 +164,14 @@ def peaks(score: Array, bound: float, apart: int) -> list[int]:
         if all(abs(k - other) > apart for other in taken):
             taken.append(k)
     return taken
+
+
+def repeats(theta: Array, size: Array, k: int) -> bool:
+    """Whether half of it or more stands at the same angle in most other turns too."""
+    turns = (theta - theta[k]) / (2 * math.pi)
+    others = np.arange(math.ceil(turns.min()), math.floor(turns.max()) + 1)
+    order = np.argsort(turns, kind="stable") if turns[0] > turns[-1] else np.arange(turns.size)
+    at = order[np.minimum(np.searchsorted(turns[order], others[others != 0]), turns.size - 1)]
+    near = np.clip(at[:, None] + np.arange(-_JITTER, _JITTER + 1), 0, turns.size - 1)
+    again = (size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any(axis=-1)
+    return bool(2 * np.count_nonzero(again) > again.size)

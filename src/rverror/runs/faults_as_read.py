@@ -15,6 +15,7 @@ from rverror.runs.fault_bounds import (
     Mask,
     blockwise,
     peaks,
+    repeats,
     scatter,
 )
 
@@ -65,7 +66,9 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         before, after = sides.fitted(clean)
         x = sides.at[inside]
         values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
-    found = {at: float(error[at] - values[at]) for at in sorted(off)}
+    apart = error - _running_median(error, 2 * bounds.longest_burst + 1)
+    # what comes again in other turns is the gear's
+    found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
     steps: list[LevelStep] = []
     for _ in range(ROUNDS):
         further = _steps(sides, values, floor)

@@ -20,6 +20,7 @@ from rverror.runs.fault_bounds import (
     Mask,
     blockwise,
     peaks,
+    repeats,
     scatter,
     scatter_of_changes,
 )
@@ -35,8 +36,6 @@ _NEAR = 512
 _LOUDER = 1.15
 # Scatter of a clean run's scores for a slip, which hang together over a reach: 9 of 10 have less.
 _RESTLESS = 1.2
-# Samples by which a feature may lie elsewhere in another turn.
-_JITTER = 1
 # Where twice the log likelihood is less by no more than this a slip may be too: 98.6 % for one unknown.
 _DOUBT = 6.0
 
@@ -97,7 +96,7 @@ def faults_in_noise(
             # What is near a larger one waits until that is out; what comes once a turn is the gear's.
             if any(abs(k - other) <= wait for other, wait in taken):
                 continue
-            if _repeats(theta, (spikes if single else slips).size, k):
+            if repeats(theta, (spikes if single else slips).size, k):
                 continue
             taken.append((k, _ORDER if single else bounds.reach))
             if single:
@@ -115,17 +114,6 @@ def faults_in_noise(
         if not taken:
             break
     return FoundFaults(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
-
-
-def _repeats(theta: Array, size: Array, k: int) -> bool:
-    """Whether half of it or more stands at the same angle in most other turns too."""
-    turns = (theta - theta[k]) / (2 * math.pi)
-    others = np.arange(math.ceil(turns.min()), math.floor(turns.max()) + 1)
-    order = np.argsort(turns, kind="stable") if turns[0] > turns[-1] else np.arange(turns.size)
-    at = order[np.minimum(np.searchsorted(turns[order], others[others != 0]), turns.size - 1)]
-    near = np.clip(at[:, None] + np.arange(-_JITTER, _JITTER + 1), 0, turns.size - 1)
-    again = (size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any(axis=-1)
-    return bool(2 * np.count_nonzero(again) > again.size)
 
 
 # --- the noise --------------------------------------------------------------------------------------------------------

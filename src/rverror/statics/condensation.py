@@ -387,5 +387,8 @@ def _joint(matrix: Array, across: Array, own: Array, more: Array) -> Array:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Answers to a stack of systems that closed pins, or a trace of stiffness, make regular."""
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    """Answers to a stack of systems that closed pins, or a trace of stiffness, make regular; else the smallest ones."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:  # a compliance that takes off just the stiffness there is
+        return np.asarray((np.linalg.pinv(matrix) @ right[..., None])[..., 0])

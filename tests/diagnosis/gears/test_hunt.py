@@ -224,8 +224,14 @@ def test_trials_start_at_sizes_that_a_workshop_makes(right: Node) -> None:
     assert np.abs(wild.fit.added[0].values / plausible).max() == pytest.approx(0.7)
     assert calm.fit.added[0].values == pytest.approx(one.sizes)
     assert calm.prospect < without.objective
-    twice = [calm, wild, calm]
-    assert distinct(twice, 2) == [calm, wild]
+    opposite = tried(without, replace(one, sizes=-one.sizes))
+    aside = tried(without, replace(one, sizes=one.sizes[::-1] * np.array([1, -1])))
+    assert opposite is not None
+    assert aside is not None
+    # larger in the same direction it is the same start; the other way, or across, it is another
+    assert distinct([calm, wild, opposite, aside], 3) == [calm, opposite, aside]
+    assert distinct([calm, wild, opposite, aside], 2) == [calm, opposite]
+    assert distinct([wild, calm, opposite], 1) == [wild]
     assert named(calm.fit.added[0]) == ("crank.eccentricity", ("crank", 0), ("disc", 0))
 
 

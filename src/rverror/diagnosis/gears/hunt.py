@@ -375,16 +375,15 @@ class Hunt:
             if not waiting:
                 break
             node = self.pruned(waiting.pop(0))
-            if last and node.fit.added and not self.complete(node):
-                # one cause of a kind that is tried last is likelier than two others
+            if last and node.fit.added and node.fit.data < node.fit.bound and not self.complete(node):
+                # what strains or leaves a little may be one cause of a kind that is tried last, before it is two
                 bare = min(roots, key=lambda n: len(n.names))
-                waiting = sorted([*waiting, node, *last.beside(bare, seen)], key=lambda n: n.score)
+                waiting = sorted([*waiting, node, *last.beside(bare, seen)], key=outlook)
                 node, last = self.pruned(waiting.pop(0)), None
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
-            if len(node.names) < self.policy.most_effects:
-                waiting = sorted([*waiting, *self.beside(node, seen)], key=lambda n: n.score)[: self.policy.branches]
+            waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
         return min(seen, key=lambda n: n.score), False
 
     def beside(self, node: Node, seen: list[Node]) -> list[Node]:
@@ -394,12 +393,21 @@ class Hunt:
         )
         self.journal.round += 1
         found = []
-        for child in self.children(node):
+        most = len(node.fit.added) == self.policy.most_effects
+        for child in self._regular(node) if most else self.children(node):
             if self.significant(node.fit, node.fit.objective - child.fit.objective, self._sizes(child, node)):
                 if all(child.names != other.names for other in seen):
                     found.append(child)
                 seen.append(child)
         return found
+
+
+def outlook(node: Node) -> tuple[bool, float]:
+    """What the search goes by: a cause that no workshop makes, in a fit that is none, goes after all that one makes."""
+    fit = node.fit
+    sizes = [(abs(v), p.plausible) for e in fit.added for v, p in zip(e.values, source(e.key).parameters, strict=True)]
+    odd = any(size > 2 * plausible for size, plausible in sizes)
+    return odd and (fit.data > fit.bound or strained(fit)), node.score
 
 
 def strained(fit: Fit) -> bool:
