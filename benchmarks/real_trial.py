@@ -3,7 +3,7 @@
     python benchmarks/real_trial.py FOLDER [NAMES ...] [--jobs N] [--out FILE.jsonl]
     python benchmarks/real_trial.py FOLDER --units 100 --seed 7 [--families plain three ...] [--even]
 
-The first form diagnoses the units in a folder, the second writes the units of the seeds there first (make_units.py).
+The first form diagnoses the units in a folder, the second writes those of the seeds there first, where they are not.
 Judged as the shared bench judges: the causes named, each in a set of four keys at most, none beside them, and held-out
 rms within 15 % of the noise; nothing named where nothing is missing; a line of no source reported with its order.
 Units whose every effect has twice the noise of a run's mean revolution count as loud.  Simulated, not measured.
@@ -22,6 +22,7 @@ import warnings  # noqa: E402
 from collections import Counter, defaultdict  # noqa: E402
 from collections.abc import Callable, Iterable  # noqa: E402
 from concurrent.futures import ProcessPoolExecutor, as_completed  # noqa: E402
+from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
 from statistics import median  # noqa: E402
 from time import perf_counter  # noqa: E402
@@ -32,13 +33,17 @@ from real_bench.judging import OUTSIDE, causes, loud, named_sets, outcome, sizes
 from real_bench.units import FAMILIES, choose, make  # noqa: E402
 
 import rverror  # noqa: E402
+from rverror.diagnosis.policy import POLICY, Policy  # noqa: E402
 
 OUTCOMES = ("right", "false", "wrong", "wide", "missed", "line", "poor", "failed")
 
 
-def trial(folder: str) -> dict[str, Any]:
-    """Diagnose one unit and judge the answer; what a line of the JSON file holds."""
+def trial(folder: str, draw: tuple[int, str, bool] | None, policy: Policy) -> dict[str, Any]:
+    """Write one unit, if it is to be drawn, diagnose it and judge the answer; what a line of the JSON file holds."""
     path = Path(folder)
+    if draw is not None and not (path / "truth.json").exists():
+        seed, family, first_order = draw
+        make(seed, family, path, first_order=first_order)
     truth = json.loads((path / "truth.json").read_text())
     family = truth.get("family", path.name.split("-")[0])
     row: dict[str, Any] = {
@@ -55,7 +60,8 @@ def trial(folder: str) -> dict[str, Any]:
             warnings.simplefilter("ignore")
             runs = [rverror.load_run(file) for file in sorted(path.glob("*.csv"))]
             row["loud"] = loud(truth, float(np.ptp(runs[0].output_angle)) / (2 * np.pi))
-            found = rverror.to_json(rverror.diagnose(rverror.load_model(path / "model.toml"), runs))
+            model = rverror.load_model(path / "model.toml")
+            found = rverror.to_json(rverror.diagnose(model, runs, policy=policy))
     except Exception as error:  # a trial of many units goes on
         seconds = perf_counter() - start
         return {"loud": True} | row | {"outcome": "failed", "error": repr(error)[:300], "seconds": seconds}
@@ -151,20 +157,21 @@ def main() -> None:
     parser.add_argument(
         "--first-order", action="store_true", help="units without what is quadratic in the pins' errors"
     )
+    parser.add_argument("--exact-stiffness", action="store_true", help="take the declared stiffness as exact")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="JSON lines, one a unit")
     options = parser.parse_args()
-    names = list(options.names)
+    policy = replace(POLICY, refit_stiffness=not options.exact_stiffness)
+    units: dict[str, tuple[int, str, bool] | None] = {}
     for seed in range(options.seed, options.seed + options.units):
         family = choose(seed, tuple(options.families), even=options.even)
-        names.append(f"{family}-{seed}")
-        if not (options.folder / names[-1] / "truth.json").exists():
-            make(seed, family, options.folder / names[-1], first_order=options.first_order)
-    folders = sorted(path.parent for path in options.folder.glob("*/truth.json"))
-    chosen = [str(path) for path in folders if not names or path.name in names]
+        units[str(options.folder / f"{family}-{seed}")] = seed, family, options.first_order
+    if not units:
+        folders = sorted(path.parent for path in options.folder.glob("*/truth.json"))
+        units = {str(path): None for path in folders if not options.names or path.name in options.names}
     rows = []
     with ProcessPoolExecutor(options.jobs) as executor:
-        for done in as_completed([executor.submit(trial, folder) for folder in chosen]):
+        for done in as_completed([executor.submit(trial, folder, draw, policy) for folder, draw in units.items()]):
             rows.append(done.result())
             print(line_of(rows[-1]), flush=True)
             if options.out is not None:
