@@ -128,6 +128,22 @@ def test_what_a_fit_left_is_no_slip() -> None:
     assert find_faults(THETA, pulses + noise(2), residual=True).kept.all()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_comes_again_in_each_turn_is_the_gears_also_as_read(seed: int) -> None:
+    """Sharp lobes, of hardly the same height in each turn, are none; a spike beside them is one."""
+    rng = np.random.default_rng(seed)
+    lobes = np.arange(60, POINTS, 97)
+    at = (lobes + POINTS * np.arange(3)[:, None]).ravel()
+    error = as_read(0, 20e3) + 0.05 * ARCSEC * rng.standard_normal(N)
+    error[at] += rng.uniform(20, 30, at.size) * ARCSEC
+    alone = POINTS + 155 + 97 * seed
+    error[alone] += 25 * ARCSEC
+    assert spikes_of(find_faults(THETA, error)) == [alone]
+    # once in one turn only they are twenty spikes
+    error[at[at > POINTS]] -= 25 * ARCSEC
+    assert set(spikes_of(find_faults(THETA, error))) >= {*lobes.tolist(), alone}
+
+
 # --- spikes -----------------------------------------------------------------------------------------------------------
 
 

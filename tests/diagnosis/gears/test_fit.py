@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 import rverror
@@ -16,6 +17,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
+    bounds,
     deviation,
     evaluated,
     fitted,
@@ -26,6 +28,7 @@ from rverror.diagnosis.gears.fit import (
 )
 from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
+from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.mechanism import ContactLaw, Stiffness
 from rverror.model.catalogue import source
@@ -228,3 +231,33 @@ def test_steps_never_raise_the_objective_and_end() -> None:
         objectives.append(fit.objective)
     assert np.all(np.diff(objectives) <= 0)
     assert objectives[-1] < objectives[0] - 100
+
+
+def test_a_step_stays_within_bounds_and_the_others_make_the_best_of_it() -> None:
+    """Exponents below 1 and clearances below nothing cannot be: as bounded least squares by another method."""
+    soft = np.array([0.2, 0.1, 0, 0, 0, 0, 0, 0, 0])
+    true, declared = rverror.Model(softened(UNIT, soft), (CAM,)), rverror.Model(UNIT, (PLAY,))
+    first = begin(declared, runs_of(true, LOADS, points=512, rms=0.5))
+    low_play = replace(PLAY, values=(2e-4,))
+    fit = evaluated(first.bench, rverror.Model(softened(UNIT, 0.8 * soft), (low_play, CAM)), declared)
+    assert fit.scale == 1
+    step, gain = proposed(fit)
+    low, high = bounds(fit)
+    assert np.all(step >= low - 1e-12)
+    assert np.all(step <= high + 1e-12)
+    free = np.isfinite(fit.weights)
+    root = np.sqrt(fit.weights[free])
+    white = np.concatenate([w[1:] for w in fit.rows], axis=1)[free]
+    left = np.concatenate([w[0] for w in fit.rows])
+    off = deviation(fit.model, declared, UNIT, 0)[free]
+    size = np.linalg.norm(np.concatenate([white, np.diag(root)], axis=1), axis=1)
+    other = lsq_linear(
+        (np.concatenate([white, np.diag(root)], axis=1) / size[:, None]).T,
+        np.concatenate([left, -root * off]),
+        bounds=(low[free] * size - 1e-12, high[free] * size + 1e-12),
+        tol=1e-13,
+    )
+    assert np.any(np.isclose(step, low, atol=1e-12) & free & (low > -np.inf))  # one of them is at its bound
+    reached = float(2 * other.cost)
+    now = fit.data + float(fit.weights[free] @ off**2)
+    assert gain == pytest.approx(now - reached, rel=1e-3)

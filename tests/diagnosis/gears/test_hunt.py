@@ -12,25 +12,28 @@ import pytest
 import rverror
 from gear_runs import OTHER, UNIT, begin, runs_of
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted, renoised
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
 from rverror.diagnosis.gears.hunt import (
     Hunt,
     Node,
     as_declared,
     distinct,
     lifted,
+    marked,
     mirrored,
     named,
+    outlook,
     strained,
     tried,
     unsure,
 )
 from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.reducers import candidates_of
+from rverror.diagnosis.gears.reducers import candidates_of, placed, with_marks
 from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
+from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Effect, Model
 
 BARE = Model(UNIT)
@@ -243,3 +246,80 @@ def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) ->
     hunt = hunt_of(right)
     assert not hunt.significant(fit, unsure(fit, POLICY) + 10, 2)
     assert hunt.significant(fit, unsure(fit, POLICY) + 40, 2)
+
+
+def test_two_causes_give_way_to_one_that_does_as_well() -> None:
+    """A bore of the carrier moved one way is the bores of both discs on its crank moved the other: one is likelier."""
+    bore = rverror.effect("coupling.carrier_bore_position", crank=0, radial="22 um", tangential="-14 um")
+    both = [
+        rverror.effect("cycloid.disc_bore_position", disc=disc, crank=0, radial="-22 um", tangential="14 um")
+        for disc in (0, 1)
+    ]
+    node = settled(Model(OTHER, (bore,)), *both)
+    assert node.fit.data < node.fit.bound
+    keys = {bore.key, both[0].key, "crank.eccentricity", "cycloid.disc_profile"}
+    hunt = hunt_of(node)
+    hunt = replace(hunt, candidates=tuple(c for c in hunt.candidates if c[0] in keys))
+    one = hunt.swapped(node)
+    assert [e.key for e in one.fit.added] == [bore.key]
+    assert one.score < node.score - 5
+    # the bore of the other crank, moved the other way, is hardly told from it by contacts
+    true = next(n for n in (one, *hunt.rivals(one, 0)) if n.fit.added[0].indices == bore.indices)
+    assert np.all(
+        np.abs(np.subtract(true.fit.added[0].values, bore.values)) < 3.5 * np.sqrt(np.diag(true.fit.covariance)[:2])
+    )
+    assert true.fit.objective < one.fit.objective + 9
+
+
+def test_what_no_workshop_makes_is_looked_beside_last(right: Node) -> None:
+    """Twice the plausible size and more, while it is no fit; where it is one it is as good as any."""
+    plausible = rverror.CATALOGUE[CAM.key].parameters[0].plausible
+    states = [
+        Node(evaluated(right.fit.bench, replace(right.fit.model, effects=(replace(CAM, values=(size, 0.0)),)), BARE))
+        for size in (1.9 * plausible, 2.1 * plausible)
+    ]
+    assert [outlook(node)[0] for node in states] == [False, True]
+    assert outlook(states[0])[1] == states[0].score
+    assert sorted([states[1], right, states[0]], key=outlook) == [right, states[0], states[1]]
+
+
+def test_with_everything_else_held_the_screen_gives_a_candidates_own_least_squares(right: Node) -> None:
+    """Ridge regression of the residual on its rows alone, under its prior, written out."""
+    start = Node(fitted(evaluated(right.fit.bench, BARE, BARE))).fit
+    name = ("crank.eccentricity", {"crank": 0, "disc": 0})
+    (one,) = screened(start, [name], hold=True)
+    rows = start.bench.influences(start.model, start.waves, [name])
+    white = np.concatenate([s.whiten(r) for s, r in zip(start.bench.sights, rows, strict=True)], axis=1)
+    left = np.concatenate([w[0] for w in start.rows])
+    prior = np.array([0.5 * p.plausible for p in rverror.CATALOGUE[name[0]].parameters])
+    rest = left - one.sizes @ white
+    scale = max(1.0, float(rest @ rest) / start.bound)
+    expected = np.linalg.solve(white @ white.T / scale + np.diag(prior**-2), white @ left / scale)
+    assert one.sizes == pytest.approx(expected, rel=0.02)  # the scale is told to 1 %
+    assert not one.step.any()
+
+
+def test_marks_are_placed_anew_where_they_strain_what_was_declared() -> None:
+    """Turned by wrong marks, a planet's wave and the declared cam's fit alike: but this cam is known to 0.3 um."""
+    cam = replace(CAM, uncertainty=3e-4)
+    planet = rverror.effect("involute.planet_eccentricity", crank=0, x="30 um", y="-20 um")
+    declared, ahead = Model(UNIT, (cam,)), 0.21
+    runs = [replace(r, index="unknown") for r in runs_of(Model(UNIT, (cam, planet)), BOTH_WAYS, marks=ahead)]
+    model, anywhere = with_marks(declared, runs)
+    records, _ = records_of(model, runs, POLICY)
+    bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere)
+    first = begun(bench, model, model)
+    hunt, first = placed(Hunt(candidates_of(model, records, POLICY), POLICY, Journal(lambda text: None)), first)
+    both = replace(model, effects=(*model.effects, planet))
+    wrong = evaluated(bench.with_records(first.bench.records), marked(both, ahead + 0.08), model)
+    free = np.ones(wrong.moment.size, dtype=np.bool_)
+    free[2] = False  # the marks, after the cam's two
+    node = Node(fitted(renoised(fitted(wrong, free=free, steps=40)), free=free, steps=40))
+    assert node.fit.data < node.fit.bound
+    assert strained(node.fit)
+    found = hunt.remarked(node)
+    assert not strained(found.fit)
+    period = 2 * math.pi / fundamental_orders(UNIT)["crank"]
+    off = (found.fit.model.index_offset - ahead + period / 2) % period - period / 2
+    assert abs(off) < 0.003
+    assert hunt.remarked(found) is found
