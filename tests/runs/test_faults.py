@@ -128,6 +128,15 @@ def test_what_a_fit_left_is_no_slip() -> None:
     assert find_faults(THETA, pulses + noise(2), residual=True).kept.all()
 
 
+@pytest.mark.parametrize(("unit", "torque"), UNITS)
+def test_spikes_beside_the_ends_are_set_aside_as_read(unit: int, torque: float) -> None:
+    """Each end turned over gives its samples neighbours on both sides."""
+    for places in ([0, 9], [1], [2, N - 3], [3, 11, N - 12], [5], [7, N - 8], [N - 2], [N - 1, 40]):
+        error = as_read(unit, torque)
+        error[places] += 200 * ARCSEC * np.resize([1, -2], len(places))
+        assert spikes_of(find_faults(THETA, error)) == sorted(places), places
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_comes_again_in_each_turn_is_the_gears_also_as_read(seed: int) -> None:
     """Sharp lobes, of hardly the same height in each turn, are none; a spike beside them is one."""

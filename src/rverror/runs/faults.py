@@ -463,10 +463,14 @@ def _notes(found: Faults) -> tuple[str, ...]:
             f"{count_of(found.spikes.size, 'spike')} set aside ({what} {some(found.spikes.tolist())}, "
             f"{upto}{brief(largest, 3)} arcsec)"
         )
+    back = {gap.index: "" for gap in found.gaps if not gap.samples}
     for slip in found.slips:
         size = (
             f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec{_in_counts(slip, found)}"
         )
+        if slip.index in back and not slip.of_input:
+            back[slip.index] = f", the reading by {size}"
+            continue
         place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
         if slip.of_input:
             lines.append(
@@ -484,9 +488,10 @@ def _notes(found: Faults) -> tuple[str, ...]:
         )
     for gap in found.gaps:
         if not gap.samples:
+            by = f"{brief(math.degrees(-gap.span), 4)} deg"
             lines.append(
-                f"the angle jumps back by {brief(math.degrees(-gap.span), 4)} deg at sample {gap.index}: two runs in "
-                "one, or a counter that starts again"
+                f"the angle jumps back by {by} at sample {gap.index}{back[gap.index]}: two runs in one, or a counter "
+                "that starts again"
             )
     if found.doubled:
         lines.append(f"{count_of(found.doubled, 'doubled row')} left out")

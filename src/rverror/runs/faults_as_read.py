@@ -47,13 +47,17 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
     """
     if theta.size < 4 * NEAR:
         return FoundFaults({}, ())
-    sides = _Sides(theta)
+    sides, beyond = _Sides(theta), NEAR + bounds.longest_burst
+    sides_beyond = _Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
     values = error.copy()
     off: set[int] = set()
     doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
         clean = np.where(np.isnan(doubtful), values, doubtful)
-        more = _bursts(sides, values, clean, floor, bounds)
+        ends, last = (_end(clean), _end(clean[::-1])), theta.size - 1
+        as_read, as_clean = (_mirrored(row, beyond, *ends) for row in (values, clean))
+        places_beyond = (at - beyond for at in _bursts(sides_beyond, as_read, as_clean, floor, bounds))
+        more = {abs(at) if at <= last else 2 * last - at for at in places_beyond} - off
         if not more:
             break
         off |= more
@@ -119,6 +123,18 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
         far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
         found[far] = middle[far]
     return found
+
+
+def _end(values: Array) -> float:
+    """Where a series begins, by a line that bears outliers."""
+    first = values[: NEAR + 1]
+    slope = float(np.median(np.diff(first)))
+    return float(np.median(first - slope * np.arange(first.size)))
+
+
+def _mirrored(values: Array, count: int, first: float, last: float) -> Array:
+    """A series with its ends turned over, so that its first and last samples have neighbours on both sides."""
+    return np.concatenate([2 * first - values[count:0:-1], values, 2 * last - values[-2 : -count - 2 : -1]])
 
 
 class _Sides:

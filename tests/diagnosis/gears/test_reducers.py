@@ -169,6 +169,54 @@ def test_slips_spikes_and_lost_rows_are_told_and_harm_nothing() -> None:
     assert len(found.traces[1].slips) == 1
 
 
+def hostile(kind: str) -> list[rverror.Run]:
+    """Runs that no bench should make."""
+    rng = np.random.default_rng(5)
+    if kind == "ten degrees":
+        return runs_of(Model(OTHER), points=14400, turns=10 / 360)
+    if kind == "spikes":
+
+        def spikes(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
+            error = np.zeros_like(theta)
+            places = 20 + rng.choice(theta.size - 40, 18, replace=False)
+            error[[*places, 3, theta.size - 2]] = rng.uniform(100, 1800, 20) * ARCSEC * rng.choice([-1, 1], 20)
+            return error
+
+        return runs_of(Model(OTHER), turns=3, more=spikes)
+    runs = runs_of(Model(OTHER), turns=3)
+    if kind == "missing":
+        kept = [
+            np.sort(rng.choice(r.output_angle.size, round(0.99 * r.output_angle.size), replace=False)) for r in runs
+        ]
+        return [part(run, at) for run, at in zip(runs, kept, strict=True)]
+    twice = np.tile(np.arange(runs[0].output_angle.size), 2)
+    return [part(runs[0], twice), runs[1]]
+
+
+def part(run: rverror.Run, at: np.ndarray) -> rverror.Run:
+    """Samples of a run."""
+    angles = {name: getattr(run, name)[at] for name in ("input_angle", "output_angle", "direction")}
+    return replace(run, **angles)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("spikes", "20 spikes set aside"),
+        ("missing", ", 31 samples missing"),
+        ("glued", "two runs in one"),
+        ("ten degrees", "0.0278 of a turn"),
+    ],
+)
+def test_hostile_runs_get_one_line_of_truth(kind: str, said: str) -> None:
+    """Nothing is missing in them, and of each run its fault alone is said."""
+    found = rverror.diagnose(Model(UNIT), hostile(kind))
+    assert found.verdict == "nothing_missing"
+    assert found.noise_rms == pytest.approx(0.3 * ARCSEC, rel=0.1)
+    assert all(said in note for note in found.notes), found.notes
+    assert len(found.notes) == (1 if kind == "glued" else 2)
+
+
 def test_a_line_of_no_part_is_told_beside_the_cause() -> None:
     """1.5 arcsec at order 23.37, five noises: reported with its order to 0.05, and no cause is made of it."""
     found = rverror.diagnose(
