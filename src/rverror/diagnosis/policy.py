@@ -60,6 +60,9 @@ class Policy:
     #: Standard deviations that the squares of the residual may exceed their number by and be noise still; beyond them
     #: what is not explained counts as noise of its own size.  Five: hardly ever by chance.
     by_chance: float = 5.0
+    #: Independent values of what is not explained yet: some fifty orders in each of two directions, cos and sin.  As many
+    #: as there are samples would let declared sizes and stiffness leave all bounds to make up for what is missing.
+    regular: float = 200.0
     #: Chance that declared sizes and stiffnesses lie as far from where they were declared: a fit that strains them more
     #: is none.
     strained: float = 1e-4

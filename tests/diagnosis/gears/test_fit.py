@@ -130,10 +130,16 @@ def test_priors_are_those_of_the_declaration(state: Fit) -> None:
 
 
 def test_squares_beyond_noise_count_by_their_logarithm(state: Fit) -> None:
+    """Those of 200 values of any size; a square more counts by one over `scale`, and where noise ends by one."""
     n = state.bench.freedom
     assert state.bound == pytest.approx(n + 5 * math.sqrt(2 * n))
-    assert state.objective - state.prior == pytest.approx(state.bound * (1 + math.log(state.data / state.bound)))
+    beyond = state.data - state.bound
+    assert beyond > 0
+    assert state.objective - state.prior == pytest.approx(state.bound + 200 * math.log(1 + beyond / 200))
     assert replace(state, data=0.9 * n).objective - state.prior == pytest.approx(0.9 * n)
+    for data in (0.5 * n, state.bound * (1 - 1e-9), state.bound + 3, 2 * n, 50 * n):
+        near = [replace(state, data=data + d).objective for d in (-1e-3, 1e-3)]
+        assert (near[1] - near[0]) / 2e-3 == pytest.approx(1 / replace(state, data=data).scale, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

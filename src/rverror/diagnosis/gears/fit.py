@@ -2,8 +2,8 @@
 
 Minimised is D + P: the squares of the whitened residual, less what offsets, slips and lines make of it, and those of
 the priors.  Declared sizes have their uncertainty, stiffness a quarter (of its logarithm), backlash half, what was
-added the size that a workshop makes.  What is not explained yet is noise too: beyond N, what noise alone hardly
-exceeds, D counts as N (1 + ln(D/N)).
+added the size that a workshop makes.  What is not explained yet has any size, but few independent values: beyond N,
+what noise alone hardly exceeds, D counts as N + M ln(1 + (D - N)/M).
 """
 
 from __future__ import annotations
@@ -187,13 +187,13 @@ class Fit:
 
     @property
     def scale(self) -> float:
-        """How much larger than the noise what is not explained is; 1 or more."""
-        return max(1.0, self.data / self.bound)
+        """By how much less than noise's a square counts; 1 or more."""
+        return scale_of(self.data, self.bound, self.bench.policy)
 
     @property
     def objective(self) -> float:
         """The less, the better."""
-        return _counted(self.data, self.bound) + self.prior
+        return counted(self.data, self.bound, self.bench.policy) + self.prior
 
     @cached_property
     def weights(self) -> Array:
@@ -206,8 +206,14 @@ class Fit:
         return covariance_of(self.gram / self.scale, self.weights)
 
 
-def _counted(data: float, bound: float) -> float:
-    return data if data <= bound else bound * (1 + math.log(data / bound))
+def counted(data: float, bound: float, policy: Policy) -> float:
+    """Squares as they count: what is not explained yet has few independent values, of any size."""
+    return data if data <= bound else bound + policy.regular * math.log1p((data - bound) / policy.regular)
+
+
+def scale_of(data: float, bound: float, policy: Policy) -> float:
+    """Inverse of how much `counted` changes with the squares."""
+    return max(1.0, 1 + (data - bound) / policy.regular)
 
 
 def layout(model: Model, zeros: int) -> tuple[int, int]:
@@ -361,8 +367,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     for _ in range(steps):
         step, gain = proposed(fit, free, damping)
         part = min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
-        little = enough * fit.scale  # where much is unexplained, a little more of it decides nothing
-        if gain < little:
+        if gain < enough:
             return replace(fit, converged=True)
         try:
             trial = evaluated(fit.bench, moved(fit.model, part * step), fit.declared, fit.waves)
@@ -376,7 +381,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
             damping = max(damping * (3 if fallen > 0 else 10), 1e-3)
         if trial is not None and fallen > 0:
             fit = trial
-            if fallen < little:
+            if fallen < enough:
                 return replace(fit, converged=True)
         elif damping > 1e3:
             break
@@ -419,12 +424,12 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
             step = np.clip(step, low, high)
             held &= ~beyond
         left = float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step)
-        again = max(1.0, left / fit.bound)
+        again = scale_of(left, fit.bound, fit.bench.policy)
         if again > 0.99 * scale:
             break
         scale = again
     w = np.where(np.isfinite(weights), weights, 0.0)
-    now = _counted(max(left, 1e-9), fit.bound) + float(w @ (off + step) ** 2)
+    now = counted(max(left, 1e-9), fit.bound, fit.bench.policy) + float(w @ (off + step) ** 2)
     return step, fit.objective - now
 
 

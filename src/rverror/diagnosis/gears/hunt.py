@@ -166,8 +166,8 @@ class Hunt:
             if identity(one.name) not in ahead:
                 first = offers[0][1]
                 self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
-        nodes = [self.remarked(one) for one in self._fine(node, self._raced(trials))]
-        nodes.sort(key=lambda n: n.score)
+        nodes = self._fine(node, self._raced(trials))
+        nodes[:1] = map(self.remarked, nodes[:1])
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
@@ -263,12 +263,12 @@ class Hunt:
         return node
 
     def remarked(self, node: Node) -> Node:
-        """The node with the gear's marks where they strain nothing, if its one cause leaves only noise but strains.
+        """The node with the gear's marks elsewhere, where its one cause is none with them here.
 
         A cause of one order is turned by wrong marks as it is by its own angle: only what was declared tells them.
         """
         fit = node.fit
-        if not self.offsets or len(fit.added) != 1 or fit.data > fit.bound or self.complete(node):
+        if not self.offsets or len(fit.added) != 1 or self.complete(node):
             return node
         bench, declared = self.coarse(node), fit.declared
         alike = [one for one in self.candidates if one[0] == fit.added[0].key]

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit, _counted, bounds, deviation
+from rverror.diagnosis.gears.fit import Fit, bounds, counted, deviation, scale_of
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
@@ -95,8 +95,8 @@ def _solved(fit: Fit, gram: Array, moment: Array, weight: Array, off: Array) -> 
         right = moment / scale - weight * off
         step = np.linalg.solve(own / np.outer(size, size) + 1e-12 * np.eye(size.size), right / size) / size
         left = fit.data - 2 * float(step @ moment) + float(step @ gram @ step)
-        again = max(1.0, left / fit.bound)
+        again = scale_of(left, fit.bound, fit.bench.policy)
         if abs(again - scale) < 0.01 * scale:
             break
         scale = again
-    return step, _counted(max(left, 1e-9), fit.bound) + float(weight @ (off + step) ** 2)
+    return step, counted(max(left, 1e-9), fit.bound, fit.bench.policy) + float(weight @ (off + step) ** 2)
