@@ -24,6 +24,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
 
+_MARKS_APART = 0.1  # rad between marks from which a fit ends elsewhere
 _ELSEWHERE = 0.5  # cosine between sizes below which they are other sizes of one cause: 60 degrees
 
 
@@ -167,7 +168,8 @@ class Hunt:
                 first = offers[0][1]
                 self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
         nodes = self._fine(node, self._raced(trials))
-        nodes[:1] = map(self.remarked, nodes[:1])
+        if nodes and not self.complete(nodes[0]):
+            nodes[0] = self.remarked(nodes[0])
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
@@ -256,6 +258,7 @@ class Hunt:
             count = range(len(node.fit.added))
             others = [rival for at in count for rival in self.rivals(node, at)]
             others += [one for pair in combinations(count, 2) for one in self._found_rivals(node, *pair)]
+            others.append(self.remarked(node))
             better = [one for one in others if one.score < node.score - 1]
             if not better:
                 return node
@@ -263,12 +266,13 @@ class Hunt:
         return node
 
     def remarked(self, node: Node) -> Node:
-        """The node with the gear's marks elsewhere, where its one cause is none with them here.
+        """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
 
-        A cause of one order is turned by wrong marks as it is by its own angle: only what was declared tells them.
+        A cause of one order is turned by wrong marks as it is by its own angle: only what was declared, and contacts,
+        tell them.
         """
         fit = node.fit
-        if not self.offsets or len(fit.added) != 1 or self.complete(node):
+        if not self.offsets or len(fit.added) != 1:
             return node
         bench, declared = self.coarse(node), fit.declared
         alike = [one for one in self.candidates if one[0] == fit.added[0].key]
@@ -445,14 +449,15 @@ def lifted(fit: Fit, number: int) -> Fit:
 
 
 def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
-    """So many of each cause at most, whose sizes point elsewhere, in order."""
+    """So many of each cause, with marks about one angle, at most, whose sizes point elsewhere, in order."""
     ahead: dict[object, list[Array]] = {}
     kept = []
     for trial in trials:
         last = trial.fit.added[-1]
         sizes = np.array(last.values) / [p.plausible for p in source(last.key).parameters]
         way = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
-        others = ahead.setdefault(named(last), [])
+        marks = round(trial.fit.model.index_offset / _MARKS_APART)
+        others = ahead.setdefault((named(last), marks), [])
         if len(others) < most and all(way @ other < _ELSEWHERE for other in others):
             others.append(way)
             kept.append(trial)
