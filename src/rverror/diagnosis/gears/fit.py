@@ -180,6 +180,13 @@ class Fit:
         return self.model.effects[len(self.declared.effects) :]
 
     @property
+    def added_parts(self) -> list[Array]:
+        """What the added effects make of each record, (width,), as far as they are linear."""
+        first = sum(len(e.values) for e in self.declared.effects)
+        values = np.array([v for e in self.added for v in e.values])
+        return [values @ rows[first : first + values.size] for rows in self.raw]
+
+    @property
     def bound(self) -> float:
         """Squares that noise alone hardly exceeds."""
         n = self.bench.freedom

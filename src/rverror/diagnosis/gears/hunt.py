@@ -147,13 +147,16 @@ class Hunt:
     def significant(self, fit: Fit, fall: float, parameters: int) -> bool:
         """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
         chance = chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
-        return fall > chance + unsure(fit, self.policy)
+        return fall > chance + unsure(fit, self.policy) + inexact(fit)
 
     # --- refit at the load --------------------------------------------------------------------------------------------
 
     def children(self, node: Node) -> list[Node]:
         """The node with one cause more, for the leading ones, refitted, the best first."""
         policy = self.policy
+        nodes = self._direct(node)
+        if nodes and self.complete(nodes[0]):
+            return nodes
         settled = onto(self.coarse(node), node.fit)
         plains = [as_declared(settled)]
         likely = self.offsets[: policy.likely_zeros]
@@ -167,7 +170,7 @@ class Hunt:
             if identity(one.name) not in ahead:
                 first = offers[0][1]
                 self._fell(one.name, "a linear step may leave", one.objective - first.objective, first.name)
-        nodes = self._fine(node, self._raced(trials))
+        nodes = sorted(nodes + self._fine(node, self._raced(trials)), key=lambda n: n.score)
         if nodes and not self.complete(nodes[0]):
             nodes[0] = self.remarked(nodes[0])
         if not nodes or not self.complete(nodes[0]):
@@ -178,6 +181,14 @@ class Hunt:
             more += mirrored(nodes, offers)
             nodes += self._fine(node, self._raced([t for one in more if (t := tried(plain, one))]))
         return sorted(nodes + self._regular(node), key=lambda n: n.score)
+
+    def _direct(self, node: Node) -> list[Node]:
+        """The node with what leads over every sample, refitted: few angles are too few where it fits."""
+        if node.fit.data > node.fit.bound:
+            return []
+        trials = [t for one in self.ranking(node.fit)[: self.policy.direct] if (t := tried(node.fit, one))]
+        fits = [fitted(t.fit, steps=30, enough=0.3) for t in trials]
+        return sorted((Node(fit, node.lines, node.slow) for fit in fits), key=lambda n: n.score)
 
     def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
         """Successive halving: one joint step for the most promising, all steps for the best of these."""
@@ -426,6 +437,12 @@ def strained(fit: Fit) -> bool:
 def unsure(fit: Fit, policy: Policy) -> float:
     """Squares that the errors of the equilibrium itself leave."""
     return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.bench.records if r.noise)
+
+
+def inexact(fit: Fit) -> float:
+    """Squares that the model's error about what was added leaves: a share of the squares of its part."""
+    seen = zip(fit.bench.sights, fit.added_parts, strict=True)
+    return fit.bench.policy.model_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
 
 
 def lifted(fit: Fit, number: int) -> Fit:
