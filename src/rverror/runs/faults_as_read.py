@@ -54,10 +54,12 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
     doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
         clean = np.where(np.isnan(doubtful), values, doubtful)
+        more = _bursts(sides, values, clean, floor, bounds)
         ends, last = (_end(clean), _end(clean[::-1])), theta.size - 1
         as_read, as_clean = (_mirrored(row, beyond, *ends) for row in (values, clean))
         places_beyond = (at - beyond for at in _bursts(sides_beyond, as_read, as_clean, floor, bounds))
-        more = {abs(at) if at <= last else 2 * last - at for at in places_beyond} - off
+        folded = {abs(at) if at <= last else 2 * last - at for at in places_beyond}
+        more |= {at for at in folded - off if not NEAR <= at <= last - NEAR and _stands_out(values, clean, at)}
         if not more:
             break
         off |= more
@@ -123,6 +125,13 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
         far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
         found[far] = middle[far]
     return found
+
+
+def _stands_out(values: Array, clean: Array, at: int) -> bool:
+    """Whether a sample beside an end is farther off than all that is near: an end turned over foretells but roughly."""
+    first = min(max(at - NEAR, 0), values.size - 2 * NEAR)
+    near = np.delete(clean[first : first + 2 * NEAR], at - first)
+    return bool(abs(values[at] - np.median(near)) > 3 * np.ptp(near))
 
 
 def _end(values: Array) -> float:

@@ -13,7 +13,7 @@ import rverror
 from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.account import _lines, elastic, left_out, reach
+from rverror.diagnosis.gears.account import elastic, left_out, reach, told_lines
 from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.spectrum import best_lines
@@ -105,7 +105,7 @@ def test_a_line_s_interval_is_that_of_a_wave_in_white_noise(runs: int) -> None:
     off = []
     for seed in range(24):
         fit = lined(seed, runs, policy)
-        (line,) = _lines(fit, [], best_lines(fit, policy, outside=True))
+        (line,) = told_lines(fit, [], best_lines(fit, policy, outside=True))
         assert line.high - line.amplitude == pytest.approx(1.96 * expected, rel=0.05)
         assert line.amplitude - line.low == pytest.approx(1.96 * expected, rel=0.05)
         off.append((line.amplitude - 1.5 * ARCSEC) / expected)
@@ -115,9 +115,9 @@ def test_a_line_s_interval_is_that_of_a_wave_in_white_noise(runs: int) -> None:
 def test_a_line_that_was_freed_is_told_as_one_that_was_left() -> None:
     fit = lined(1, 2, POLICY)
     (found,) = best_lines(fit, POLICY, outside=True)
-    (left,) = _lines(fit, [], [found])
+    (left,) = told_lines(fit, [], [found])
     records = [replace(r, orders=(found.order,)) for r in fit.bench.records]
-    (free,) = _lines(replace(fit, bench=fit.bench.with_records(records)), [found.order], [])
+    (free,) = told_lines(replace(fit, bench=fit.bench.with_records(records)), [found.order], [])
     for one, other in zip(
         (free.order, free.amplitude, free.low, free.high),
         (left.order, left.amplitude, left.low, left.high),

@@ -18,6 +18,7 @@ from rverror.diagnosis.gears.hunt import (
     Node,
     as_declared,
     distinct,
+    inexact,
     lifted,
     marked,
     mirrored,
@@ -238,14 +239,24 @@ def test_trials_start_at_sizes_that_a_workshop_makes(right: Node) -> None:
     assert named(calm.fit.added[0]) == ("crank.eccentricity", ("crank", 0), ("disc", 0))
 
 
+def test_a_cause_is_needed_however_large_it_is() -> None:
+    """3 % of a wave of 40 arcsec are many squares, but as squares count what it explains is more."""
+    cam = replace(CAM, values=(0.04, 0.0))
+    node = settled(Model(OTHER, (cam,)), cam)
+    assert [e.key for e in hunt_of(node).pruned(node).fit.added] == [CAM.key]
+
+
 def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) -> None:
     """0.02 arcsec over n samples in 0.3 of noise: a 225th of a square each."""
     fit: Fit = right.fit
     n = sum(r.theta.size for r in fit.bench.records)
     assert unsure(fit, POLICY) == pytest.approx(n / 225, rel=0.1)
     hunt = hunt_of(right)
-    assert not hunt.significant(fit, unsure(fit, POLICY) + 10, 2)
-    assert hunt.significant(fit, unsure(fit, POLICY) + 40, 2)
+    part = [np.array(fit.added[0].values) @ rows[1:3] for rows in fit.rows]
+    assert inexact(fit) == pytest.approx(200 * math.log1p(0.03**2 * sum(float(p @ p) for p in part) / 200))
+    least = unsure(fit, POLICY) + inexact(fit)
+    assert not hunt.significant(fit, least + 10, 2)
+    assert hunt.significant(fit, least + 40, 2)
 
 
 def test_two_causes_give_way_to_one_that_does_as_well() -> None:

@@ -71,7 +71,7 @@ def account(
     # a line is no part of the model: it stays in what the model leaves
     lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
-    lines = _lines(fit, best.lines, left)
+    lines = told_lines(fit, best.lines, left)
     ranked = _candidates(root, hunt)
     added = tuple(_addition(hunt, best, at, ranked) for at in range(len(fit.added)))
     for one in added:
@@ -256,7 +256,7 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     return tuple(float(names[h]) for h in leading)
 
 
-def _lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
+def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.bench.policy
     rests = onto_samples(fit)

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, RunSet, deviation, evaluated, fitted, onto_samples, proposed
+from rverror.diagnosis.gears.fit import Fit, RunSet, counted, deviation, evaluated, fitted, onto_samples, proposed
 from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.twins import Gaps
@@ -350,7 +350,7 @@ class Hunt:
     def _found_rivals(self, node: Node, *numbers: int) -> list[Node]:
         """Causes of the same gaps, elsewhere, or alike to first order; refitted where they come close."""
         coarse = onto(self.coarse(node), node.fit)
-        rest, free = coarse, self.free(coarse, late=len(numbers) > 1)
+        rest, free = coarse, self.free(coarse, late=True)
         for number in sorted(numbers, reverse=True):
             rest = lifted(rest, number)
         exact: list[Effect] = []
@@ -440,9 +440,10 @@ def unsure(fit: Fit, policy: Policy) -> float:
 
 
 def inexact(fit: Fit) -> float:
-    """Squares that the model's error about what was added leaves: a share of the squares of its part."""
-    seen = zip(fit.bench.sights, fit.added_parts, strict=True)
-    return fit.bench.policy.model_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
+    """Squares that the model's error about what was added leaves, a share of those of its part, as squares count."""
+    seen, policy = zip(fit.bench.sights, fit.added_parts, strict=True), fit.bench.policy
+    squares = policy.model_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
+    return counted(fit.bound + squares, fit.bound, policy) - fit.bound
 
 
 def lifted(fit: Fit, number: int) -> Fit:
