@@ -137,6 +137,15 @@ def test_spikes_beside_the_ends_are_set_aside_as_read(unit: int, torque: float) 
         assert spikes_of(find_faults(THETA, error)) == sorted(places), places
 
 
+def test_waves_that_end_anywhere_have_no_spikes_at_their_ends() -> None:
+    """Turned over, an end foretells but roughly: in waves far above the noise that is no reason."""
+    rng = np.random.default_rng(4)
+    for order in (3.0, 9.0, 40.0):
+        for phase in np.arange(12) * TURN / 12:
+            error = 3 * ARCSEC * np.sin(order * THETA + phase) + 0.01 * ARCSEC * rng.standard_normal(N)
+            assert find_faults(THETA, error).spikes.size == 0, (order, phase)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_comes_again_in_each_turn_is_the_gears_also_as_read(seed: int) -> None:
     """Sharp lobes, of hardly the same height in each turn, are none; a spike beside them is one."""
@@ -453,6 +462,10 @@ def test_two_runs_in_one_and_both_directions() -> None:
         "the angle jumps back by 1080 deg at sample 6144: two runs in one, or a counter that starts again",
     )
     assert twice.segments == [slice(0, N), slice(N, 2 * N)]
+    (said,) = find_faults(np.r_[THETA, THETA], np.r_[error, error + 900 * ARCSEC]).notes()
+    # the step of the reading there is of the same cause, and said with it
+    assert said.startswith("the angle jumps back by 1080 deg at sample 6144, the reading by 90")
+    assert "two runs in one" in said
     lost_motion = np.r_[error, error[::-1] - 60 * ARCSEC]
     both = find_faults(np.r_[THETA, THETA[::-1] - 0.5 * THETA[1]], lost_motion)
     assert both.turned == (N,)

@@ -57,8 +57,8 @@ class Policy:
 
     #: Effects that are added to a reducer at most.  Chosen: sets of four fit what three others did.
     most_effects: int = 3
-    #: Standard deviations that the squares of the residual may exceed their number by and be noise still; beyond them
-    #: what is not explained counts as noise of its own size.  Five: hardly ever by chance.
+    #: Standard deviations that the squares of the residual may exceed their number by and be noise still.  Five: hardly
+    #: ever by chance.
     by_chance: float = 5.0
     #: Independent values of what is not explained yet: some fifty orders in each of two directions, cos and sin.  With
     #: as many as there are samples declared sizes and stiffness leave all bounds to make up for what is missing.
@@ -112,7 +112,7 @@ class Policy:
     direct: int = 3
     #: Of those, that are fitted to every sample although one is ahead by more than `close`, while none is enough.
     finest: int = 3
-    #: Objective within which fits on few angles are compared on all.  Chosen: what few angles cost, some 50.
+    #: Objective within which fits on few angles are compared on all.  Chosen: few angles often cost some 50.
     close: float = 60.0
     #: Angles a turn on which candidates are tried first.  Chosen for time; a sun's waves, of higher orders, are taken
     #: at the samples.

@@ -22,6 +22,7 @@ from rverror.diagnosis.gears.fit import (
     evaluated,
     fitted,
     moved,
+    promised,
     proposed,
     renoised,
     soft_spread,
@@ -264,6 +265,38 @@ def test_a_step_stays_within_bounds_and_the_others_make_the_best_of_it() -> None
         tol=1e-13,
     )
     assert np.any(np.isclose(step, low, atol=1e-12) & free & (low > -np.inf))  # one of them is at its bound
+    assert step[free] * size == pytest.approx(other.x, abs=0.05)  # in standard deviations, nearly
     reached = float(2 * other.cost)
     now = fit.data + float(fit.weights[free] @ off**2)
     assert gain == pytest.approx(now - reached, rel=1e-3)
+
+
+def test_what_a_linear_effect_promises_it_keeps_at_any_share_of_its_step() -> None:
+    """An encoder is exact to first order: the fall of the objective is foretold, near noise and far beyond it."""
+    read = rverror.effect("sensor.encoder_eccentricity", cos="30 arcsec", sin="-20 arcsec")
+    declared = rverror.Model(UNIT)
+    first = begin(declared, runs_of(rverror.Model(UNIT, (read,)), LOADS[:2], points=512))
+    for size in (0.0, 0.99):
+        start = replace(read, values=tuple(size * v for v in read.values))
+        fit = evaluated(first.bench, rverror.Model(UNIT, (start,)), declared)
+        step, gain = proposed(fit, free=np.arange(fit.moment.size) < 2)
+        assert promised(fit, step) == gain
+        for share in (0.1, 0.5, 1.0):
+            then = evaluated(first.bench, moved(fit.model, share * step), declared, fit.waves)
+            assert promised(fit, share * step) == pytest.approx(fit.objective - then.objective, abs=1e-5)
+
+
+def test_no_step_goes_farther_than_half_of_what_a_workshop_makes() -> None:
+    """Three times as much is found in seven steps of half each, all values moving in proportion."""
+    parameter = source("sensor.encoder_eccentricity").parameters[0]
+    read = rverror.effect("sensor.encoder_eccentricity", cos=3 * parameter.plausible)
+    declared = rverror.Model(UNIT)
+    first = begin(declared, runs_of(rverror.Model(UNIT, (read,)), LOADS[:2], points=512))
+    fit = evaluated(first.bench, rverror.Model(UNIT, (replace(read, values=(0.0, 0.0)),)), declared)
+    sizes = [fit.model.effects[0].values[0] / parameter.plausible]
+    for _ in range(8):
+        fit = fitted(fit, steps=1)
+        sizes.append(fit.model.effects[0].values[0] / parameter.plausible)
+    assert np.max(np.diff(sizes)) <= 0.5 + 1e-9
+    assert sizes[1] == pytest.approx(0.5, abs=0.01)
+    assert sizes[-1] == pytest.approx(3, rel=0.01)

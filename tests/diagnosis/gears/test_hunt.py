@@ -12,7 +12,7 @@ import pytest
 import rverror
 from gear_runs import OTHER, UNIT, begin, runs_of
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, proposed, renoised
 from rverror.diagnosis.gears.hunt import (
     Hunt,
     Node,
@@ -32,6 +32,7 @@ from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import candidates_of, placed, with_marks
 from rverror.diagnosis.gears.screen import Proposal, screened
+from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
@@ -259,6 +260,28 @@ def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) ->
     assert hunt.significant(fit, least + 40, 2)
 
 
+def test_nothing_is_said_of_a_fit_under_other_candidates() -> None:
+    """Half a micron of one pin shows in no order by itself: without candidates nothing is left, with them it is."""
+    node = settled(Model(OTHER, (rverror.effect("cycloid.pin_position", pin=5, radial="-0.5 um"),)))
+    hunt = hunt_of(node)
+    few = hunt.with_candidates(())
+    assert few.ranking(node.fit) == []
+    assert few.complete(node)
+    assert hunt.ranking(node.fit)[0].name[0] == "cycloid.pin_position"
+    assert not hunt.complete(node)
+
+
+def test_the_model_is_right_about_what_is_read_at_the_output(right: Node) -> None:
+    """3 % of a part's waveform may be the model's own error, of an encoder's nothing."""
+    encoder = rverror.effect("sensor.encoder_eccentricity", cos="40 arcsec")
+    bench = right.fit.bench
+    read = evaluated(bench, replace(right.fit.model, effects=(encoder,)), BARE)
+    both = evaluated(bench, replace(right.fit.model, effects=(*right.fit.model.effects, encoder)), BARE)
+    assert inexact(read) == 0
+    assert inexact(both) == pytest.approx(inexact(right.fit))
+    assert inexact(right.fit) > 0
+
+
 def test_two_causes_give_way_to_one_that_does_as_well() -> None:
     """A bore of the carrier moved one way is the bores of both discs on its crank moved the other: one is likelier."""
     bore = rverror.effect("coupling.carrier_bore_position", crank=0, radial="22 um", tangential="-14 um")
@@ -334,3 +357,76 @@ def test_marks_are_placed_anew_where_one_cause_is_none() -> None:
     assert abs(off) < 0.003
     known = replace(hunt, offsets=())
     assert known.remarked(node) is node
+
+
+def test_what_leads_over_every_sample_is_fitted_at_once() -> None:
+    """Half a micron of one pin, lost in noise: the first three candidates are enough, no race is run."""
+    node = settled(Model(OTHER, (rverror.effect("cycloid.pin_position", pin=5, radial="-0.5 um"),)))
+    hunt = hunt_of(node)
+    children = hunt.children(node)
+    assert len(children) <= POLICY.direct
+    assert children[0].fit.added[0].indices["pin"] in (5, 13)  # the opposite one stands where it stood half a turn on
+    assert hunt.complete(children[0])
+
+
+def test_a_damaged_lobe_is_tried_before_any_pair() -> None:
+    """Bores, cams and waves imitate it two or three at a time; alone it explains all."""
+    lobe = rverror.effect("cycloid.disc_lobe", disc=0, lobe=5, deviation="3 um")
+    node = settled(Model(OTHER, (lobe,)))
+    keys = {"cycloid.disc_bore_position", "crank.eccentricity", "cycloid.disc_profile"}
+    hunt, late = hunt_of(node), candidates_of(BARE, node.fit.bench.records, POLICY, late=True)
+    assert {key for key, _ in late} == {lobe.key}
+    hunt = replace(hunt, candidates=tuple(c for c in hunt.candidates if c[0] in keys), late=late)
+    found, complete = hunt.best([node], POLICY.expansions)
+    assert complete
+    assert [e.key for e in found.fit.added] == [lobe.key]
+    assert found.fit.added[0].indices["lobe"] in (5, 12, 13)  # or one half a turn on
+
+
+def test_no_more_causes_are_looked_for_than_are_named() -> None:
+    """A wave of a disc beside the cam: found where two causes may be named, and not where one may."""
+    profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="4 um", sin="3 um")
+    node = settled(Model(OTHER, (CAM, profile)), CAM)
+    hunt = hunt_of(node)
+    hunt = replace(hunt, candidates=tuple(c for c in hunt.candidates if c[0] == profile.key))
+    for most, keys in ((1, []), (2, [profile.key])):
+        found = replace(hunt, policy=replace(POLICY, most_effects=most)).beside(node, [node])
+        assert [child.fit.added[1].key for child in found if len(child.fit.added) == 2][:1] == keys
+
+
+def test_rivals_are_held_against_the_node_that_they_are_asked_for(right: Node) -> None:
+    """Under noise that is known anew what was found stands in the same samples under the same noise."""
+    hunt = hunt_of(right)
+    before = hunt.rivals(right, 0)
+    again = Node(fitted(renoised(right.fit)))
+    after = hunt.rivals(again, 0)
+    assert before
+    assert [n.names for n in after] == [n.names for n in before]
+    assert all(n.fit.bench is again.fit.bench for n in after)
+
+
+def test_what_a_bound_stops_promises_nothing() -> None:
+    """Runs that ask for less than no play: no candidate is offered the squares that this would take."""
+    play = rverror.effect("crank.bearing_clearance", clearance="0 um", uncertainty="3 um")
+    declared = Model(UNIT, (play,))
+    node = settled(Model(UNIT), declared=declared)
+    rows = [raw[0] for raw in node.fit.raw]
+    records = [replace(r, error=r.error - 2e-3 * row) for r, row in zip(node.fit.bench.records, rows, strict=True)]
+    fit = evaluated(node.fit.bench.with_records(records), declared, declared)
+    assert fit.moment[0] < -3 * math.sqrt(fit.gram[0, 0])
+    idle = screened(fit, [("sensor.encoder_ellipticity", {})])
+    step, gain = proposed(fit)
+    assert step[0] >= 0
+    assert idle[0].objective > fit.objective - gain - 15  # of an encoder's two sizes, by chance
+
+
+def test_stiffness_that_something_stands_on_stays() -> None:
+    """A bearing stiffer by more than its declared compliance: only on the stiffness that was fitted with it."""
+    added = rverror.effect("crank.bearing_compliance", crank=0, disc=0, compliance="-4 um/kN")  # of 3.3
+    soft = np.zeros(9)
+    soft[1] = math.log(2)
+    bench = begin(BARE, runs_of(BARE, BOTH_WAYS, points=512)).bench
+    fit = evaluated(bench, Model(softened(UNIT, soft), (added,)), BARE)
+    assert as_declared(fit) is fit
+    other = evaluated(bench, Model(softened(UNIT, soft), (CAM,)), BARE)
+    assert as_declared(other).model.mechanism == UNIT

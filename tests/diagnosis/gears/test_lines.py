@@ -12,7 +12,7 @@ import rverror
 from gear_runs import TURN, UNIT, begin, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, renoised
+from rverror.diagnosis.gears.fit import Fit, evaluated, renoised
 from rverror.diagnosis.gears.spectrum import best_lines, explained, power_of
 from rverror.diagnosis.policy import POLICY
 
@@ -134,3 +134,25 @@ def test_a_line_of_the_gears_within_some_percent_of_the_prediction_is_the_model_
         )
         found = best_lines(begin(declared, [run]), POLICY, outside=False, most=3)
         assert sorted(line.order for line in found) == pytest.approx(orders, abs=0.1)
+
+
+@pytest.mark.parametrize(("share", "reported"), [(0.02, False), (0.045, True)])
+def test_nor_is_a_line_of_the_gears_within_some_percent_of_what_was_added(share: float, reported: bool) -> None:
+    """A large cam is bent by what is not of first order, which shows at twice its order; beside the gears' it is a line."""
+    theta = TURN / N * np.arange(N)
+    cam = rverror.Model(UNIT, (rverror.effect("crank.eccentricity", crank=0, disc=0, radial="30 um"),))
+    predicted = rverror.transmission_error(cam, theta, direction=1.0)
+    size = float(np.std(predicted))
+    for order, orders in ((32, [32] * reported), (23.37, [23.37])):
+        run = rverror.run_from_arrays(
+            input_angle=UNIT.ratio * theta,
+            output_angle=theta
+            + predicted
+            + share * size * np.cos(order * theta)
+            + red(5, N, 2e-3 * size / ARCSEC, 0.0),
+            direction="forward",
+        )
+        fit = evaluated(begin(cam, [run]).bench, cam, MODEL)
+        assert fit.added
+        found = best_lines(fit, POLICY, outside=False, most=3)
+        assert [line.order for line in found] == pytest.approx(orders, abs=0.1)

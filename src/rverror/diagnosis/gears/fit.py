@@ -181,9 +181,12 @@ class Fit:
 
     @property
     def added_parts(self) -> list[Array]:
-        """What the added effects make of each record, (width,), as far as they are linear."""
+        """What the added effects make of each record through the gear train, (width,), as far as they are linear.
+
+        What is read at the output is exact.
+        """
         first = sum(len(e.values) for e in self.declared.effects)
-        values = np.array([v for e in self.added for v in e.values])
+        values = np.array([0.0 if source(e.key).at_output else v for e in self.added for v in e.values])
         return [values @ rows[first : first + values.size] for rows in self.raw]
 
     @property
@@ -381,10 +384,10 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
         except NotConvergedError:
             trial = None
         fallen = -math.inf if trial is None else fit.objective - trial.objective
-        promised = part * (2 - part) * gain
-        if fallen > _TRUE * promised:
+        expected = promised(fit, part * step)
+        if fallen > _TRUE * expected:
             damping = damping / 10 if damping > 1e-6 else 0.0
-        elif fallen < (1 - _TRUE) * promised:
+        elif fallen < (1 - _TRUE) * expected:
             damping = max(damping * (3 if fallen > 0 else 10), 1e-3)
         if trial is not None and fallen > 0:
             fit = trial
@@ -430,14 +433,24 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
                 break
             step = np.clip(step, low, high)
             held &= ~beyond
-        left = float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step)
-        again = scale_of(left, fit.bound, fit.bench.policy)
+        again = scale_of(left_by(fit, step), fit.bound, fit.bench.policy)
         if again > 0.99 * scale:
             break
         scale = again
-    w = np.where(np.isfinite(weights), weights, 0.0)
-    now = counted(max(left, 1e-9), fit.bound, fit.bench.policy) + float(w @ (off + step) ** 2)
-    return step, fit.objective - now
+    return step, promised(fit, step)
+
+
+def left_by(fit: Fit, step: Array) -> float:
+    """Squares that a step leaves, as far as the prediction is linear."""
+    return max(float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step), 1e-9)
+
+
+def promised(fit: Fit, step: Array) -> float:
+    """Fall of the objective after a step, as far as the prediction is linear."""
+    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
+    left = counted(left_by(fit, step), fit.bound, fit.bench.policy)
+    return fit.objective - left - float(weights @ (off + step) ** 2)
 
 
 def renoised(fit: Fit) -> Fit:

@@ -109,6 +109,10 @@ class Hunt:
     _kept_gaps: list[Gaps] = field(default_factory=list, repr=False)
     _rivals: dict[object, list[Node]] = field(default_factory=dict, repr=False)
 
+    def with_candidates(self, candidates: tuple[Named, ...], *, pins: bool = False) -> Hunt:
+        """The same with other candidates, none late; what was said of a fit under these does not hold under those."""
+        return replace(self, candidates=candidates, late=(), pins=pins, _completed={}, _ranked={}, _rivals={})
+
     def coarse(self, node: Node) -> RunSet:
         """The runs in few numbers, on few angles: near enough to choose whom to refit."""
         bench = node.fit.bench
@@ -338,7 +342,7 @@ class Hunt:
 
         They are looked for once; under noise that is known better they are only refitted.
         """
-        key = (node.names, named(node.fit.added[number]), len(self.candidates))
+        key = (node.names, named(node.fit.added[number]))
         known = self._rivals.get(key)
         if known is None:
             known = self._found_rivals(node, number)
@@ -385,7 +389,7 @@ class Hunt:
     def best(self, roots: Sequence[Node], expansions: int) -> tuple[Node, bool]:
         """Search from roots, in their order: the node with the most evidence, and whether nothing is left beside it."""
         waiting, seen = list(roots), list(roots)
-        last = replace(self, candidates=self.late, late=()) if self.late else None
+        last = self.with_candidates(self.late) if self.late else None
         for _ in range(expansions):
             if not waiting:
                 break

@@ -73,7 +73,7 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         bare = [replace(r, orders=(), slow=False) for r in best.fit.bench.records]
         root = Node(fitted(onto(best.fit.bench.with_records(bare), root.fit)))
         if not done:
-            hunt = replace(hunt, pins=True, candidates=(*hunt.candidates, *hunt.late), late=())
+            hunt = hunt.with_candidates((*hunt.candidates, *hunt.late), pins=True)
             best, done = hunt.best([root, best], policy.again)
     return account(declared, model, runs, hunt, root, best, done, notes)
 
