@@ -138,7 +138,7 @@ def test_a_line_of_the_gears_within_some_percent_of_the_prediction_is_the_model_
 
 @pytest.mark.parametrize(("share", "reported"), [(0.02, False), (0.045, True)])
 def test_nor_is_a_line_of_the_gears_within_some_percent_of_what_was_added(share: float, reported: bool) -> None:
-    """A large cam is bent by what is not of first order, which shows at twice its order; beside the gears' it is a line."""
+    """A large cam is bent by what is not of first order, which shows at twice its order."""
     theta = TURN / N * np.arange(N)
     cam = rverror.Model(UNIT, (rverror.effect("crank.eccentricity", crank=0, disc=0, radial="30 um"),))
     predicted = rverror.transmission_error(cam, theta, direction=1.0)
