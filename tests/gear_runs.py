@@ -35,8 +35,8 @@ UNIT = rverror.Reducer(
     spline_radius=7.0,
     gear_backlash=0.02,
 )
-#: Six compliances, backlash, exponents: off by one or two of what they are uncertain by.
-OFF = np.array([0.3, -0.25, 0.2, -0.3, 0.1, 0.0, 0.006, 0.1, 0.0])
+#: Six compliances, backlash, contact law: off by one or two of what they are uncertain by.
+OFF = np.array([0.3, -0.25, 0.2, -0.3, 0.1, 0.0, 0.006, 0.1, 0.0, 0.0])
 #: With other stiffness than is declared.
 OTHER = softened(UNIT, OFF)
 

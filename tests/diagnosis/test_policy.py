@@ -44,7 +44,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_TURN", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN", "_LISTED",
         "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_DENSER", "_TRUE",  # of the grids
         "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_MOST_PEAKS",  # of the noise's spectrum
-        "_ELSEWHERE", "_MARKS_APART", "_SETTLES", "_SHORT_GAP", "MOST_EXPONENT",  # of what a run and a contact may be
+        "_ELSEWHERE", "_MARKS_APART", "_SETTLES", "_SHORT_GAP",  # of what a run and a contact may be
     }  # fmt: skip
     for file in (ROOT / "src" / "rverror" / "diagnosis").rglob("*.py"):
         for line in file.read_text(encoding="utf-8").splitlines():

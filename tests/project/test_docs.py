@@ -220,7 +220,7 @@ READ = {
     "cycloid.pin_position": ({"pin": 3}, lambda g: [g.p[3], 1j * g.p[3]]),
     "cycloid.pin_circle": ({"harmonic": 2}, lambda g: [w * e for e in (g.p, 1j * g.p) for w in g.wave(2 * g.gamma)]),
     "cycloid.pin_radius": ({"pin": "all"}, lambda g: [g.n]),
-    "cycloid.profile_modification": ({}, lambda g: [-g.n, (g.n * g.p.conj()).real * g.n]),
+    "cycloid.profile_modification": ({}, lambda g: [-g.n, g.p]),
     "cycloid.disc_bore_position": ({"disc": 0, "crank": 1}, lambda g: [g.r[1], g.t[1]]),
     "coupling.carrier_bore_position": ({"crank": 1}, lambda g: [-g.r[1], -g.t[1]]),
     "coupling.carrier_runout": ({}, lambda g: -XY * np.exp(1j * g.theta)),

@@ -48,7 +48,7 @@ def changed(unit: Reducer, name: str, step: float) -> Reducer:
     """A reducer with one of `SOFTENING` moved by a step."""
     if name == "gear_backlash":
         return replace(unit, gear_backlash=unit.gear_backlash + step)
-    if name.endswith("exponent"):
+    if name.endswith(("exponent", "curvature")):
         return replace(unit, contact_law=replace(unit.contact_law, **{name: getattr(unit.contact_law, name) + step}))
     soft = replace(unit.stiffness, **{name: getattr(unit.stiffness, name) * math.exp(-step)})
     return replace(unit, stiffness=soft)
@@ -70,18 +70,19 @@ def test_softening_is_the_derivative(
     effects = errors(np.random.default_rng(7), clearance=clearance)
     torque = 100e3
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)  # differences are small
+    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
     here = statics(unit, direction, torque)
     rows = here.predict(effects).softening
     assert rows.shape == (len(SOFTENING), THETA.size)
     for row, parameter in zip(rows, SOFTENING, strict=True):
-        step = 1e-5 if parameter == "gear_backlash" else 1e-3 if parameter.endswith("exponent") else 1e-4
+        step = 1e-5 if parameter == "gear_backlash" else 1e-3 if parameter.endswith(("exponent", "curvature")) else 1e-4
 
         def solved(by: float, parameter: str = parameter) -> tuple[np.ndarray, np.ndarray]:
             state = here.elastic(changed(unit, parameter, by)).equilibrium(effects)
             pins = np.linalg.norm(state.contact_forces["pin"], axis=2)
             return state.transmission_error, pins.reshape(-1, THETA.size)
 
-        if parameter.endswith("exponent"):  # forwards, for it cannot be below 1, and of fourth order
+        if parameter.endswith(("exponent", "curvature")):  # forwards, for it cannot be below 1 or 0, of fourth order
             ends = [solved(k * step) for k in range(5)]
             found = sum(c * turn for c, (turn, _) in zip((-25, 48, -36, 16, -3), ends, strict=True)) / (12 * step)
         else:
@@ -233,7 +234,7 @@ def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
             for name in ("transmission_error", "matrix", "softening"):
                 one, expected = getattr(found, name), getattr(alone, name)
                 np.testing.assert_allclose(one, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
-            assert second.elastic(unit).predict(rverror.Model(unit, some)).softening.shape == (9, theta.size)
+            assert second.elastic(unit).predict(rverror.Model(unit, some)).softening.shape == (10, theta.size)
             pair = [p._repeat if found.repeats else p._whole for p in (first, second)]
             assert pair[0].travel is pair[1].travel
 

@@ -43,12 +43,16 @@ class Policy:
 
     # --- reducers: what is known before -------------------------------------------------------------------------------
 
-    #: Whether stiffness, backlash and contact law are refitted with the declared sizes.  No stiffness is known exactly.
+    #: Whether stiffness, backlash and exponents are refitted with the declared sizes.  No stiffness is known exactly.
     refit_stiffness: bool = True
     #: Standard deviation of the backlash, as a share of the declared one: it wears.
     backlash_share: float = 0.5
     #: Standard deviation of an exponent of the contact law: 10/9, a line contact, is one from linear.
     exponent_spread: float = 0.1
+    #: Standard deviation of the share of its curvature by which a profile turns the normals of its pins, 1 by
+    #: geometry: one may be relieved where it is bent most, or a run be simulated with straight ones.  Chosen: these
+    #: are two off.
+    curvature_spread: float = 0.5
     #: Share of its plausible size that is the standard deviation of an added size: two of them are what no one would be
     #: surprised at.  Causes with different numbers of sizes compare by it.
     workshop: float = 0.5
@@ -60,6 +64,9 @@ class Policy:
     #: Standard deviations that the squares of the residual may exceed their number by and be noise still.  Five: hardly
     #: ever by chance.
     by_chance: float = 5.0
+    #: Squares over those that noise alone hardly exceeds, up to which small faults of the readings may be all that is
+    #: left and are looked for.  Chosen: some forty spikes of five deviations in 10,000 samples.
+    nearly_noise: float = 1.1
     #: Independent values of what is not explained yet: some fifty orders in each of two directions, cos and sin.  With
     #: as many as there are samples declared sizes and stiffness leave all bounds to make up for what is missing.
     regular: float = 200.0
@@ -69,14 +76,16 @@ class Policy:
     #: Uncertainties by which a declared size may move before the notes say so: by chance once in 16,000.
     strained_size: float = 4.0
     #: Root mean square of an error that the equilibrium makes for ordinary sizes, rad: no cause is named for squares
-    #: that it leaves.  Against exact poses and profiles 0.005 to 0.02 arcsec.
-    model_error: float = 0.02 * ARCSEC
+    #: that it leaves.  Against exact poses and profiles 0.001 to 0.005 arcsec.
+    model_error: float = 0.01 * ARCSEC
     #: Share of what was known of a size before: where the runs leave more open than that they do not tell it.  Chosen.
     untold: float = 0.8
+    #: Share of what was added, rms, that is the model's own error: no second cause is named for squares of it.  Chosen:
+    #: against exact poses errors of 3 to 4 arcsec are 0.02 to 0.3 % off, one of a pin by 15 um 0.6 %.
+    added_share: float = 0.01
     #: Share of the prediction about an order of the gears, and of what was added, within which a line of that order is
-    #: the model's own error; nor is a second cause named for squares of that share.  Chosen: against exact poses errors
-    #: of 3 to 4 arcsec are 1 to 2 % off.
-    model_share: float = 0.03
+    #: no news.  Chosen: angles that are off by a quarter of a sample, 2048 a turn, leave 3 % of order 40.
+    line_share: float = 0.03
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0
@@ -122,6 +131,8 @@ class Policy:
     rivals: int = 16
     #: Share of the gaps that sources may lack and still close the very same ones: rounding.
     same_gaps: float = 1e-6
+    #: Share of an effect's gaps that a source may lack and be solved in its place.  Chosen: half.
+    near_gaps: float = 0.5
     #: Angles a turn of the crank at which unknown marks are tried, and likely ones from which the search begins, since
     #: what is missing may turn the match.  Chosen for time.
     offsets: int = 24

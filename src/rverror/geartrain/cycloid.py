@@ -90,6 +90,32 @@ def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> Pi
     return PinContacts(normal, arm, angle)
 
 
+def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
+    r"""Curvature of the curve that a pin's centre draws on a disc,
+
+    .. math:: \kappa = (1 + z_p K^2 - K (z_p + 1) \cos\phi) / (R_p (1 + K^2 - 2K\cos\phi)^{3/2}).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray
+        Angle phi by which the eccentric direction leads the pin, rad.
+
+    Returns
+    -------
+    ndarray
+        1/mm, positive where the disc is convex; in the shape of the angles.
+
+    Notes
+    -----
+    Source 003 (its radius of curvature of the tooth profile, less that of the pin).
+    """
+    K, z, cosine = reducer.short_width_coefficient, reducer.pins, np.cos(roll_angle)
+    return np.asarray(
+        (1 + z * K**2 - K * (z + 1) * cosine) / (reducer.pin_circle_radius * (1 + K**2 - 2 * K * cosine) ** 1.5)
+    )
+
+
 def profile(reducer: Reducer, roll_angle: Array) -> Array:
     """Nominal profile of a disc, the offset by the pin radius of the curve that a pin centre draws on the disc.
 
@@ -446,8 +472,7 @@ def profile_modification(contacts: Contacts) -> ErrorVector:
     """
     normal = contacts.pin_normal
     radial, _ = radial_and_tangential(pin_positions(contacts.reducer)[:, None])
-    inward = -dot(normal, radial)
-    return ErrorVector(contact="pin", vector=-np.stack([normal, inward[..., None, :] * normal]))
+    return ErrorVector(contact="pin", vector=np.stack([-normal, np.broadcast_to(radial, normal.shape)]))
 
 
 def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVector:
@@ -592,7 +617,7 @@ SOURCES = (
         "disc", pin_wave_orders, "000, outlook; 002, e_rrp and e_rp",
         "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
         false_minima=True,
-        equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, (n_i \cdot p_i)\, n_i$",
+        equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, p_i$",
     ),
     Source(
         "cycloid.disc_bore_position", disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),

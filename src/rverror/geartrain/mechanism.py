@@ -118,7 +118,7 @@ REFERENCE_FORCE = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class ContactLaw:
-    """Power laws by which pins and gear flanks close: f = F0 (k p / F0)^exponent.
+    """Power laws by which pins and gear flanks close, f = F0 (k p / F0)^exponent, and how pins follow their discs.
 
     Parameters
     ----------
@@ -126,11 +126,14 @@ class ContactLaw:
         Of a pin against a disc.
     flank_exponent : float
         Of a gear flank.
+    profile_curvature : float
+        Share of its curvature by which a disc's profile turns the normal of a pin that errors and load move along it:
+        0 for normals of the error-free pose, as in the closed form, 1 for what the geometry says.
 
     Raises
     ------
     ValueError
-        If an exponent does not lie between 1 and 1.5.
+        If an exponent does not lie between 1 and 1.5, or the curvature between 0 and 2.
 
     Notes
     -----
@@ -145,15 +148,17 @@ class ContactLaw:
 
     pin_exponent: float = 1.0
     flank_exponent: float = 1.0
+    profile_curvature: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that each exponent is that of a contact."""
-        for item in dataclasses.fields(self):
-            object.__setattr__(
-                self,
-                item.name,
-                _at_least(item.name, getattr(self, item.name), "1 (linear, 10/9: line contact)", 1.0, 1.5),
-            )
+        """Check that each exponent is that of a contact, and the curvature one near that of the geometry."""
+        bounds = {
+            "pin_exponent": ("1 (linear, 10/9: line contact)", 1.0, 1.5),
+            "flank_exponent": ("1 (linear, 10/9: line contact)", 1.0, 1.5),
+            "profile_curvature": ("0 (first order; 1: as the geometry says)", 0.0, 2.0),
+        }
+        for name, (least, low, high) in bounds.items():
+            object.__setattr__(self, name, _at_least(name, getattr(self, name), least, low, high))
 
 
 @dataclass(frozen=True, kw_only=True)

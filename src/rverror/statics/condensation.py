@@ -119,6 +119,11 @@ class Condensed:
     driving: Flags
     torque: float
 
+    def with_pins(self, rows: Array) -> Condensed:
+        """The same with pins that close by other rows, (n, 3, discs, pins), with x, y and angle of their disc."""
+        pins = np.ascontiguousarray(rows.transpose(0, 2, 1, 3))
+        return replace(self, pins=pins, on_pins=pins[:, :, :, None] * pins[:, :, None])
+
     def settled(self, whole: System, torque: float, start: Array | None) -> tuple[Array, Steps, Flags]:
         """Pose of least energy with the loaded flanks closed, as of `energy.minimise`.
 

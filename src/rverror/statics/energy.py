@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, dot, radial_and_tangential, unit_vectors
+from rverror.base.arrays import Array, cross, dot, radial_and_tangential, unit_vectors
 from rverror.geartrain.action_line import (
     BEARINGS,
     Clearance,
@@ -32,6 +32,7 @@ from rverror.geartrain.action_line import (
     SourceVector,
 )
 from rverror.geartrain.contacts import closed_form_forces
+from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
@@ -225,6 +226,43 @@ class Geometry:
         if isinstance(error, (Clearance, Compliance)):
             return error
         return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Curvature of the trochoid on which each pin's centre stands, 1/mm, (n, discs, pins)."""
+        motion = self.motion
+        lead = motion.eccentric[:, None] - pin_positions(motion.reducer)[:, None]
+        return samples_first(trochoid_curvature(motion.reducer, lead))
+
+    @cached_property
+    def profile_rows(self) -> Array:
+        """How far each pin moves along its disc's profile with x, y and angle of the disc, (n, 3, discs, pins)."""
+        motion = self.motion
+        pins, _ = radial_and_tangential(pin_positions(motion.reducer)[:, None])
+        eccentric, _ = radial_and_tangential(motion.eccentric)
+        arm = motion.reducer.pin_circle_radius * pins - motion.reducer.eccentricity * eccentric[:, None]
+        along = self.profile_tangent
+        return -samples_first(np.stack([along[:, :, 0], along[:, :, 1], cross(arm, along)]))
+
+    def along_profile(self, effect: Effect) -> list[tuple[tuple[slice, ...], Array]]:
+        """Which pins one unit of each parameter of an effect moves along the profile, and how far; made once."""
+        name = (effect.key, *sorted(effect.indices.items()))
+        if name not in self._along:
+            error = self.error(effect)
+            parts = error if isinstance(error, tuple) else (error,)
+            on_pins = [p for p in parts if isinstance(p, ErrorVector) and p.contact == "pin"]
+            self._along[name] = [(p.at, dot(p.vector, self.profile_tangent[p.at])) for p in on_pins]
+        return self._along[name]
+
+    @cached_property
+    def profile_tangent(self) -> Array:
+        """Along each profile, a quarter turn ahead of the normal, (discs, pins, 2, n)."""
+        normal = self.motion.pin_normal
+        return np.stack([-normal[:, :, 1], normal[:, :, 0]], axis=2)
+
+    @cached_property
+    def _along(self) -> dict[tuple[Any, ...], list[tuple[tuple[slice, ...], Array]]]:
+        return {}
 
     @cached_property
     def pins_by_disc(self) -> Array:

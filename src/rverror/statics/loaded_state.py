@@ -4,7 +4,7 @@ The pose of least energy is found in `energy`; here are the questions that users
 
 Kinematics about the nominal pose is of first order in errors and displacements.  What that leaves out grows with their
 square, some 0.1 arcsec rms for a dozen errors of 5 um: it comes from pins near a lobe's root, where the profile is
-sharply curved.
+sharply curved.  `ContactLaw.profile_curvature` lets pins follow it: `turned_pins`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
-from rverror.statics.condensation import Stretch
+from rverror.statics.condensation import Condensed, Stretch
 from rverror.statics.energy import (
     GRADIENT_TOLERANCE,
     Closed,
@@ -44,8 +44,10 @@ from rverror.statics.energy import (
     refined,
     samples_last,
 )
+from rverror.statics.turned_pins import moved, moved_by, turned
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
+_MOST_TURNS = 4  # of pins' normals: each leaves less than a tenth of what the last one left
 _MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
@@ -62,6 +64,7 @@ SOFTENING = (
     "gear_backlash",
     "pin_exponent",
     "flank_exponent",
+    "profile_curvature",
 )
 
 
@@ -123,7 +126,12 @@ class Linearisation:
 
 
 def equilibrium(
-    model: Model, theta: Any, *, torque: Any | None = None, direction: Any | None = None, time: Any | None = None
+    model: Model,
+    theta: Any,
+    *,
+    torque: Any | None = None,
+    direction: Any | None = None,
+    time: Any | None = None,
 ) -> Equilibrium:
     """Solve the statics of a reducer at each angle.
 
@@ -169,7 +177,12 @@ def equilibrium(
 
 
 def linearise(
-    model: Model, theta: Any, *, torque: Any | None = None, direction: Any | None = None, time: Any | None = None
+    model: Model,
+    theta: Any,
+    *,
+    torque: Any | None = None,
+    direction: Any | None = None,
+    time: Any | None = None,
 ) -> Linearisation:
     """Influences of every contact on the output at a loaded state: the Jacobian with the closed contacts held closed.
 
@@ -409,7 +422,7 @@ class Solved:
         rad.
     matrix : ndarray, shape (parameters, n)
         Change per parameter of each effect.
-    softening : ndarray, shape (9, n)
+    softening : ndarray, shape (10, n)
         Change per unit of each of `SOFTENING`.
     poses : ndarray, shape (n, unknowns)
     """
@@ -434,18 +447,40 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
     return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
 
 
-def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool = False) -> _Solution:
-    motion, torque = stretch.contacts.motion, stretch.torque
+def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> _Solution:
     errors = error_closing(stretch.contacts, effects)
     try:
         stretch = stretch.softer(errors.compliance)
         stretch.elasticity  # noqa: B018 - refuses what is stiffer than rigid
     except ValueError as error:
         raise NotConvergedError(str(error)) from error
-    energy = loaded_system(stretch, errors, torque)
-    steps, found = np.zeros(motion.theta.size, dtype=np.intp), np.zeros(motion.theta.size, dtype=np.bool_)
-    if not energy.clearance.size:
-        start, steps, found = stretch.condensed.settled(energy, torque, start)
+    nominal = loaded_system(stretch, errors, stretch.torque)
+    steps = np.zeros(stretch.contacts.motion.theta.size, dtype=np.intp)
+    by_errors, share = moved_by(stretch.contacts, effects), stretch.reducer.contact_law.profile_curvature
+    if not share:
+        held = None if nominal.clearance.size else stretch.condensed
+        x, closed, steps = _least(stretch, nominal, held, start, quick=quick)
+        return _Solution(stretch, errors, by_errors, nominal, held, x, closed, steps)
+    contacts, x = stretch.contacts, np.zeros_like(nominal.load) if start is None else start
+    pins = turned(contacts, nominal, moved(contacts, nominal, by_errors, x), by_errors, share)
+    for _ in range(_MOST_TURNS):
+        condensed = None if nominal.clearance.size else stretch.condensed.with_pins(pins.system.pin_rows)
+        x, closed, more = _least(stretch, pins.system, condensed, start, quick=quick)
+        start, steps = x, steps + more
+        last, pins = pins, turned(contacts, nominal, moved(contacts, nominal, by_errors, x), by_errors, share)
+        if last.same(pins, closed.pins):
+            break
+    return _Solution(stretch, errors, by_errors, last.system, condensed, x, closed, steps)
+
+
+def _least(
+    stretch: Stretch, energy: System, condensed: Condensed | None, start: Array | None, *, quick: bool
+) -> tuple[Array, Closed, Steps]:
+    """Pose of least energy, its contacts, and Newton steps."""
+    theta, torque = stretch.contacts.motion.theta, stretch.torque
+    steps, found = np.zeros(theta.size, dtype=np.intp), np.zeros(theta.size, dtype=np.bool_)
+    if condensed is not None:
+        start, steps, found = condensed.settled(energy, torque, start)
         closed = energy.closed(start) if quick else energy.state(start)
         # final where the loaded flanks, and no others, carry
         if isinstance(closed, State):
@@ -453,16 +488,16 @@ def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, 
         else:
             found &= ((closed.flanks > 0) == energy.driving_flanks).all(axis=1)
         if found.all():
-            return _Solution(stretch, errors, energy, start, closed, steps)
+            return start, closed, steps
     x, more, found = minimise(energy, torque, start)
     steps = steps + more
     if not found.all():
-        where = ", ".join(f"{math.degrees(a):.4g}" for a in motion.theta[~found][:5])
+        where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[~found][:5])
         raise NotConvergedError(
             f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
             f"{where} deg ...); raise the torque, or check for errors and clearances far above 0.1 mm"
         )
-    return _Solution(stretch, errors, energy, x, energy.state(x), steps)
+    return x, energy.state(x), steps
 
 
 @dataclass(frozen=True)
@@ -471,7 +506,9 @@ class _Solution:
 
     stretch: Stretch
     errors: Errors
+    by_errors: Array  # how far they move pins along the profiles
     energy: System
+    condensed: Condensed | None
     x: Array
     closed: Closed
     steps: Steps
@@ -489,8 +526,8 @@ class _Solution:
     def _answer(self, force: Array, *, quick: bool = False) -> Array:
         """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
         system, closed = self.energy, self.closed
-        if quick and not system.clearance.size and ((closed.flanks > 0) == system.driving_flanks).all():
-            return self.stretch.condensed.answer(system, closed, force)
+        if quick and self.condensed is not None and ((closed.flanks > 0) == system.driving_flanks).all():
+            return self.condensed.answer(system, closed, force)
         return refined(system.newton_matrix(closed), force)
 
     @property
@@ -557,11 +594,16 @@ class _Solution:
         reducer, n = self.contacts.motion.reducer, len(self.x)
         flank = samples_last(flanks.reshape(n, reducer.cranks, 2))
         return {
-            "pin": samples_last(pins)[..., None, :] * self.contacts.motion.pin_normal,
+            "pin": samples_last(pins)[..., None, :] * self._pin_normal,
             **self._bearings(joints),
             "mesh": flank[..., None, :] * self.contacts.motion.mesh_normal,
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
+
+    @property
+    def _pin_normal(self) -> Array:
+        """From the pins into the discs, (discs, pins, 2, n), by first order in how far it has turned."""
+        return -np.moveaxis(self.energy.pin_rows[:, :2], (0, 1), (-1, -2))
 
     def _bearings(self, joints: Array) -> dict[str, Array]:
         """Vectors of cams and carrier bores, samples last, from those of all joints, samples first."""
@@ -577,11 +619,11 @@ class _Solution:
         return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(self._joints()).items()}
 
     @cached_property
-    def _quick_per_torque(self) -> tuple[Array, Array, Array]:
+    def _quick_per_torque(self) -> tuple[Array, Array, Array, Array]:
         return self._per_torque(quick=True)
 
-    def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array]:
-        """Change of the force of pins, flanks and joints per unit of output torque, samples first."""
+    def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array, Array]:
+        """Change per unit of output torque, samples first: of the force of pins, flanks, joints, and along profiles."""
         closed, system = self.closed, self.energy
         unit = np.zeros_like(self.x)
         unit[:, 2] = 1
@@ -598,15 +640,17 @@ class _Solution:
             system.pin_law.tangent(closed.pins, system.pin_stiffness) * pins,
             system.flank_law.tangent(closed.flanks, system.flank_stiffness) * flanks,
             np.asarray(change, dtype=np.float64),
+            np.asarray((self.contacts.profile_rows * system.discs(answer)).sum(axis=1)),
         )
 
     def softening(self) -> Array:
-        """Change of the output angle per unit of each of `SOFTENING`, (9, n).
+        """Change of the output angle per unit of each of `SOFTENING`, (10, n).
 
         A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
-        lambda the change of its force per unit of output torque.
+        lambda the change of its force per unit of output torque.  What turns with a profile's curvature besides is the
+        pins' force.
         """
-        pins, flanks, joints = self._quick_per_torque
+        pins, flanks, joints, turning = self._quick_per_torque
         system, closed, reducer = self.energy, self.closed, self.stretch.reducer
         stiffness, cams = reducer.stiffness, reducer.discs * reducer.cranks
         work = (joints * self._joint_forces()).sum(axis=2)
@@ -614,6 +658,9 @@ class _Solution:
         shut = flanks * np.maximum(closed.flanks, 0.0) * system.flank_stiffness
         by_pin_exponent = pins * system.pin_law.change_with_exponent(closed.pins, system.pin_stiffness)
         by_flank_exponent = flanks * system.flank_law.change_with_exponent(closed.flanks, system.flank_stiffness)
+        along = moved(self.contacts, system, self.by_errors, self.x)
+        pressed = system.pin_law.force(closed.pins, system.pin_stiffness)
+        by_curvature = self.contacts.curvature * along * (pins * along / 2 + pressed * turning)
         rows = {
             "pin_contact": yielded.sum(axis=(1, 2)) / stiffness.pin_contact,
             "crank_bearing": work[:, :cams].sum(axis=1) / stiffness.crank_bearing,
@@ -624,6 +671,7 @@ class _Solution:
             "gear_backlash": flanks.sum(axis=1) / 2,
             "pin_exponent": by_pin_exponent.sum(axis=(1, 2)),
             "flank_exponent": by_flank_exponent.sum(axis=1),
+            "profile_curvature": by_curvature.sum(axis=(1, 2)),
         }
         return -np.stack([rows[name] for name in SOFTENING])
 
@@ -637,8 +685,14 @@ class _Solution:
         }
 
     def _changes(self, *, quick: bool) -> dict[str, Array]:
-        pins, flanks, joints = self._quick_per_torque if quick else self._per_torque(quick=False)
-        return self._by_contact(pins=pins, flanks=flanks, joints=joints)
+        pins, flanks, joints, along = self._quick_per_torque if quick else self._per_torque(quick=False)
+        changes = self._by_contact(pins=pins, flanks=flanks, joints=joints)
+        if share := self.stretch.reducer.contact_law.profile_curvature:  # a pin's force turns with its normal
+            system = self.energy
+            force = system.pin_law.force(self.closed.pins, system.pin_stiffness)
+            turn = samples_last(share * self.contacts.curvature * along * force)
+            changes["pin"] = changes["pin"] - turn[..., None, :] * self.contacts.profile_tangent
+        return changes
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the output angle per parameter (parameters, n)."""

@@ -40,9 +40,9 @@ class Prediction:
         Where the equilibrium predicts: poses at the angles at which it was solved.
     repeats : bool
         Whether those are angles of one repeat, and not of all samples.
-    softening : ndarray, shape (9, n), optional
+    softening : ndarray, shape (10, n), optional
         Change per unit of each of `loaded_state.SOFTENING`: of the logarithm of each compliance, of the backlash, mm,
-        and of the exponents of the contact law.  None where the closed form predicts, which knows none of them.
+        and of what the contact law holds.  None where the closed form predicts, which knows none of them.
     effects : tuple of Effect
         What it was predicted for.
     mechanism : Reducer or Drive, optional

@@ -20,7 +20,7 @@ from rverror.base.numbers import way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
-from rverror.geartrain.mechanism import DIMENSIONS, Drive, Reducer
+from rverror.geartrain.mechanism import DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
 from rverror.model.effects import Effect, Model
@@ -215,8 +215,9 @@ def _of_reducer(result: Reducer) -> Table:
             continue
         rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
     springs, law = dataclasses.asdict(result.stiffness), dataclasses.asdict(result.contact_law)
+    usual = dataclasses.asdict(ContactLaw())
     rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
-    rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != 1.0]
+    rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
     return _of_values(result, rows)
 
 

@@ -13,9 +13,10 @@ from rverror.base.chance import student
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto_samples
-from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, onto, unsure
+from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, bent, onto, unsure
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.spectrum import LineFound, best_lines, power_of
+from rverror.diagnosis.gears.waveform import LAW
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import Reducer
@@ -82,7 +83,7 @@ def account(
     if unclear:
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
     result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
-    if model is not declared:
+    if len(model.effects) > len(declared.effects):
         notes.append(_offset_note(fit, declared))
     return Diagnosis(
         verdict="unexplained" if lines or unclear else settled,
@@ -187,15 +188,23 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     return result
 
 
-def reach(fit: Fit, variance: float) -> float:
-    """Half width of an interval, with what the model's own error may move a fitted value by.
+def spread(fit: Fit) -> Array:
+    """Variance of each value, shape (k,), with what the model's own errors may move it by.
 
-    That error leaves so many squares, `unsure`, at worst where fitted values could make it: shared by all of them, it
-    adds as much to each variance.
+    They leave so many squares, of all samples (`unsure`) and of what was added (`bent`), at worst where fitted values
+    could make them: shared by all of these, they add as much to the variance that comes of the noise.  What comes of a
+    prior does not grow.
     """
+    policy = fit.bench.policy
     free = max(int(np.isfinite(fit.weights).sum()), 1)
-    widened = variance * (1 + unsure(fit, fit.bench.policy) / free)
-    return math.sqrt(widened) * student((1 - fit.bench.policy.confidence) / 2, max(fit.bench.freedom / 8, 4.0))
+    times = (unsure(fit, policy) + bent(fit, policy)) / free
+    own = fit.covariance
+    return np.asarray(np.diag(own) + times * np.einsum("ij,jk,ik->i", own, fit.gram / fit.scale, own))
+
+
+def reach(fit: Fit, variance: float) -> float:
+    """Half width of an interval."""
+    return math.sqrt(variance) * student((1 - fit.bench.policy.confidence) / 2, max(fit.bench.freedom / 8, 4.0))
 
 
 def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]) -> Addition:
@@ -203,9 +212,9 @@ def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
-    estimates, notes = [], []
+    estimates, notes, variances = [], [], spread(fit)
     for place, (parameter, value) in enumerate(zip(source(effect.key).parameters, effect.values, strict=True), first):
-        half = reach(fit, float(fit.covariance[place, place]))
+        half = reach(fit, float(variances[place]))
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
@@ -270,7 +279,8 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
     for line in found:
         wave = np.array(line.waves)
         size = float(np.mean(np.abs(wave)))
-        half = reach(fit, size**2 / max(line.power, 1e-9))  # the power is that of all runs together
+        # the power is that of all runs together; all of the model's own error may be of this order
+        half = reach(fit, size**2 / max(line.power, 1e-9) * (1 + unsure(fit, policy) / 2))
         order = round(line.order) if abs(line.order - round(line.order)) < policy.told_order / turns else line.order
         frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
@@ -289,12 +299,12 @@ def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law."""
     unit, now = fit.bench.unit, fit.model.mechanism
     assert isinstance(now, Reducer)
-    count = sum(len(e.values) for e in fit.model.effects)
+    count, variances = sum(len(e.values) for e in fit.model.effects), spread(fit)
     result = []
     for at, name in enumerate(SOFTENING):
         if not fit.bench.soft[at]:
             continue
-        half = reach(fit, float(fit.covariance[count + at, count + at]))
+        half = reach(fit, float(variances[count + at]))
         prior = math.inf if not fit.weights[count + at] else fit.weights[count + at] ** -0.5
         told = math.sqrt(float(fit.covariance[count + at, count + at])) < fit.bench.policy.untold * prior
         if at < 6:
@@ -305,7 +315,7 @@ def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
             low, high, dimension = max(value - half, 0.0), value + half, "length"
         else:
             value, stated = getattr(now.contact_law, name), getattr(unit.contact_law, name)
-            low, high, dimension = max(value - half, 1.0), value + half, "number"
+            low, high, dimension = max(value - half, LAW[name][0]), value + half, "number"
         result.append(ElasticEstimate(name, dimension, stated, value, low, high, bool(told)))
     return tuple(result)
 
@@ -349,18 +359,18 @@ def _conditions(fit: Fit) -> list[str]:
     return notes
 
 
-def _spread(fit: Fit, declared: Model) -> float:
+def _placed(fit: Fit, declared: Model) -> float:
     place = sum(len(e.values) for e in declared.effects)
-    variance = float(fit.covariance[place, place])
+    variance = float(spread(fit)[place])
     return math.sqrt(variance) if variance < fit.bench.policy.marks_placed**2 else math.inf
 
 
 def _offset_note(fit: Fit, declared: Model) -> str:
-    spread = _spread(fit, declared)
-    if not math.isfinite(spread):
+    deviation = _placed(fit, declared)
+    if not math.isfinite(deviation):
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
-    half = math.degrees(reach(fit, spread**2))
+    half = math.degrees(reach(fit, deviation**2))
     return (
         f"index unknown: the gear's marks are {math.degrees(value):.4g} +- {half:.2g} deg "
         "ahead of the bench's zero, fitted together with all sizes; all runs are taken to have the same zero"

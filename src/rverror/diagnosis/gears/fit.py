@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
-from rverror.diagnosis.gears.waveform import EXPONENTS, MOST_EXPONENT, Conditioned, Named, Waveform, softened
+from rverror.diagnosis.gears.waveform import LAW, Conditioned, Named, Waveform, softened
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
@@ -48,7 +48,7 @@ class RunSet:
     which : tuple of int
         Condition of each record.
     policy : Policy
-    soft : ndarray of bool, shape (9,)
+    soft : ndarray of bool, shape (10,)
         Which of `SOFTENING` are refitted.
     few : tuple of Named
         Where runs are compressed: the sources beyond the gear train that they must know.
@@ -71,8 +71,9 @@ class RunSet:
     ) -> RunSet:
         """Runs with grids of so many angles a turn."""
         conditions, which = conditions_of(records, points, anywhere=anywhere)
-        refit = policy.refit_stiffness and any(r.torque for r in records)
-        soft = np.array([refit] * 7 + [refit and exponents] * 2)
+        refit = policy.refit_stiffness
+        loaded = any(r.torque for r in records)
+        soft = np.array([refit and loaded] * 7 + [refit and loaded and exponents] * 2 + [loaded])
         return RunSet(unit, tuple(records), tuple(conditions), tuple(which), policy, soft, anywhere=anywhere)
 
     @cached_property
@@ -253,7 +254,8 @@ def prior_weights(fit: Fit) -> Array:
 def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
     """Standard deviations of `SOFTENING` before the fit; 0 where it is exact."""
     stiffness = [getattr(unit.stiffness_uncertainty, name) for name in SOFTENING[:6]]
-    return [*stiffness, policy.backlash_share * unit.gear_backlash, policy.exponent_spread, policy.exponent_spread]
+    law = [policy.exponent_spread, policy.exponent_spread, policy.curvature_spread]
+    return [*stiffness, policy.backlash_share * unit.gear_backlash, *law]
 
 
 def covariance_of(gram: Array, weights: Array) -> Array:
@@ -278,7 +280,7 @@ def deviation(fit_model: Model, declared: Model, unit: Reducer, zeros: int) -> A
     assert isinstance(now, Reducer)
     off += [-math.log(getattr(now.stiffness, k) / getattr(unit.stiffness, k)) for k in SOFTENING[:6]]
     off += [now.gear_backlash - unit.gear_backlash]
-    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in EXPONENTS]
+    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in LAW]
     return np.array(off + [0.0] * zeros)
 
 
@@ -371,7 +373,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     """
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
-        + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1] + [np.inf] * len(fit.bench.zeros)
+        + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
@@ -403,10 +405,10 @@ def bounds(fit: Fit) -> tuple[Array, Array]:
     now = fit.model.mechanism
     assert isinstance(now, Reducer)
     down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
-    exponents = [getattr(now.contact_law, k) for k in EXPONENTS]
+    law = [(getattr(now.contact_law, k), bounds) for k, bounds in LAW.items()]
     zeros = len(fit.bench.zeros)
-    down += [-math.inf] * 6 + [-now.gear_backlash] + [1.0 - e for e in exponents] + [-math.inf] * zeros
-    up = [math.inf] * (len(down) - zeros - 2) + [MOST_EXPONENT - e for e in exponents] + [math.inf] * zeros
+    down += [-math.inf] * 6 + [-now.gear_backlash] + [low - v for v, (low, _) in law] + [-math.inf] * zeros
+    up = [math.inf] * (len(down) - zeros - len(law)) + [high - v for v, (_, high) in law] + [math.inf] * zeros
     return np.minimum(down, 0.0), np.maximum(up, 0.0)
 
 

@@ -12,7 +12,16 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, RunSet, counted, deviation, evaluated, fitted, onto_samples, proposed
+from rverror.diagnosis.gears.fit import (
+    Fit,
+    RunSet,
+    counted,
+    deviation,
+    evaluated,
+    fitted,
+    onto_samples,
+    proposed,
+)
 from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.twins import Gaps
@@ -151,7 +160,7 @@ class Hunt:
     def significant(self, fit: Fit, fall: float, parameters: int) -> bool:
         """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
         chance = chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
-        return fall > chance + unsure(fit, self.policy) + inexact(fit)
+        return fall > chance + inexact(fit)
 
     # --- refit at the load --------------------------------------------------------------------------------------------
 
@@ -254,8 +263,11 @@ class Hunt:
         return self._completed[id(node.fit)][1]
 
     def _is_complete(self, node: Node) -> bool:
+        return node.fit.data <= node.fit.bound and self._nothing_left(node)
+
+    def _nothing_left(self, node: Node) -> bool:
         fit = node.fit
-        if fit.data > fit.bound or strained(fit) or best_lines(fit, self.policy, outside=False):
+        if strained(fit) or best_lines(fit, self.policy, outside=False):
             return False
         return not any(
             self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in self.ranking(fit)[:5]
@@ -363,6 +375,7 @@ class Hunt:
             effect = coarse.added[numbers[0]]
             exact = self._gaps(coarse.bench.unit).twins(effect, free)
             others = elsewhere(effect, coarse.bench.unit, free)
+            others += self._gaps(coarse.bench.unit).near(effect, free, self.policy.near_gaps)
         rows = rest.bench.influences(rest.model, rest.waves, free)
         for hold in (False, True):
             leading = screened(rest, free, rows, hold=hold)[: self.policy.rivals]
@@ -402,6 +415,8 @@ class Hunt:
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
+            if node.fit.added and nearly_noise(node.fit) and self._nothing_left(node):
+                return node, False  # there is nothing to look for but faults
             waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
         return min(seen, key=lambda n: n.score), False
 
@@ -438,16 +453,27 @@ def strained(fit: Fit) -> bool:
     return float(weights @ off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
 
 
+def nearly_noise(fit: Fit) -> bool:
+    """Tell whether faults of the readings, too small to be seen before, may be all that is left beside noise."""
+    return fit.data <= fit.bench.policy.nearly_noise * fit.bound
+
+
 def unsure(fit: Fit, policy: Policy) -> float:
     """Squares that the errors of the equilibrium itself leave."""
     return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.bench.records if r.noise)
 
 
 def inexact(fit: Fit) -> float:
-    """Squares that the model's error about what was added leaves, a share of those of its part, as squares count."""
-    seen, policy = zip(fit.bench.sights, fit.added_parts, strict=True), fit.bench.policy
-    squares = policy.model_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
-    return counted(fit.bound + squares, fit.bound, policy) - fit.bound
+    """What the squares that the model's own errors leave count where a fit stands."""
+    policy, data = fit.bench.policy, max(fit.data, fit.bound)
+    own = unsure(fit, policy) + bent(fit, policy)
+    return counted(data + own, fit.bound, policy) - counted(data, fit.bound, policy)
+
+
+def bent(fit: Fit, policy: Policy) -> float:
+    """Squares that the model's error about what was added leaves, a share of what it makes through the gear train."""
+    seen = zip(fit.bench.sights, fit.added_parts, strict=True)
+    return policy.added_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
 
 
 def lifted(fit: Fit, number: int) -> Fit:

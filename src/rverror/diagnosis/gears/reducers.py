@@ -9,7 +9,7 @@ from dataclasses import replace
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.account import account
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
-from rverror.diagnosis.gears.hunt import Hunt, Node, marked, onto
+from rverror.diagnosis.gears.hunt import Hunt, Node, marked, nearly_noise, onto
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.waveform import Named
@@ -17,7 +17,7 @@ from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model import sensor
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
@@ -42,13 +42,12 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     InputError
         If a run cannot be used; the message says why.
     """
-    unit = declared.mechanism
-    assert isinstance(unit, Reducer)
     if not runs:
         raise InputError("no run given; diagnose needs one or more run files")
+    unit = curved(declared.mechanism)
     journal = Journal(tell)
     records, notes = records_of(declared, runs, policy)
-    model, anywhere = with_marks(declared, runs)
+    model, anywhere = with_marks(replace(declared, mechanism=unit), runs)
     tell("predicting the declared model")
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
@@ -62,7 +61,7 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     best, done = hunt.best([root], policy.expansions)
     for _ in range(policy.looks):
         fit = best.fit
-        calm = fit.data <= fit.bound  # in a residual that is more than noise, kinks would be faults
+        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
         renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit))
@@ -76,6 +75,13 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
             hunt = hunt.with_candidates((*hunt.candidates, *hunt.late), pins=True)
             best, done = hunt.best([root, best], policy.again)
     return account(declared, model, runs, hunt, root, best, done, notes)
+
+
+def curved(unit: Mechanism) -> Reducer:
+    """The reducer with pins that follow their discs' profiles, as far as nothing else is stated."""
+    assert isinstance(unit, Reducer)
+    law = unit.contact_law
+    return replace(unit, contact_law=replace(law, profile_curvature=law.profile_curvature or 1.0))
 
 
 def _points(records: Sequence[Record]) -> int:

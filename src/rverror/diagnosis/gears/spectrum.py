@@ -52,7 +52,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
     unit, turns, found = fit.bench.unit, max(r.turns for r in fit.bench.records), list[LineFound]()
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
-    bent = policy.model_share * max(float(np.std(part)) for part in fit.added_parts)
+    bent = policy.line_share * max(float(np.std(part)) for part in fit.added_parts)
 
     def is_framed(order: float) -> bool:
         return bool(frames_of_order(unit, order, tolerance=apart))
@@ -64,7 +64,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         records = [replace(r, orders=(*r.orders, line.order)) for r in records]
         framed, least = is_framed(line.order), policy.accuracy
         if framed:
-            least = max(least, policy.model_share * _predicted(records, rests, line.order), bent)
+            least = max(least, policy.line_share * _predicted(records, rests, line.order), bent)
         if np.mean(np.abs(line.waves)) > least and not (framed and outside):
             found.append(line)
     return found

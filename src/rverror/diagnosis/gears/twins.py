@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,17 +37,30 @@ class Gaps:
     def twins(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
         """Other sources that close the gaps of an effect, or of which its source can do all; in the nearest size."""
         own = self.of((effect.key, effect.indices))
-        if own is None:
-            return []
-        gaps, found = np.array(effect.values) @ own, []
+        return [
+            other
+            for other, rows, share in self._sized(effect, candidates)
+            if share < self.same or (own is not None and _apart(rows, own) < self.same)
+        ]
+
+    def near(self, effect: Effect, candidates: Sequence[Named], lacking: float) -> list[Effect]:
+        """Other sources that close the gaps of an effect but for a share, in the nearest size.
+
+        Pins that are all thinner, and a profile modified by as much, open all gaps nearly alike: next to nothing shows
+        but what this does to contacts under load, and no small change of one tells the size of the other.
+        """
+        return [other for other, _, share in self._sized(effect, candidates) if share < lacking]
+
+    def _sized(self, effect: Effect, candidates: Sequence[Named]) -> Iterator[tuple[Effect, Array, float]]:
+        """Other sources in the sizes that come nearest to an effect's gaps, their gaps, and the share they lack."""
+        own = self.of((effect.key, effect.indices))
         for key, indices in candidates:
             rows = self.of((key, indices))
-            if rows is None or (key, dict(indices)) == (effect.key, dict(effect.indices)):
+            if own is None or rows is None or (key, dict(indices)) == (effect.key, dict(effect.indices)):
                 continue
-            if _apart(gaps[None], rows) < self.same or _apart(rows, own) < self.same:
-                sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
-                found.append(Effect(key, dict(indices), tuple(float(size) for size in sizes)))
-        return found
+            gaps = np.array(effect.values) @ own
+            sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
+            yield Effect(key, dict(indices), tuple(map(float, sizes))), rows, _apart(gaps[None], rows)
 
     def of(self, named: Named) -> Array | None:
         """Gaps per parameter of a source, at some angles; None where it closes none of its own."""

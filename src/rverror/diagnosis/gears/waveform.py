@@ -23,16 +23,14 @@ from rverror.statics.prediction import turned
 
 Named = tuple[str, Mapping[str, IndexValue]]
 
-#: Of the contact law.
-EXPONENTS = tuple(field.name for field in fields(ContactLaw))
-#: A point contact of Hertz.
-MOST_EXPONENT = 1.5
+#: Of the contact law, with their bounds: linear to a point contact of Hertz, none to twice the geometry's curvature.
+LAW = {"pin_exponent": (1.0, 1.5), "flank_exponent": (1.0, 1.5), "profile_curvature": (0.0, 2.0)}
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
 _DENSER = 5  # than the grid of the travel, where that is coarse
 
 
 def softened(unit: Reducer, change: Array) -> Reducer:
-    """The reducer with each of `SOFTENING` changed: logarithms of six compliances, backlash, exponents, in bounds."""
+    """The reducer with each of `SOFTENING` changed: logarithms of six compliances, backlash, contact law, in bounds."""
     softer = dict(zip(SOFTENING, change, strict=True))
     stiffness = Stiffness(
         **{
@@ -40,7 +38,8 @@ def softened(unit: Reducer, change: Array) -> Reducer:
             for field in fields(Stiffness)
         }
     )
-    law = ContactLaw(**{k: min(max(getattr(unit.contact_law, k) + softer[k], 1.0), MOST_EXPONENT) for k in EXPONENTS})
+    now = unit.contact_law
+    law = ContactLaw(**{k: min(max(getattr(now, k) + softer[k], low), high) for k, (low, high) in LAW.items()})
     backlash = max(unit.gear_backlash + float(softer["gear_backlash"]), 0.0)
     return replace(unit, stiffness=stiffness, contact_law=law, gear_backlash=backlash)
 
@@ -56,7 +55,7 @@ class Waveform:
         rad.
     rows : ndarray, shape (parameters, points)
         Change per parameter of each effect that the contacts feel.
-    soft : ndarray, shape (9, points)
+    soft : ndarray, shape (10, points)
         Change per unit of each of `SOFTENING`.
     effects : tuple of Effect
         Felt by the contacts.
