@@ -55,6 +55,14 @@ def test_where_noise_is_much_an_interval_is_that_of_least_squares() -> None:
     assert half == pytest.approx(1.96 * noise * ARCSEC * math.sqrt(2 / N), rel=0.05)
 
 
+def test_what_comes_of_a_prior_does_not_grow_with_the_model_s_error() -> None:
+    """In noise that is a ten-thousandth of the model's own error: told by the run, and by its uncertainty alone."""
+    noise, narrow = 1e-4, 1e-9
+    told, kept = encoded(np.zeros(N), noise), encoded(np.zeros(N), noise, uncertainty=narrow)
+    assert np.all(spread(told)[:2] > 100 * np.diag(told.covariance)[:2])
+    assert spread(kept)[:2] == pytest.approx([(narrow * ARCSEC) ** 2] * 2, rel=1e-3)
+
+
 def least_squares(error: Array, used: Flags, noise: float, sigma: float) -> Array:
     """What the used samples leave of all, an offset free and a wave about nothing by so much: written out."""
     rows = np.stack([np.ones(N), np.cos(THETA), np.sin(THETA)])

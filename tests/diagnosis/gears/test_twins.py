@@ -43,6 +43,19 @@ def test_a_crank_s_index_is_one_direction_of_its_centre() -> None:
     assert np.abs(twin.values) == pytest.approx([0.0, 30 * ARCSEC * 1.5 * 27 / 2])
 
 
+def test_what_opens_gaps_nearly_alike_is_tried_in_the_nearest_size() -> None:
+    """A pin circle that is too wide opens pins as thinner ones do, but for their distance from the normals' middle."""
+    pins = rverror.effect("cycloid.pin_radius", pin="all", deviation="-6 um")
+    wide: Named = ("cycloid.pin_circle", {"harmonic": 0})
+    others = [PINS, wide, ("cycloid.pin_circle", {"harmonic": 2}), ("crank.eccentricity", {"crank": 0, "disc": 0})]
+    assert GAPS.twins(pins, others) == []
+    (near,) = GAPS.near(pins, others, POLICY.near_gaps)
+    assert (near.key, dict(near.indices)) == wide
+    gaps, own = -6e-3 * np.asarray(GAPS.of(PINS))[0], np.asarray(GAPS.of(wide))[0]
+    assert near.values[0] == pytest.approx(gaps @ own / (own @ own), rel=1e-3)
+    assert near.values[0] > 6e-3  # along the radius it takes more than along the normals
+
+
 def test_what_closes_no_gaps_of_its_own_has_no_twin() -> None:
     """An encoder is beside the gear train, and a clearance lets go instead of closing."""
     encoder = rverror.effect("sensor.encoder_eccentricity", cos="2 arcsec", sin="1 arcsec")
