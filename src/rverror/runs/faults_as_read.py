@@ -24,6 +24,8 @@ NEAR = 8
 
 # Times its scatter beyond which a difference may be a fault.
 _DOUBTFUL = 4.0
+# Times a step's size from which a burst beside it makes it none: a slip itself makes bursts of its own size.
+_LARGER = 4.0
 # Samples over which scatter is told: it follows what a part of the turn has more of than others.
 _BLOCK = 64
 
@@ -75,9 +77,20 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
     apart = error - _running_median(error, 2 * bounds.longest_burst + 1)
     # what comes again in other turns is the gear's
     found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
+    away = {at: abs(float(error[at] - values[at])) for at in off}
+
+    def is_made_up(step: LevelStep) -> bool:
+        """It borders on a burst of several times its size: beside a sharp lobe what stands in for that may step."""
+        first, last = step.first - 1, step.last
+        while first in away:
+            first -= 1
+        while last in away:
+            last += 1
+        return any(away.get(at, 0.0) > _LARGER * abs(step.size) for at in range(first, last + 1))
+
     steps: list[LevelStep] = []
     for _ in range(ROUNDS):
-        further = _steps(sides, values, floor)
+        further = [step for step in _steps(sides, values, floor) if not is_made_up(step)]
         for step in further:
             values[step.last :] -= step.size
         steps += further
