@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import rverror
 from gear_runs import UNIT, begin, runs_of
+from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import elastic
 from rverror.diagnosis.gears.fit import fitted
 from rverror.geartrain.cycloid import trochoid_curvature
@@ -88,6 +89,23 @@ def test_influences_hold_how_forces_turn(monkeypatch: pytest.MonkeyPatch, law: C
             at += 1
     assert max(wrong) < 0.01
     assert max(turned) > 1.5 * max(wrong)
+
+
+@pytest.mark.parametrize("torque", [5e3, 20e3, 412e3])
+def test_a_few_turns_settle_the_normals(monkeypatch: pytest.MonkeyPatch, torque: float) -> None:
+    """As many turns as there may be move nothing that counts, at light load and at the rated one."""
+    model = rverror.Model(
+        rverror.reducer("RV-40E", contact_law=CURVED),
+        (
+            rverror.effect("cycloid.pin_circle", harmonic=2, tangential_cos="8 um"),
+            rverror.effect("coupling.carrier_bore_position", crank=0, radial="8 um"),
+        ),
+    )
+    theta = np.linspace(0, 1, 60)
+    found = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
+    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
+    most = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
+    assert np.sqrt(np.mean((found - most) ** 2)) < 0.003 * ARCSEC
 
 
 def test_straight_pins_are_those_of_no_curvature() -> None:

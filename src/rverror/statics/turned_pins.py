@@ -23,7 +23,7 @@ from rverror.base.arrays import Array
 from rverror.model.effects import Effect
 from rverror.statics.energy import Geometry, System, samples_first
 
-_SETTLED = 3e-6  # mm by which closings may be off: 0.01 arcsec, were all pins so
+_SETTLED = 1e-6  # mm by which closings may be off, and turned ones by their turn: 0.003 arcsec, were all pins so
 
 
 def moved_by(contacts: Geometry, effects: tuple[Effect, ...]) -> Array:
@@ -88,5 +88,6 @@ class TurnedPins:
 
     def same(self, other: TurnedPins, closing: Array) -> bool:
         """Tell whether another place would close no pin that carries otherwise."""
-        off = np.abs(self.curvature) * (self.moved - other.moved) ** 2 / 2
-        return bool((off * (closing > 0)).max() < _SETTLED)
+        apart = np.abs(self.moved - other.moved)
+        off = np.abs(self.curvature) * apart * (apart / 2 + closing)
+        return bool(np.where(closing > 0, off, 0.0).max() < _SETTLED)
