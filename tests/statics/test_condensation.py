@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import rverror
 from rverror.geartrain.contacts import pose
 from rverror.statics.condensation import Stretch
-from rverror.statics.energy import System, error_closing, geometry, loaded_system, minimise, refined
+from rverror.statics.energy import System, error_closing, geometry, loaded_system, minimise, refined, with_discs
 from strategies import angles, reducers
 
 TORQUE = 20e3
@@ -70,8 +70,9 @@ def test_the_answer_to_a_force_is_that_of_all_parts() -> None:
     assert ((state.flanks > 0) == system.driving_flanks).all()
     assert ((state.pins > 0) != system.driving_pins).any()  # pins lift off: the matrix is that of the state
     force = np.random.default_rng(2).normal(0, 1e3, x.shape)
-    expected = refined(system.newton_matrix(state), force)
-    found = stretch.condensed.answer(system, state, force)
+    more = 1e4 * np.broadcast_to(np.eye(3), (len(x), unit.discs, 3, 3))
+    expected = refined(with_discs(system.newton_matrix(state), more, system.first_disc), force)
+    found = stretch.condensed.answer(system, state, force, more)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
 
 

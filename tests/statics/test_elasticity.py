@@ -15,13 +15,16 @@ from rverror.geartrain.mechanism import REFERENCE_FORCE, ContactLaw, Reducer
 from rverror.model.effects import Effect, effect
 from rverror.statics.condensation import Stretch, common_flank_force
 from rverror.statics.elasticity import PowerLaw
-from rverror.statics.energy import error_closing, geometry, loaded_system, minimise, refined
+from rverror.statics.energy import error_closing, geometry, loaded_system, minimise, refined, with_discs
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
 from rverror.statics.prediction import Predictor
 
 THETA = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(24), 1)
 LINE = ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9)
-LAWS = [ContactLaw(), LINE, ContactLaw(pin_exponent=1.3), ContactLaw(flank_exponent=1.45)]
+LAWS = [
+    ContactLaw(), LINE, ContactLaw(pin_exponent=1.3), ContactLaw(flank_exponent=1.45),
+    ContactLaw(profile_curvature=1.0), ContactLaw(pin_exponent=1.1, profile_curvature=0.7),
+]  # fmt: skip
 
 
 def errors(rng: np.random.Generator, *, clearance: bool = False, size: float = 4e-3) -> tuple[Effect, ...]:
@@ -71,6 +74,7 @@ def test_softening_is_the_derivative(
     torque = 100e3
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)  # differences are small
     monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
+    monkeypatch.setattr("rverror.statics.loaded_state._MOST_TURNS", 12)
     here = statics(unit, direction, torque)
     rows = here.predict(effects).softening
     assert rows.shape == (len(SOFTENING), THETA.size)
@@ -154,8 +158,9 @@ def test_discs_and_flanks_of_a_law_take_the_pose_that_all_parts_take(law: Contac
         assert good.sum() > 0.75 * same.sum()
         np.testing.assert_allclose(x[good], full[good], rtol=0, atol=1e-7 * np.abs(full).max())
     force = rng.normal(0, 1e3, full.shape)
-    expected = refined(system.newton_matrix(state), force)
-    answer = stretch.condensed.answer(system, state, force)
+    more = rng.normal(0, 1e3, (len(full), system.reducer.discs, 3, 3)) + 1e4 * np.eye(3)
+    expected = refined(with_discs(system.newton_matrix(state), more, system.first_disc), force)
+    answer = stretch.condensed.answer(system, state, force, more)
     np.testing.assert_allclose(answer[same], expected[same], rtol=0, atol=1e-8 * np.abs(expected).max())
 
 
@@ -202,6 +207,8 @@ def test_compliances_and_backlash_make_all_that_a_perfect_unit_turns(name: str, 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_influences_are_the_derivatives_by_any_law(monkeypatch: pytest.MonkeyPatch, law: ContactLaw) -> None:
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)
+    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
+    monkeypatch.setattr("rverror.statics.loaded_state._MOST_TURNS", 12)
     unit = rverror.reducer("RV-40E", contact_law=law)
     effects = errors(np.random.default_rng(2))
     where, step = statics(unit, -1.0, 200e3), 1e-7

@@ -17,12 +17,11 @@ from rverror.diagnosis.gears.fit import fitted
 from rverror.geartrain.cycloid import trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import ContactLaw, Reducer
-from rverror.model.effects import Effect
-from rverror.statics.energy import geometry
 from rverror.statics.loaded_state import statics_of
 from strategies import reducers
 
 CURVED = ContactLaw(profile_curvature=1.0)
+ANGLES = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(40), 1)
 
 
 def trochoid(unit: Reducer, phi: np.ndarray) -> np.ndarray:
@@ -62,59 +61,58 @@ def test_a_pin_closes_by_the_distance_from_the_trochoid_to_second_order(
     assert inside == pytest.approx(expected, abs=0.05 * size**2 * max(abs(curvature), 0.1))
 
 
-@pytest.mark.parametrize("law", [CURVED, ContactLaw(profile_curvature=1.0, pin_exponent=10 / 9)], ids=str)
-def test_influences_hold_how_forces_turn(monkeypatch: pytest.MonkeyPatch, law: ContactLaw) -> None:
-    """Against central differences; what the answer to a force leaves out, of second order, is below a hundredth."""
-    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
-    theta = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(40), 1)
-    statics = statics_of(rverror.reducer("RV-40E", contact_law=law), Conditions(theta, 1.0, 20e3))
-    effects = (
-        Effect("cycloid.pin_circle", {"harmonic": 2}, (2e-3, -1e-3, 3e-3, 1e-3)),
-        Effect("cycloid.disc_pitch", {"disc": 0, "harmonic": 1}, (3e-3, -2e-3)),
-        Effect("coupling.carrier_bore_position", {"crank": 0}, (4e-3, 2e-3)),
+ERRORS = (
+    rverror.effect("cycloid.pin_circle", harmonic=2, tangential_cos="8 um"),
+    rverror.effect("coupling.carrier_bore_position", crank=0, radial="8 um"),
+)
+
+
+def test_forces_along_the_turned_normals_hold_each_disc() -> None:
+    """What the pins push and what the cams push are the same, and were not along the normals of the error-free pose."""
+    state = rverror.equilibrium(
+        rverror.Model(rverror.reducer("RV-40E", contact_law=CURVED), ERRORS), ANGLES, torque=20e3, direction=1
     )
-    rows = statics.predict(effects).matrix
-    straight = statics.elastic(rverror.reducer("RV-40E")).predict(effects).matrix
-    wrong, turned, at = [], [], 0
-    for number, one in enumerate(effects):
-        for place in range(len(one.values)):
-            ends = []
-            for step in (2e-5, -2e-5):
-                values = tuple(v + step * (i == place) for i, v in enumerate(one.values))
-                some = (*effects[:number], replace(one, values=values), *effects[number + 1 :])
-                ends.append(statics.predict(some).transmission_error)
-            slope = (ends[0] - ends[1]) / 4e-5
-            wrong.append(np.median(abs(slope - rows[at])) / abs(slope).max())
-            turned.append(np.median(abs(slope - straight[at])) / abs(slope).max())
-            at += 1
-    assert max(wrong) < 0.01
-    assert max(turned) > 1.5 * max(wrong)
+    pins, cams = state.contact_forces["pin"], state.contact_forces["cam"]
+    largest = np.abs(pins).max()
+    assert np.abs(pins.sum(axis=1) - cams.sum(axis=1)).max() < 1e-3 * largest
+    motion = statics_of(rverror.reducer("RV-40E"), Conditions(ANGLES, 1.0, 20e3)).motion
+    straight = np.linalg.norm(pins, axis=2)[:, :, None] * motion.pin_normal
+    assert np.abs(straight.sum(axis=1) - cams.sum(axis=1)).max() > 1e-2 * largest
 
 
 @pytest.mark.parametrize("torque", [5e3, 20e3, 412e3])
 def test_a_few_turns_settle_the_normals(monkeypatch: pytest.MonkeyPatch, torque: float) -> None:
     """As many turns as there may be move nothing that counts, at light load and at the rated one."""
-    model = rverror.Model(
-        rverror.reducer("RV-40E", contact_law=CURVED),
-        (
-            rverror.effect("cycloid.pin_circle", harmonic=2, tangential_cos="8 um"),
-            rverror.effect("coupling.carrier_bore_position", crank=0, radial="8 um"),
-        ),
-    )
-    theta = np.linspace(0, 1, 60)
+    model, theta = rverror.Model(rverror.reducer("RV-40E", contact_law=CURVED), ERRORS), np.linspace(0, 1, 60)
     found = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
     monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
     most = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
     assert np.sqrt(np.mean((found - most) ** 2)) < 0.003 * ARCSEC
 
 
-def test_straight_pins_are_those_of_no_curvature() -> None:
-    """On straight profiles nothing turns, whatever the share."""
-    motion = statics_of(UNIT, Conditions(np.linspace(0, 1, 5), 1.0, 50e3)).motion
-    assert geometry(motion).curvature.shape == (5, UNIT.discs, UNIT.pins)
-    assert ContactLaw().profile_curvature == 0.0
-    with pytest.raises(ValueError, match="profile_curvature"):
-        ContactLaw(profile_curvature=-0.1)
+def test_next_to_no_curvature_is_first_order() -> None:
+    """The share goes to the statics of straight normals, by the way that turns them."""
+    models = [
+        rverror.Model(rverror.reducer("RV-40E", contact_law=ContactLaw(profile_curvature=share)), ERRORS)
+        for share in (0.0, 1e-9, 1.0)
+    ]
+    straight, hardly, curved = (
+        rverror.equilibrium(model, ANGLES, torque=20e3, direction=1).transmission_error for model in models
+    )
+    assert np.abs(hardly - straight).max() < 1e-6 * np.abs(curved - straight).max()
+
+
+def test_largest_curvature_that_is_convex_is_that_of_the_smallest_convex_radius() -> None:
+    """By another formula, which bounds the pin radius."""
+    for unit in (rverror.reducer("RV-40E"), rverror.reducer("RV-003"), UNIT):
+        largest = trochoid_curvature(unit, np.linspace(0, 2 * np.pi, 200_001)).max()
+        assert largest == pytest.approx(1 / unit.smallest_convex_radius, rel=1e-6)
+
+
+def test_a_share_beyond_its_bounds_is_refused() -> None:
+    for share in (-0.1, 2.1, float("nan")):
+        with pytest.raises(ValueError, match=r"profile_curvature = .*: must be a number from 0 .* to 2"):
+            ContactLaw(profile_curvature=share)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

@@ -108,7 +108,7 @@ def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
 
     Notes
     -----
-    Source 003 (its radius of curvature of the tooth profile, less that of the pin).
+    In none of the sources; from z' and z'' of z = (R_p - a e^{i phi}) e^{i phi / z_c}.
     """
     K, z, cosine = reducer.short_width_coefficient, reducer.pins, np.cos(roll_angle)
     return np.asarray(

@@ -116,6 +116,14 @@ def _at_least(name: str, given: Any, bound: str, least: float, most: float = mat
 REFERENCE_FORCE = 100.0
 
 
+#: Least and largest of each number of a contact law, and what the least is.
+LAW_BOUNDS = {
+    "pin_exponent": (1.0, 1.5, "linear, 10/9: line contact"),
+    "flank_exponent": (1.0, 1.5, "linear, 10/9: line contact"),
+    "profile_curvature": (0.0, 2.0, "first order; 1: as the geometry says"),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class ContactLaw:
     """Power laws by which pins and gear flanks close, f = F0 (k p / F0)^exponent, and how pins follow their discs.
@@ -151,14 +159,9 @@ class ContactLaw:
     profile_curvature: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that each exponent is that of a contact, and the curvature one near that of the geometry."""
-        bounds = {
-            "pin_exponent": ("1 (linear, 10/9: line contact)", 1.0, 1.5),
-            "flank_exponent": ("1 (linear, 10/9: line contact)", 1.0, 1.5),
-            "profile_curvature": ("0 (first order; 1: as the geometry says)", 0.0, 2.0),
-        }
-        for name, (least, low, high) in bounds.items():
-            object.__setattr__(self, name, _at_least(name, getattr(self, name), least, low, high))
+        """Check that each number is that of a contact."""
+        for name, (low, high, is_low) in LAW_BOUNDS.items():
+            object.__setattr__(self, name, _at_least(name, getattr(self, name), f"{low:g} ({is_low})", low, high))
 
 
 @dataclass(frozen=True, kw_only=True)

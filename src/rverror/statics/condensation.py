@@ -33,6 +33,7 @@ from rverror.statics.energy import (
     flank_lever,
     held,
     minimise,
+    with_discs,
 )
 
 _MOST_STEPS = 8
@@ -293,9 +294,13 @@ class Condensed:
             driving_flanks=np.zeros((n, 0), dtype=np.bool_),
         )
 
-    def answer(self, whole: System, closed: Closed, force: Array) -> Array:
-        """Change of the pose, (n, size), with a force on all parts, the closed pins held closed."""
+    def answer(self, whole: System, closed: Closed, force: Array, more: Array) -> Array:
+        """Change of the pose, (n, size), with a force on all parts, the closed pins held closed.
+
+        `more` is what stiffens each disc besides, (n, discs, 3, 3).
+        """
         matrix = _with_pins(self.matrix, self.on_pins, whole.pin_law.tangent(closed.pins, whole.pin_stiffness))
+        matrix = with_discs(matrix, more)
         if whole.flank_law.linear:
             return self._answer(matrix, force)
         return self._answer_by_law(matrix, whole, closed, force)
@@ -374,10 +379,7 @@ def common_flank_force(reducer: Reducer, torque: float) -> float:
 
 def _with_pins(matrix: Array, on_pins: Array, stiffness: Array) -> Array:
     """Stiffness of the discs with that of each pin, (n, discs, pins)."""
-    total, blocks = matrix.copy(), np.einsum("kdabp,kdp->kdab", on_pins, stiffness)
-    for k in range(blocks.shape[1]):
-        total[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += blocks[:, k]
-    return total
+    return with_discs(matrix, np.einsum("kdabp,kdp->kdab", on_pins, stiffness))
 
 
 def _joint(matrix: Array, across: Array, own: Array, more: Array) -> Array:

@@ -59,6 +59,7 @@ class Errors:
     """What the errors close at each contact, mm, samples first."""
 
     pin: Array  # (n, discs, pins)
+    along: Array  # (n, discs, pins), by which pins move along the discs' profiles
     flank: Array  # (n, 2 cranks)
     joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
     clearance: Array  # (joints,)
@@ -74,7 +75,7 @@ class Closing:
     Attributes
     ----------
     contact : str
-        A key of `CONTACT_AXES`; bearings keep both components.
+        A key of `CONTACT_AXES`, bearings with both components; or "along": not into a disc, but along its profile.
     at : tuple of slice
         Which of its entries.
     rows : ndarray, shape (terms, axes of the contact but for the xy of pins and flanks, n)
@@ -105,6 +106,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
     discs, cranks = reducer.discs, reducer.cranks
     total = {
         "pin": np.zeros((discs, reducer.pins, n)),
+        "along": np.zeros((discs, reducer.pins, n)),
         "mesh": np.zeros((cranks, 2, n)),
         "cam": np.zeros((discs, cranks, 2, n)),
         "carrier": np.zeros((cranks, 2, n)),
@@ -131,6 +133,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
     bearings = np.repeat([clearance["cam"], clearance["carrier"], 0.0], [discs * cranks, cranks, 2])
     return Errors(
         samples_first(total["pin"]),
+        samples_first(total["along"]),
         samples_first(total["mesh"].reshape(-1, n)),
         samples_first(joints),
         bearings,
@@ -225,7 +228,9 @@ class Geometry:
     def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance | Compliance:
         if isinstance(error, (Clearance, Compliance)):
             return error
-        return tuple(closing_of(self.motion, part) for part in (error if isinstance(error, tuple) else (error,)))
+        parts = error if isinstance(error, tuple) else (error,)
+        along = [Closing("along", p.at, dot(p.vector, self.profile_tangent[p.at])) for p in parts if p.contact == "pin"]
+        return (*(closing_of(self.motion, part) for part in parts), *along)
 
     @cached_property
     def curvature(self) -> Array:
@@ -244,25 +249,11 @@ class Geometry:
         along = self.profile_tangent
         return -samples_first(np.stack([along[:, :, 0], along[:, :, 1], cross(arm, along)]))
 
-    def along_profile(self, effect: Effect) -> list[tuple[tuple[slice, ...], Array]]:
-        """Which pins one unit of each parameter of an effect moves along the profile, and how far; made once."""
-        name = (effect.key, *sorted(effect.indices.items()))
-        if name not in self._along:
-            error = self.error(effect)
-            parts = error if isinstance(error, tuple) else (error,)
-            on_pins = [p for p in parts if isinstance(p, ErrorVector) and p.contact == "pin"]
-            self._along[name] = [(p.at, dot(p.vector, self.profile_tangent[p.at])) for p in on_pins]
-        return self._along[name]
-
     @cached_property
     def profile_tangent(self) -> Array:
         """Along each profile, a quarter turn ahead of the normal, (discs, pins, 2, n)."""
         normal = self.motion.pin_normal
         return np.stack([-normal[:, :, 1], normal[:, :, 0]], axis=2)
-
-    @cached_property
-    def _along(self) -> dict[tuple[Any, ...], list[tuple[tuple[slice, ...], Array]]]:
-        return {}
 
     @cached_property
     def pins_by_disc(self) -> Array:
@@ -445,11 +436,8 @@ class System:
     def matrix(self, *, pins: Array, flanks: Array, journals: Array) -> Array:
         """Stiffness with that of each pin, of each flank and of each journal."""
         rows = self.pin_rows
-        matrix = self.spring_matrix.copy()
         blocks = np.einsum("nbki,ncki->nkbc", pins[:, None] * rows, rows)
-        for k in range(self.reducer.discs):
-            at = slice(self.first_disc + 3 * k, self.first_disc + 3 * k + 3)
-            matrix[:, at, at] += blocks[:, k]
+        matrix = with_discs(self.spring_matrix, blocks, self.first_disc)
         matrix += np.swapaxes(self.flank_rows, 1, 2) @ (flanks[..., None] * self.flank_rows)
         if journals.size:
             n, size = self.load.shape
@@ -489,6 +477,15 @@ class System:
         state = self.state(x)
         along = samples_first(unit_vectors(samples_last(state.journals)))
         return self.held(pins=state.pins > 0, flanks=state.flanks > 0, along=along)
+
+
+def with_discs(matrix: Array, blocks: Array, first: int = 0) -> Array:
+    """A stiffness with more of each disc, (n, discs, 3, 3), whose columns begin at the first."""
+    total = matrix.copy()
+    for k in range(blocks.shape[1]):
+        at = slice(first + 3 * k, first + 3 * k + 3)
+        total[:, at, at] += blocks[:, k]
+    return total
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,9 @@ from rverror.statics.energy import (
     minimise,
     refined,
     samples_last,
+    with_discs,
 )
-from rverror.statics.turned_pins import moved, moved_by, turned
+from rverror.statics.turned_pins import moved, turned
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
 _MOST_TURNS = 4  # of pins' normals: each leaves less than a tenth of what the last one left
@@ -454,23 +455,21 @@ def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, 
         stretch.elasticity  # noqa: B018 - refuses what is stiffer than rigid
     except ValueError as error:
         raise NotConvergedError(str(error)) from error
-    nominal = loaded_system(stretch, errors, stretch.torque)
-    steps = np.zeros(stretch.contacts.motion.theta.size, dtype=np.intp)
-    by_errors, share = moved_by(stretch.contacts, effects), stretch.reducer.contact_law.profile_curvature
+    contacts, nominal = stretch.contacts, loaded_system(stretch, errors, stretch.torque)
+    share = stretch.reducer.contact_law.profile_curvature
+    condensed = None if nominal.clearance.size else stretch.condensed
     if not share:
-        held = None if nominal.clearance.size else stretch.condensed
-        x, closed, steps = _least(stretch, nominal, held, start, quick=quick)
-        return _Solution(stretch, errors, by_errors, nominal, held, x, closed, steps)
-    contacts, x = stretch.contacts, np.zeros_like(nominal.load) if start is None else start
-    pins = turned(contacts, nominal, moved(contacts, nominal, by_errors, x), by_errors, share)
+        return _Solution(stretch, errors, nominal, condensed, *_least(stretch, nominal, condensed, start, quick=quick))
+    steps = np.zeros(contacts.motion.theta.size, dtype=np.intp)
+    pins = turned(contacts, nominal, errors, np.zeros_like(nominal.load) if start is None else start, share)
     for _ in range(_MOST_TURNS):
-        condensed = None if nominal.clearance.size else stretch.condensed.with_pins(pins.system.pin_rows)
-        x, closed, more = _least(stretch, pins.system, condensed, start, quick=quick)
+        held = None if condensed is None else condensed.with_pins(pins.system.pin_rows)
+        x, closed, more = _least(stretch, pins.system, held, start, quick=quick)
         start, steps = x, steps + more
-        last, pins = pins, turned(contacts, nominal, moved(contacts, nominal, by_errors, x), by_errors, share)
+        last, pins = pins, turned(contacts, nominal, errors, x, share)
         if last.same(pins, closed.pins):
             break
-    return _Solution(stretch, errors, by_errors, last.system, condensed, x, closed, steps)
+    return _Solution(stretch, errors, last.system, held, x, closed, steps)
 
 
 def _least(
@@ -506,7 +505,6 @@ class _Solution:
 
     stretch: Stretch
     errors: Errors
-    by_errors: Array  # how far they move pins along the profiles
     energy: System
     condensed: Condensed | None
     x: Array
@@ -527,8 +525,24 @@ class _Solution:
         """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
         system, closed = self.energy, self.closed
         if quick and self.condensed is not None and ((closed.flanks > 0) == system.driving_flanks).all():
-            return self.condensed.answer(system, closed, force)
-        return refined(system.newton_matrix(closed), force)
+            return self.condensed.answer(system, closed, force, self._turning)
+        return refined(with_discs(system.newton_matrix(closed), self._turning, system.first_disc), force)
+
+    @cached_property
+    def _pressed(self) -> Array:
+        """Force of each pin, (n, discs, pins)."""
+        return np.asarray(self.energy.pin_law.force(self.closed.pins, self.energy.pin_stiffness))
+
+    @cached_property
+    def _turn(self) -> Array:
+        """How far the force of each pin turns for what it moves along the profile, N/mm, (n, discs, pins)."""
+        return np.asarray(self.stretch.reducer.contact_law.profile_curvature * self.contacts.curvature * self._pressed)
+
+    @cached_property
+    def _turning(self) -> Array:
+        """Stiffness that each disc has by the turn of its pins' forces, (n, discs, 3, 3)."""
+        rows = self.contacts.profile_rows
+        return np.asarray(-np.einsum("nbki,ncki->nkbc", self._turn[:, None] * rows, rows))
 
     @property
     def transmission_error(self) -> Array:
@@ -574,7 +588,7 @@ class _Solution:
     def _contact_forces(self) -> dict[str, Array]:
         system = self.energy
         return self._by_contact(
-            pins=system.pin_law.force(self.closed.pins, system.pin_stiffness),
+            pins=self._pressed,
             flanks=system.flank_law.force(self.closed.flanks, system.flank_stiffness),
             joints=self._joint_forces(),
         )
@@ -658,9 +672,8 @@ class _Solution:
         shut = flanks * np.maximum(closed.flanks, 0.0) * system.flank_stiffness
         by_pin_exponent = pins * system.pin_law.change_with_exponent(closed.pins, system.pin_stiffness)
         by_flank_exponent = flanks * system.flank_law.change_with_exponent(closed.flanks, system.flank_stiffness)
-        along = moved(self.contacts, system, self.by_errors, self.x)
-        pressed = system.pin_law.force(closed.pins, system.pin_stiffness)
-        by_curvature = self.contacts.curvature * along * (pins * along / 2 + pressed * turning)
+        along = moved(self.contacts, system, self.errors, self.x)
+        by_curvature = self.contacts.curvature * along * (pins * along / 2 + self._pressed * turning)
         rows = {
             "pin_contact": yielded.sum(axis=(1, 2)) / stiffness.pin_contact,
             "crank_bearing": work[:, :cams].sum(axis=1) / stiffness.crank_bearing,
@@ -687,11 +700,8 @@ class _Solution:
     def _changes(self, *, quick: bool) -> dict[str, Array]:
         pins, flanks, joints, along = self._quick_per_torque if quick else self._per_torque(quick=False)
         changes = self._by_contact(pins=pins, flanks=flanks, joints=joints)
-        if share := self.stretch.reducer.contact_law.profile_curvature:  # a pin's force turns with its normal
-            system = self.energy
-            force = system.pin_law.force(self.closed.pins, system.pin_stiffness)
-            turn = samples_last(share * self.contacts.curvature * along * force)
-            changes["pin"] = changes["pin"] - turn[..., None, :] * self.contacts.profile_tangent
+        # a pin's force turns with its normal
+        changes["pin"] = changes["pin"] - samples_last(self._turn * along)[..., None, :] * self.contacts.profile_tangent
         return changes
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:

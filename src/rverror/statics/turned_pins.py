@@ -20,29 +20,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.model.effects import Effect
-from rverror.statics.energy import Geometry, System, samples_first
+from rverror.statics.energy import Errors, Geometry, System
 
 _SETTLED = 1e-6  # mm by which closings may be off, and turned ones by their turn: 0.003 arcsec, were all pins so
 
 
-def moved_by(contacts: Geometry, effects: tuple[Effect, ...]) -> Array:
-    """How far errors move each pin along its disc's profile, mm, (n, discs, pins)."""
-    motion = contacts.motion
-    total = np.zeros((motion.reducer.discs, motion.reducer.pins, motion.theta.size))
-    for effect in effects:
-        for at, rows in contacts.along_profile(effect):
-            for value, row in zip(effect.values, rows, strict=True):
-                total[at] += value * row
-    return samples_first(total)
-
-
-def moved(contacts: Geometry, system: System, by_errors: Array, x: Array) -> Array:
+def moved(contacts: Geometry, system: System, errors: Errors, x: Array) -> Array:
     """How far errors and pose move each pin along its disc's profile, mm, (n, discs, pins)."""
-    return np.asarray(by_errors + (contacts.profile_rows * system.discs(x)).sum(axis=1))
+    return np.asarray(errors.along + (contacts.profile_rows * system.discs(x)).sum(axis=1))
 
 
-def turned(contacts: Geometry, nominal: System, along: Array, by_errors: Array, share: float) -> TurnedPins:
+def turned(contacts: Geometry, nominal: System, errors: Errors, x: Array, share: float) -> TurnedPins:
     """Pins that have moved along the profiles.
 
     Parameters
@@ -50,10 +38,9 @@ def turned(contacts: Geometry, nominal: System, along: Array, by_errors: Array, 
     contacts : Geometry
     nominal : System
         With the normals of the error-free pose.
-    along : ndarray, shape (n, discs, pins)
-        As of `moved`.
-    by_errors : ndarray, shape (n, discs, pins)
-        As of `moved_by`.
+    errors : Errors
+    x : ndarray, shape (n, size)
+        Pose.
     share : float
         Of the curvature.
 
@@ -61,11 +48,12 @@ def turned(contacts: Geometry, nominal: System, along: Array, by_errors: Array, 
     -------
     TurnedPins
     """
+    along = moved(contacts, nominal, errors, x)
     turn = share * contacts.curvature * along
     system = replace(
         nominal,
         pin_rows=nominal.pin_rows - turn[:, None] * contacts.profile_rows,
-        pin_error=nominal.pin_error - turn * by_errors + turn * along / 2,
+        pin_error=nominal.pin_error - turn * errors.along + turn * along / 2,
     )
     return TurnedPins(system, along, contacts.curvature)
 

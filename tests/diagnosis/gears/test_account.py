@@ -56,11 +56,16 @@ def test_where_noise_is_much_an_interval_is_that_of_least_squares() -> None:
 
 
 def test_what_comes_of_a_prior_does_not_grow_with_the_model_s_error() -> None:
-    """In noise that is a ten-thousandth of the model's own error: told by the run, and by its uncertainty alone."""
+    """In noise of a hundredth of the model's own error: told by the run, and by its uncertainty alone.
+
+    Two values share N (0.01 / 1e-4)^2 squares; a prior of 1e-9 arcsec lets (1e-9)^2 N/2 / (1e-4)^2 of its own through.
+    """
     noise, narrow = 1e-4, 1e-9
     told, kept = encoded(np.zeros(N), noise), encoded(np.zeros(N), noise, uncertainty=narrow)
     assert np.all(spread(told)[:2] > 100 * np.diag(told.covariance)[:2])
-    assert spread(kept)[:2] == pytest.approx([(narrow * ARCSEC) ** 2] * 2, rel=1e-3)
+    grown = (N * 1e4 / 2) * (narrow**2 * (N / 2) / noise**2)
+    assert spread(kept)[:2] / (narrow * ARCSEC) ** 2 == pytest.approx([1 + grown] * 2, rel=1e-3)
+    assert grown < 0.1
 
 
 def least_squares(error: Array, used: Flags, noise: float, sigma: float) -> Array:

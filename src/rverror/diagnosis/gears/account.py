@@ -16,10 +16,9 @@ from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto_samples
 from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, bent, onto, unsure
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.spectrum import LineFound, best_lines, power_of
-from rverror.diagnosis.gears.waveform import LAW
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
@@ -195,11 +194,14 @@ def spread(fit: Fit) -> Array:
     could make them: shared by all of these, they add as much to the variance that comes of the noise.  What comes of a
     prior does not grow.
     """
-    policy = fit.bench.policy
-    free = max(int(np.isfinite(fit.weights).sum()), 1)
-    times = (unsure(fit, policy) + bent(fit, policy)) / free
-    own = fit.covariance
+    policy, own = fit.bench.policy, fit.covariance
+    times = shared(fit, unsure(fit, policy) + bent(fit, policy))
     return np.asarray(np.diag(own) + times * np.einsum("ij,jk,ik->i", own, fit.gram / fit.scale, own))
+
+
+def shared(fit: Fit, squares: float) -> float:
+    """Squares for each value that the fit may move."""
+    return squares / max(int(np.isfinite(fit.weights).sum()), 1)
 
 
 def reach(fit: Fit, variance: float) -> float:
@@ -279,8 +281,8 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
     for line in found:
         wave = np.array(line.waves)
         size = float(np.mean(np.abs(wave)))
-        # the power is that of all runs together; all of the model's own error may be of this order
-        half = reach(fit, size**2 / max(line.power, 1e-9) * (1 + unsure(fit, policy) / 2))
+        variance = size**2 / max(line.power, 1e-9)  # the power is that of all runs together
+        half = reach(fit, variance * (1 + shared(fit, unsure(fit, policy))))
         order = round(line.order) if abs(line.order - round(line.order)) < policy.told_order / turns else line.order
         frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
@@ -315,7 +317,7 @@ def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
             low, high, dimension = max(value - half, 0.0), value + half, "length"
         else:
             value, stated = getattr(now.contact_law, name), getattr(unit.contact_law, name)
-            low, high, dimension = max(value - half, LAW[name][0]), value + half, "number"
+            low, high, dimension = max(value - half, LAW_BOUNDS[name][0]), value + half, "number"
         result.append(ElasticEstimate(name, dimension, stated, value, low, high, bool(told)))
     return tuple(result)
 

@@ -20,9 +20,9 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
-from rverror.diagnosis.gears.waveform import LAW, Conditioned, Named, Waveform, softened
+from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened
 from rverror.diagnosis.policy import Policy
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect, Model
@@ -71,9 +71,9 @@ class RunSet:
     ) -> RunSet:
         """Runs with grids of so many angles a turn."""
         conditions, which = conditions_of(records, points, anywhere=anywhere)
-        refit = policy.refit_stiffness
         loaded = any(r.torque for r in records)
-        soft = np.array([refit and loaded] * 7 + [refit and loaded and exponents] * 2 + [loaded])
+        refit = loaded and policy.refit_stiffness
+        soft = np.array([refit] * 7 + [refit and exponents] * 2 + [loaded])
         return RunSet(unit, tuple(records), tuple(conditions), tuple(which), policy, soft, anywhere=anywhere)
 
     @cached_property
@@ -280,7 +280,7 @@ def deviation(fit_model: Model, declared: Model, unit: Reducer, zeros: int) -> A
     assert isinstance(now, Reducer)
     off += [-math.log(getattr(now.stiffness, k) / getattr(unit.stiffness, k)) for k in SOFTENING[:6]]
     off += [now.gear_backlash - unit.gear_backlash]
-    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in LAW]
+    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in LAW_BOUNDS]
     return np.array(off + [0.0] * zeros)
 
 
@@ -405,10 +405,10 @@ def bounds(fit: Fit) -> tuple[Array, Array]:
     now = fit.model.mechanism
     assert isinstance(now, Reducer)
     down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
-    law = [(getattr(now.contact_law, k), bounds) for k, bounds in LAW.items()]
+    law = [(getattr(now.contact_law, k), low, high) for k, (low, high, _) in LAW_BOUNDS.items()]
     zeros = len(fit.bench.zeros)
-    down += [-math.inf] * 6 + [-now.gear_backlash] + [low - v for v, (low, _) in law] + [-math.inf] * zeros
-    up = [math.inf] * (len(down) - zeros - len(law)) + [high - v for v, (_, high) in law] + [math.inf] * zeros
+    down += [-math.inf] * 6 + [-now.gear_backlash] + [low - v for v, low, _ in law] + [-math.inf] * zeros
+    up = [math.inf] * (len(down) - zeros - len(law)) + [high - v for v, _, high in law] + [math.inf] * zeros
     return np.minimum(down, 0.0), np.maximum(up, 0.0)
 
 

@@ -13,7 +13,7 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
-from rverror.geartrain.mechanism import ContactLaw, Reducer, Stiffness
+from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Reducer, Stiffness
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
@@ -23,8 +23,6 @@ from rverror.statics.prediction import turned
 
 Named = tuple[str, Mapping[str, IndexValue]]
 
-#: Of the contact law, with their bounds: linear to a point contact of Hertz, none to twice the geometry's curvature.
-LAW = {"pin_exponent": (1.0, 1.5), "flank_exponent": (1.0, 1.5), "profile_curvature": (0.0, 2.0)}
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
 _DENSER = 5  # than the grid of the travel, where that is coarse
 
@@ -39,7 +37,9 @@ def softened(unit: Reducer, change: Array) -> Reducer:
         }
     )
     now = unit.contact_law
-    law = ContactLaw(**{k: min(max(getattr(now, k) + softer[k], low), high) for k, (low, high) in LAW.items()})
+    law = ContactLaw(
+        **{k: min(max(getattr(now, k) + softer[k], low), high) for k, (low, high, _) in LAW_BOUNDS.items()}
+    )
     backlash = max(unit.gear_backlash + float(softer["gear_backlash"]), 0.0)
     return replace(unit, stiffness=stiffness, contact_law=law, gear_backlash=backlash)
 
