@@ -308,6 +308,22 @@ def test_two_causes_give_way_to_one_that_does_as_well() -> None:
     assert np.all(np.abs(np.subtract(own.added[0].values, bore.values)) < 3.5 * np.sqrt(np.diag(own.covariance)[:2]))
 
 
+def test_what_fits_only_by_straining_is_swapped_before_it_is_given_up() -> None:
+    """A cam does what a planet does only beside the cam's declared twin, moved by 18 of its uncertainties."""
+    cam = replace(CAM, values=(2e-3, -1e-3))
+    stated = rverror.effect(CAM.key, crank=1, disc=1, radial="0 um", uncertainty="0.1 um")
+    planet = rverror.effect("involute.planet_eccentricity", crank=0, x="1 um")
+    node = settled(Model(OTHER, (cam,)), planet, declared=Model(UNIT, (stated,)))
+    assert node.fit.data < node.fit.bound
+    assert strained(node.fit)
+    hunt = hunt_of(node)
+    few = tuple(c for c in hunt.candidates if c[0] in {cam.key, planet.key})
+    best, done = replace(hunt, candidates=few, policy=replace(POLICY, most_effects=1)).best([node], 1)
+    assert done
+    assert [e.key for e in best.fit.added] == [cam.key]
+    assert not strained(best.fit)
+
+
 def test_what_no_workshop_makes_is_looked_beside_last(right: Node) -> None:
     """Twice the plausible size and more, while it is no fit; where it is one it is as good as any."""
     plausible = rverror.CATALOGUE[CAM.key].parameters[0].plausible

@@ -284,8 +284,9 @@ class Hunt:
         for _ in range(self.policy.most_effects):
             count = range(len(node.fit.added))
             others = [rival for at in count for rival in self.rivals(node, at)]
-            others += [one for pair in combinations(count, 2) for one in self._found_rivals(node, *pair)]
-            others.append(self.remarked(node))
+            if all(one.score >= node.score - 1 for one in others):
+                others += [one for pair in combinations(count, 2) for one in self._found_rivals(node, *pair)]
+                others.append(self.remarked(node))
             better = [one for one in others if one.score < node.score - 1]
             if not better:
                 return node
@@ -412,6 +413,8 @@ class Hunt:
                 bare = min(roots, key=lambda n: len(n.names))
                 waiting = sorted([*waiting, node, *last.beside(bare, seen)], key=outlook)
                 node, last = self.pruned(waiting.pop(0)), None
+            if len(node.fit.added) == self.policy.most_effects and node.fit.data <= node.fit.bound:
+                node = self.swapped(node)  # what fits, but only by what it strains, has a cause in a wrong place
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
