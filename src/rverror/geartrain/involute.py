@@ -399,7 +399,7 @@ SOURCES = (
     Source(
         "involute.sun_compliance_wave", sun_compliance_wave, (harmonics(1, 4),), compliances(2, "cos", "sin"),
         "sun", _sun_pitch_orders, "001, K x = F + E", "wave of the mesh compliance around the sun",
-        needs=("torque",), tried=False,
+        needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = -(c\cos h\chi + s\sin h\chi)\, f_j\, n_j$, $\chi = \beta_j - R\theta$",
         hidden="the meshes cancel what is no multiple of the number of planets",
     ),
@@ -407,7 +407,7 @@ SOURCES = (
         "involute.planet_compliance_wave", planet_compliance_wave, (CRANK, harmonics(1, 3)),
         compliances(2, "cos", "sin"),
         "planet", leads("planet"), "001, K x = F + E", "wave of a mesh's compliance around the planet",
-        needs=("torque",), tried=False,
+        needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = -(c\cos h\chi + s\sin h\chi)\, f_j\, n_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(

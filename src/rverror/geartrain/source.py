@@ -113,6 +113,8 @@ class Source:
     false_minima : bool
         Whether pins that open and close can make it look like an error of the opposite sign: a fit from nothing that
         stays far from the noise is then started again from sizes that a workshop makes.
+    in_tables : bool
+        Whether diagnosis tries it in order tables although it does not in runs, where a free line says as much.
 
     Raises
     ------
@@ -140,6 +142,7 @@ class Source:
     tried: bool = True
     late: bool = False
     false_minima: bool = False
+    in_tables: bool = False
 
     def __post_init__(self) -> None:
         """Check the words among the fields: a misspelt one would silently mean something else."""

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.kinematics import Pose, fundamental_orders
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Source, angles, every, harmonics, rv
+from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, rv
 
 
 def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
@@ -44,6 +45,54 @@ def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
     return ErrorVector(contact="output", vector=np.stack([np.cos(wave), np.sin(wave)])[:, None])
 
 
+def order_by_direction(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
+    """One order that changes its sign with the direction of motion: half of what forward and reverse differ by.
+
+    Parameters
+    ----------
+    pose : Pose
+    frame : str
+    harmonic : int
+        As in `order`.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin, as angles of the output, positive forward.
+    """
+    wave = harmonic * _fundamental(pose, frame) * pose.theta
+    return ErrorVector(contact="output", vector=(pose.direction * np.stack([np.cos(wave), np.sin(wave)]))[:, None])
+
+
+def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> ErrorVector:
+    """One order in proportion to the load.
+
+    Parameters
+    ----------
+    pose : Pose
+    frame : str
+    harmonic : int
+        As in `order`.
+    sense : str
+        ``"alike"`` in both directions, or ``"opposite"``: positive forward.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin, rad per N*mm.
+
+    Raises
+    ------
+    ValueError
+        If the pose has no torque.
+    """
+    if pose.torque is None:
+        raise ValueError("empirical.order_by_load needs the torque; give torque, or a run file with output_torque")
+    wave = harmonic * _fundamental(pose, frame) * pose.theta
+    load = np.abs(pose.torque) * (pose.direction if sense == "opposite" else 1.0)
+    return ErrorVector(contact="output", vector=(load * np.stack([np.cos(wave), np.sin(wave)]))[:, None])
+
+
 def _fundamental(pose: Pose, frame: str) -> float:
     if frame == "output":  # a turn of the reading itself, of any mechanism
         return 1.0
@@ -66,4 +115,26 @@ ORDER = Source(
     equation=r"$\delta = c\cos ho\theta + s\sin ho\theta$, $o$ the order of the frame",
 )  # fmt: skip
 
-SOURCES = (ORDER,)
+_SENSE = every("sense", lambda unit: ("alike", "opposite"))
+
+BY_DIRECTION = Source(
+    "empirical.order_by_direction", order_by_direction, (_FRAME, harmonics(1, 1)), angles(60, "cos", "sin"),
+    "output", _orders, "none: what was measured",
+    "an order as measured, of opposite sign forward and reverse; describes and does not explain",
+    acts="output", tried=False,
+    equation=r"$\delta = \pm(c\cos ho\theta + s\sin ho\theta)$, $o$ the order of the frame",
+)  # fmt: skip
+
+BY_LOAD = Source(
+    "empirical.order_by_load", order_by_load, (_FRAME, harmonics(1, 1), _SENSE),
+    tuple(Parameter(name, "compliance", 60 * ARCSEC / 1e6) for name in ("cos", "sin")),
+    "output", _orders, "none: what was measured",
+    "an order as measured, in proportion to the load; describes and does not explain",
+    acts="output", needs=("torque",), tried=False,
+    equation=r"$\delta = T(c\cos ho\theta + s\sin ho\theta)$, alike or of opposite sign forward and reverse",
+)  # fmt: skip
+
+#: Laws of an order over load and direction, the simplest first.
+LAWS = (ORDER, BY_DIRECTION, BY_LOAD)
+
+SOURCES = LAWS

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import ErrorVector
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.source import Parameter, Source, constant
+from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import Indices, Parameter, Source, constant, harmonics
 
 
 def torsion(pose: Pose) -> ErrorVector:
@@ -37,7 +39,95 @@ def torsion(pose: Pose) -> ErrorVector:
     return ErrorVector(contact="output", vector=-(np.abs(pose.torque) * pose.direction)[None, None])
 
 
+def torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
+    """Wave of the compliance beyond the contacts over the output angle: a flange or coupling that gives way unevenly.
+
+    Parameters
+    ----------
+    pose : Pose
+    harmonic : int
+        h, waves a turn of the output: 3 for a flange on three cranks or bolts.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin, rad per N*mm: the output lags by (c cos(h theta) + s sin(h theta)) times the torque.
+
+    Raises
+    ------
+    ValueError
+        If the pose has no torque.
+
+    Notes
+    -----
+    In proportion to the load, and opposite in the two directions.  No source text has it.
+    """
+    if pose.torque is None:
+        raise ValueError("load.torsion_wave needs the torque; give torque, or a run file with output_torque")
+    return _giving_way(pose, harmonic * pose.theta)
+
+
+def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
+    """Wave of the input coupling's compliance over the input angle.
+
+    Parameters
+    ----------
+    pose : Pose
+    harmonic : int
+        h, waves a turn of the input: 1 for a bent coupling, 2 for an oval or a jointed one.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin, rad at the output per N*mm of output torque; a shaft that gives way by k at the input has
+        k / R^2 here.
+
+    Raises
+    ------
+    ValueError
+        If the pose has no torque.
+
+    Notes
+    -----
+    In proportion to the load, and opposite in the two directions.  No source text has it.
+    """
+    if pose.torque is None:
+        raise ValueError("load.input_torsion_wave needs the torque; give torque, or a run file with output_torque")
+    return _giving_way(pose, harmonic * pose.ratio * pose.theta)
+
+
+def _giving_way(pose: Pose, wave: Array) -> ErrorVector:
+    assert pose.torque is not None
+    lag = -np.abs(pose.torque) * pose.direction
+    return ErrorVector(contact="output", vector=np.stack([lag * np.cos(wave), lag * np.sin(wave)])[:, None])
+
+
+def _wave_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (float(indices["harmonic"]),)
+
+
+def _input_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (abs(int(indices["harmonic"]) * mechanism.ratio),)
+
+
+#: Plausible wave of a compliance beyond the contacts: 10 arcsec at 1000 N*m.
+_WAVE = 10 * ARCSEC / 1e6
+
 SOURCES = (
+    Source(
+        "load.torsion_wave", torsion_wave, (harmonics(1, 6),),
+        tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
+        "output", _wave_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over the output turn",
+        acts="output", needs=("torque",), tried=False, in_tables=True,
+        equation=r"$\delta = \mp T (c\cos h\theta + s\sin h\theta)$",
+    ),
+    Source(
+        "load.input_torsion_wave", input_torsion_wave, (harmonics(1, 2),),
+        tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
+        "sun", _input_order, "none: a bench's couplings", "compliance of the input coupling, uneven over its turn",
+        acts="output", needs=("torque",), tried=False, in_tables=True,
+        equation=r"$\delta = \mp T (c\cos hR\theta + s\sin hR\theta)$",
+    ),
     Source(
         "load.torsion", torsion, (),
         (Parameter("compliance", "compliance", 20 * ARCSEC / 1e3, least=0.0),),

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.geartrain.action_line import ErrorVector
-from rverror.geartrain.kinematics import Pose
+from rverror.base.units import ARCSEC
+from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.cycloid import pin_forces
+from rverror.geartrain.kinematics import Pose, fundamental_orders
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Orders, Parameter, Source, angles, constant, harmonics
+from rverror.geartrain.source import Indices, Orders, Parameter, Source, angles, constant, harmonics, rv
 
 _SPEED_SAMPLES = 5  # on each side, for a speed from angles and times that jitter
 
@@ -46,6 +48,61 @@ def encoder_ellipticity(pose: Pose) -> ErrorVector:
         Terms cos, sin.
     """
     return _reading(_waves(2 * pose.theta))
+
+
+def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
+    """Distorted output encoder, c cos(h theta) + s sin(h theta) in the reading: a ring or disc that is held at h places.
+
+    Parameters
+    ----------
+    pose : Pose
+    harmonic : int
+        h, 3 or more.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin.
+
+    Notes
+    -----
+    The same at every load and in both directions.  Three screws make order 3; so does a flange of three cranks, which
+    grows with the load: see ``load.torsion_wave``.
+    """
+    return _reading(_waves(harmonic * pose.theta))
+
+
+def output_tilt(pose: Pose) -> ErrorVector:
+    """Tilt of the output under the couple of the discs, read by one head: e . u |T|, against the motion's sense.
+
+    Parameters
+    ----------
+    pose : Pose
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y, rad per N*mm: where in the housing the head stands, and how far the reading goes.
+
+    Raises
+    ------
+    ValueError
+        If the pose is not that of a reducer, or has no torque.
+
+    Notes
+    -----
+    The pins push the first disc with |T| Q and the others back, at a distance along the axis: a couple that turns in
+    the housing as the cranks do, once in -z_c/(z_p - z_c) of an output turn, and tilts the output in its main bearing.
+    One reading head takes the tilt towards it for an angle; two that stand opposite do not.  u = Q/|Q|, from the rigid
+    closed form.  Reversed torque mirrors Q in the eccentric direction, so forward and reverse differ in phase by twice
+    its angle from there.  No source text has it.
+    """
+    if not isinstance(pose, Contacts):
+        raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
+    if pose.torque is None:
+        raise ValueError("sensor.output_tilt needs the torque; give torque, or a run file with output_torque")
+    push = (pin_forces(pose)[0] * pose.direction).sum(axis=0)
+    return _reading(-np.abs(pose.torque) * pose.direction * push / np.hypot(*push))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -207,6 +264,14 @@ def _fixed(*orders: float) -> Orders:
     return lambda mechanism, indices: orders
 
 
+def _own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (float(indices["harmonic"]),)
+
+
+def _eccentric_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    return (abs(fundamental_orders(rv(mechanism))["housing"]),)
+
+
 def _coupling_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     return (abs(int(indices["harmonic"]) * mechanism.ratio),)
 
@@ -231,6 +296,19 @@ SOURCES = (
         "output", _fixed(2.0), "measuring chain", "output encoder, twice a turn",
         acts="reading", in_drives=True,
         equation=r"$\delta = c\cos 2\theta + s\sin 2\theta$",
+    ),
+    Source(
+        "sensor.encoder_distortion", encoder_distortion, (harmonics(3, 6),), angles(30, "cos", "sin"),
+        "output", _own_order, "measuring chain", "output encoder held at some places, as often a turn",
+        acts="reading", in_drives=True, tried=False, in_tables=True,
+        equation=r"$\delta = c\cos h\theta + s\sin h\theta$",
+    ),
+    Source(
+        "sensor.output_tilt", output_tilt, (),
+        tuple(Parameter(name, "compliance", 10 * ARCSEC / 1e6) for name in ("x", "y")),
+        "housing", _eccentric_order, "measuring chain", "tilt of the output under the discs' couple, read by one head",
+        acts="reading", needs=("torque",), tried=False, in_tables=True,
+        equation=r"$\delta = \mp T\, (e_x u_x + e_y u_y)$, $u$ the direction in which the pins push the first disc",
     ),
     Source(
         "sensor.input_coupling", input_coupling, (harmonics(1, 2),), angles(7200, "cos", "sin"),

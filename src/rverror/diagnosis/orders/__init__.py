@@ -1,0 +1,1 @@
+"""The closed loop on order tables: waves of some orders under many conditions."""

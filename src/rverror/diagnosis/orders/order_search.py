@@ -1,0 +1,308 @@
+"""Search of causes in order tables: one after another, by a linear step beside everything, then refitted at the load.
+
+A table of a real unit is never explained to its noise, a fraction of an arcsecond.  What is left of an order has few
+independent values, of each direction a constant and a slope over the load, so that some sizes of a cause that is none
+take a good part of it.  A cause is therefore made a claim only where it is significant, takes half of what is left of
+an order or more, and foretells loads that its sizes did not see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import beta
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.base.text import describe
+from rverror.diagnosis.gears.fit import Fit, Flags, bounds, deviation, evaluated, fitted, moved
+from rverror.diagnosis.gears.hunt import identity, named
+from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.orders.table_set import TableSet
+from rverror.diagnosis.search import Journal
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
+from rverror.statics.loaded_state import NotConvergedError
+
+_TAKES = 0.5  # of an order's squares, that a claim takes at least.  Chosen: less is no cause of that order
+_ROUNDS = 3  # times that the search goes on about the state that was fitted at the load
+_STEPS = 20  # of a refit at the load, at most.  Chosen for time
+_MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A candidate, and what its sizes do to every number of the table.
+
+    Attributes
+    ----------
+    name : Named
+    rows : ndarray, shape (parameters, m)
+        In units of the noise.
+    """
+
+    name: Named
+    rows: Array
+
+    @cached_property
+    def prior(self) -> Array:
+        """Plausible size of each parameter, shape (parameters,)."""
+        return np.array([p.plausible for p in source(self.name[0]).parameters])
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The table about a state of the fit: everything that is free, and blocks beside it.
+
+    Attributes
+    ----------
+    fit : Fit
+        Where it is linear.
+    blocks : tuple of Block
+    """
+
+    fit: Fit
+    blocks: tuple[Block, ...] = ()
+
+    @property
+    def bench(self) -> TableSet:
+        """The conditions."""
+        assert isinstance(self.fit.bench, TableSet)
+        return self.fit.bench
+
+    @cached_property
+    def free(self) -> Flags:
+        """Which values of the fit may move: not those that are exact, nor those at a bound."""
+        low, high = bounds(self.fit)
+        return np.asarray(np.isfinite(self.fit.weights) & (low < 0) & (high > 0))
+
+    @cached_property
+    def rows(self) -> Array:
+        """All rows that are free, shape (k, m)."""
+        own = np.concatenate(self.fit.rows, axis=1)[1:][self.free]
+        return np.concatenate([own, *(block.rows for block in self.blocks)])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Inverse variances of priors, shape (k,)."""
+        share = self.bench.policy.workshop
+        return np.concatenate([self.fit.weights[self.free], *((share * b.prior) ** -2.0 for b in self.blocks)])
+
+    @cached_property
+    def off(self) -> Array:
+        """How far each value is from the middle of its prior, shape (k,)."""
+        own = deviation(self.fit.model, self.fit.declared, self.bench.unit, 0)[self.free]
+        return np.concatenate([own, np.zeros(sum(len(b.rows) for b in self.blocks))])
+
+    def step(self, kept: Array | None = None) -> Array:
+        """Step that lowers the objective most, of all numbers or of those that are kept, shape (k,)."""
+        rest = np.concatenate(self.fit.rows, axis=1)[0]
+        rows = self.rows if kept is None else self.rows[:, kept]
+        gram = rows @ rows.T + np.diag(self.weights)
+        right = rows @ (rest if kept is None else rest[kept]) - self.weights * self.off
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        return np.asarray(np.linalg.solve(gram / np.outer(size, size) + 1e-12 * np.eye(size.size), right / size) / size)
+
+    def left(self, step: Array) -> Array:
+        """What a step leaves, shape (m,)."""
+        return np.asarray(np.concatenate(self.fit.rows, axis=1)[0] - step @ self.rows)
+
+    @cached_property
+    def best(self) -> Array:
+        """The best step, shape (k,)."""
+        return self.step()
+
+    @cached_property
+    def objective(self) -> float:
+        """Squares and priors at the best step."""
+        rest = self.left(self.best)
+        return float(rest @ rest + self.weights @ (self.off + self.best) ** 2)
+
+    @cached_property
+    def squares(self) -> Array:
+        """What the best step leaves of each order, shape (n,)."""
+        return self._of_orders(self.left(self.best))
+
+    def _of_orders(self, rest: Array) -> Array:
+        place = np.concatenate(self.bench.places)
+        return np.bincount(place, weights=rest**2, minlength=self.bench.orders.size)
+
+    @cached_property
+    def foretold(self) -> float:
+        """Squares of the upper and the lower half of each direction's loads, each by sizes from all the others.
+
+        One direction alone does not tell radial from tangential errors, and loads between others hardly differ.
+        """
+        loads = np.array([case.condition.torque or 0.0 for case in self.bench.cases])
+        senses = np.array([case.condition.direction for case in self.bench.cases])
+        fold = np.where(loads > np.median(loads), 2.0, 1.0) * senses
+        of = np.repeat(fold, [at.size for at in self.bench.places])
+        return float(sum(np.sum(self.left(self.step(of != one))[of == one] ** 2) for one in set(fold.tolist())))
+
+    def sizes(self, number: int) -> Array:
+        """Sizes of a block at the best step."""
+        first = int(self.free.sum()) + sum(len(b.rows) for b in self.blocks[:number])
+        return self.best[first : first + len(self.blocks[number].rows)]
+
+    def plausible(self) -> bool:
+        """Tell whether every block's sizes can be: of the sign that they have."""
+        return all(
+            (self.sizes(n) >= [p.least for p in source(b.name[0]).parameters]).all() for n, b in enumerate(self.blocks)
+        )
+
+    def beside(self, block: Block) -> Linear:
+        """The same with one block more."""
+        return Linear(self.fit, (*self.blocks, block))
+
+    def less(self, number: int) -> Linear:
+        """The same without a block."""
+        return Linear(self.fit, self.blocks[:number] + self.blocks[number + 1 :])
+
+
+def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Block]:
+    """Every candidate that a model does not have and the table can show."""
+    taken = {named(e) for e in fit.model.effects}
+    free = [c for c in candidates if identity(c) not in taken]
+    if not free:
+        return []
+    influences = zip(fit.bench.sights, fit.bench.influences(fit.model, fit.waves, free), strict=True)
+    rows = np.concatenate([sight.whiten(own) for sight, own in influences], axis=1)
+    ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in free)])
+    made = [Block(name, rows[a:b]) for name, a, b in zip(free, ends[:-1], ends[1:], strict=True)]
+    return [block for block in made if np.abs(block.prior[:, None] * block.rows).max() > 1]  # a size makes a deviation
+
+
+def searched(fit: Fit, candidates: Sequence[Named], journal: Journal, *, crossed: bool = True) -> Fit:
+    """Add what the waves ask for, one after another, and refit everything at the load.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of what is declared, and found already.
+    candidates : sequence of Named
+    journal : Journal
+    crossed : bool
+        Whether loads that the sizes did not see must be foretold better with it.
+    """
+    for _ in range(_ROUNDS):
+        state, pool = Linear(fit), blocks_of(fit, candidates)
+        while len(state.blocks) + len(fit.added) < _MOST:
+            journal.round += 1
+            more = _next(state, pool, journal, crossed=crossed)
+            if more is None:
+                break
+            journal.tell(f"added {describe(*more.blocks[-1].name)}")
+            state = _pruned(more, journal)
+        if not state.blocks:
+            return fit
+        fit = refitted(fit, state)
+    return fit
+
+
+def refitted(fit: Fit, state: Linear) -> Fit:
+    """The fit with a linear state's blocks, refitted at the load."""
+    effects = [
+        Effect(block.name[0], dict(block.name[1]), tuple(map(float, state.sizes(number))))
+        for number, block in enumerate(state.blocks)
+    ]
+    step = np.zeros(fit.moment.size)
+    step[state.free] = state.best[: int(state.free.sum())]
+    for share in (1.0, 0.5, 0.0):  # what bends so much that it does not stand is begun nearer to nothing
+        sized = [replace(e, values=tuple(share * v for v in e.values)) for e in effects]
+        model = moved(fit.model, share * step)
+        model = replace(model, effects=(*model.effects, *sized))
+        try:
+            return fitted(evaluated(fit.bench, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
+        except NotConvergedError:
+            continue
+    return fit
+
+
+def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, crossed: bool) -> Linear | None:
+    """The state with the best block more that is a cause; none where none is."""
+    taken = {identity(b.name) for b in state.blocks}
+    trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
+    trials = sorted((t for t in trials if t.plausible()), key=lambda t: t.objective)
+    policy = state.bench.policy
+    for trial in trials[:_MOST]:
+        block = trial.blocks[-1]
+        if state.objective - trial.objective < chi_square(policy.false_alarm / max(len(pool), 1), len(block.rows)):
+            return None
+        beyond = state.squares > state.bench.most_of_noise
+        if beyond.any() and not (trial.squares[beyond] < (1 - _TAKES) * state.squares[beyond]).any():
+            journal.note("fell", block.name, "takes less than half of what is left of any order")
+        elif crossed and trial.foretold > state.foretold:
+            journal.note("fell", block.name, "loads that its sizes did not see are foretold worse with it")
+        else:
+            journal.note("added", block.name, f"lowers the objective by {state.objective - trial.objective:.3g}")
+            return trial
+    return None
+
+
+def _pruned(state: Linear, journal: Journal) -> Linear:
+    """The state without what later blocks have made needless."""
+    policy = state.bench.policy
+    while len(state.blocks) > 1:
+        less = [(state.less(n), state.blocks[n]) for n in range(len(state.blocks) - 1)]
+        needless = [
+            (one, block) for one, block in less
+            if one.objective - state.objective < chi_square(policy.false_alarm, len(block.rows))
+        ]  # fmt: skip
+        if not needless:
+            break
+        state, gone = min(needless, key=lambda pair: pair[0].objective)
+        journal.note("dropped", gone.name, "needless beside what came later")
+    return state
+
+
+def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
+    """Other causes that, in one's place, take what it takes: nine tenths of it or more, by a linear step.
+
+    A table of few orders tells no more: what comes as near may be the cause.
+    """
+    effects, at = fit.model.effects, len(fit.declared.effects) + number
+    bare = _without(fit, number)
+    own = Linear(fit).objective
+    without = Linear(bare).objective
+    found = []
+    for block in blocks_of(bare, candidates):
+        trial = Linear(bare).beside(block)
+        if identity(block.name) == named(effects[at]) or not trial.plausible():
+            continue
+        if trial.objective < own + 0.1 * (without - own):
+            found.append((trial.objective, (block.name[0], dict(block.name[1]))))
+    return [name for _, name in sorted(found, key=lambda pair: pair[0])]
+
+
+def chance(fit: Fit, number: int) -> tuple[float, float]:
+    """Leading order of an added effect, and the chance that as many sizes of no meaning take as much of it.
+
+    Of M values p sizes that mean nothing take a share x or more with the chance of the beta distribution of p/2 and
+    (M - p)/2: where there are as many sizes as values that is 1.
+    """
+    bare, bench = _without(fit, number), fit.bench
+    assert isinstance(bench, TableSet)
+    before, after = Linear(bare).squares, Linear(fit).squares
+    at = int(np.argmax(before - after))
+    sizes = len(fit.added[number].values)
+    values = float(bench.values[1][at])
+    share = 1 - after[at] / max(float(before[at]), 1e-300)
+    return float(bench.orders[at]), 1.0 if sizes >= values else float(beta.sf(share, sizes / 2, (values - sizes) / 2))
+
+
+def _without(fit: Fit, number: int) -> Fit:
+    """The state without one of the added effects' part, contacts as they are with it."""
+    effects, at = fit.model.effects, len(fit.declared.effects) + number
+    first = sum(len(e.values) for e in effects[:at])
+    own = np.arange(first, first + len(effects[at].values))
+    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
+    rows = [np.concatenate([(w[0] + values @ w[1 + own])[None], w[1 + kept]]) for w in fit.rows]
+    return replace(
+        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]),
+        residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
+        raw=tuple(raw[kept] for raw in fit.raw), rows=tuple(rows),
+        gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],
+    )  # fmt: skip

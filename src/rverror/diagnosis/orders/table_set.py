@@ -1,0 +1,356 @@
+"""What order tables say to the joint fit: waves under each condition, in place of samples.
+
+Under a condition the gear train is solved over a turn of the output, and its waves of the table's orders are taken by
+least squares over that turn, all orders at once, as a bench takes them.  Everything else is the fit of `gears.fit`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.diagnosis.gears.fit import RunSet
+from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.sight import Sight
+from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.policy import Policy
+from rverror.geartrain.action_line import ContactForces
+from rverror.geartrain.contacts import motion
+from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.compose import source_matrix
+from rverror.model.effects import Model
+from rverror.runs.order_table import OrderCase, OrderTable
+
+#: Samples of a wave of the highest order on the grid of a turn; splines of the fifth degree need five.
+_SAMPLES_A_WAVE = 5
+#: Share of the largest torque below which a reducer is not solved: its own drag loads it as much.  Chosen: makers print
+#: no-load running torques of about a hundredth of the rated one.
+_DRAG = 0.01
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """What a source asks of a run, of the waves of one condition.
+
+    Attributes
+    ----------
+    name : str
+    torque : float, optional
+        N*mm.
+    zero : str
+        Empty: a table has no constants that could be shared.
+    time : None
+        Waves have none.
+    """
+
+    name: str
+    torque: float | None
+    zero: str = ""
+    time: None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TableSight(Sight):
+    """The waves of one condition: real parts, then imaginary ones.
+
+    Attributes
+    ----------
+    case : OrderCase
+    sigma : ndarray, shape (2 k,)
+    turn : AngleGrid
+    torque : float, optional
+        At which the gear train is solved, N*mm.
+    """
+
+    case: OrderCase
+    sigma: Array
+    turn: AngleGrid
+    torque: float | None
+    _maps: dict[AngleGrid, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def width(self) -> int:
+        """Two numbers of each order."""
+        return 2 * self.case.orders.size
+
+    @property
+    def measured(self) -> Array:
+        """The waves."""
+        return np.concatenate([self.case.waves.real, self.case.waves.imag])
+
+    @property
+    def constant(self) -> Array:
+        """An offset has no wave."""
+        return np.zeros(self.width)
+
+    @cached_property
+    def _own(self) -> Array:
+        """Matrix (points, 2 k) from values on the turn to waves, a constant beside them."""
+        angle = np.outer(self.turn.theta, self.case.orders)
+        design = np.concatenate([np.cos(angle), -np.sin(angle), np.ones((len(angle), 1))], axis=1)
+        return np.asarray(np.linalg.pinv(design)[:-1].T)
+
+    def _waves(self, grid: AngleGrid, rows: Array) -> Array:
+        if grid == self.turn:
+            return np.asarray(rows @ self._own)
+        if grid not in self._maps:
+            self._maps[grid] = np.asarray(grid.to_samples(self.turn.theta)(np.eye(grid.points)) @ self._own)
+        return np.asarray(rows @ self._maps[grid])
+
+    def _turned(self, rows: Array, offset: float) -> Array:
+        """Waves of a gear train that stands so much further on: each is turned by its order times that angle."""
+        if not offset:
+            return rows
+        count = self.case.orders.size
+        waves = (rows[..., :count] + 1j * rows[..., count:]) * np.exp(1j * self.case.orders * offset)
+        return np.concatenate([waves.real, waves.imag], axis=-1)
+
+    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
+        """Waves of rows on the grid of a waveform."""
+        return self._turned(self._waves(wave.grid, rows), offset)
+
+    def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
+        """Waves of rows on a grid."""
+        return self._turned(self._waves(grid, rows), offset)
+
+    def change(self, wave: Waveform, offset: float) -> Array:
+        """Change with the angle of the marks."""
+        row = self.of_wave(wave, wave.error[None], offset)[0]
+        count = self.case.orders.size
+        return np.concatenate([-row[count:] * self.case.orders, row[:count] * self.case.orders])
+
+    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+        """Waves of a source that acts beyond the contacts."""
+        unit = model.mechanism
+        assert isinstance(unit, Reducer)
+        where = motion(unit, Conditions(self.turn.theta, self.case.condition.direction, self.torque))
+        rows = source_matrix(where, {"output": np.ones((1, self.turn.points))}, *named)
+        return np.asarray(rows @ self._own)
+
+    def whiten(self, rows: Array) -> Array:
+        """Rows in units of the noise."""
+        return np.asarray(rows / self.sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class TableSet(RunSet):
+    """Conditions of order tables, as a joint fit takes them.
+
+    Attributes
+    ----------
+    cases : tuple of OrderCase
+    sigmas : tuple of ndarray, shape (2 k,)
+    """
+
+    cases: tuple[OrderCase, ...] = ()
+    sigmas: tuple[Array, ...] = ()
+
+    @cached_property
+    def orders(self) -> Array:
+        """All orders, shape (n,)."""
+        return np.unique(np.round(np.concatenate([case.orders for case in self.cases]), 6))
+
+    @cached_property
+    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Of each case, which of the orders each of its numbers is of, shape (2 k,)."""
+        return tuple(np.tile(np.searchsorted(self.orders, np.round(case.orders, 6)), 2) for case in self.cases)
+
+    @cached_property
+    def values(self) -> tuple[Array, Array]:
+        """Of each order how many numbers there are, and how many a law over the load has.
+
+        Of each direction a constant and a slope, cos and sin: what is not explained yet has few independent values.
+        """
+        numbers = sum((np.bincount(at, minlength=self.orders.size) for at in self.places), np.zeros(self.orders.size))
+        torques: dict[tuple[int, float], set[float]] = {}
+        for case, at in zip(self.cases, self.places, strict=True):
+            for place in set(at.tolist()):
+                torques.setdefault((place, case.condition.direction), set()).add(case.condition.torque or 0.0)
+        own = np.zeros(self.orders.size)
+        for (place, _), loads in torques.items():
+            own[place] += 2 * min(2, len(loads))
+        return np.asarray(numbers, dtype=np.float64), own
+
+    @property
+    def most_of_noise(self) -> Array:
+        """Squares of each order that noise hardly exceeds, shape (n,)."""
+        numbers, _ = self.values
+        return np.asarray(numbers + self.policy.by_chance * np.sqrt(2 * numbers))
+
+    @property
+    def freedom(self) -> int:
+        """Numbers of all conditions."""
+        return sum(2 * case.orders.size for case in self.cases)
+
+    @cached_property
+    def zeros(self) -> tuple[str, ...]:
+        """No constants, so none is shared."""
+        return ()
+
+    def apart(self, key: str) -> bool:
+        """Every source that the contacts feel is solved."""
+        return False
+
+    @cached_property
+    def sights(self) -> tuple[Sight, ...]:
+        """How each condition is looked at."""
+        return tuple(
+            TableSight(case, sigma, self.conditions[which].turn, self.conditions[which].torque)
+            for case, sigma, which in zip(self.cases, self.sigmas, self.which, strict=True)
+        )
+
+
+def table_set(
+    unit: Reducer, cases: Sequence[OrderCase], sigmas: Sequence[Array], policy: Policy, *, anywhere: bool
+) -> TableSet:
+    """Conditions of order tables, each solved once for its direction and torque.
+
+    Parameters
+    ----------
+    unit : Reducer
+    cases : sequence of OrderCase
+    sigmas : sequence of ndarray
+        Of each case's numbers, rad.
+    policy : Policy
+    anywhere : bool
+        Whether the gear's marks may be at any angle.
+    """
+    highest = max(float(case.orders.max()) for case in cases)
+    points = 2 ** math.ceil(math.log2(max(_SAMPLES_A_WAVE * highest, 512)))
+    turn = whole(0.0, 2 * math.pi, points)
+    torques = [case.condition.torque for case in cases]
+    least = _DRAG * max((t for t in torques if t), default=0.0)
+    conditions: dict[tuple[float, float | None], Conditioned] = {}
+    which, rows = [], []
+    for case, torque in zip(cases, torques, strict=True):
+        load = None if torque is None or not least else max(torque, least)
+        key = (case.condition.direction, load)
+        conditions.setdefault(key, Conditioned(*key, turn))
+        which.append(list(conditions).index(key))
+        rows.append(TableRow(case_name(case), load))
+    loaded = bool(least)
+    refit = loaded and policy.refit_stiffness
+    return TableSet(
+        unit, tuple(rows), tuple(conditions.values()), tuple(which), policy, np.array([refit] * 9 + [loaded]),
+        anywhere=anywhere, cases=tuple(cases), sigmas=tuple(sigmas),
+    )  # type: ignore[arg-type]  # fmt: skip
+
+
+def case_name(case: OrderCase) -> str:
+    """The condition in words."""
+    at = case.condition
+    words = ["forward" if at.direction > 0 else "reverse"]
+    words += [f"{at.torque / 1e3:g} N*m"] if at.torque is not None else []
+    words += [f"{at.input_speed * 30 / math.pi:.4g} rpm"] if at.input_speed is not None else []
+    words += [f"{at.temperature - 273.15:.4g} degC"] if at.temperature is not None else []
+    return " ".join(words)
+
+
+def joined(tables: Sequence[OrderTable]) -> tuple[OrderCase, ...]:
+    """All conditions of several tables, which all have one zero."""
+    if len({table.index for table in tables}) > 1:
+        odd = next(t for t in tables if t.index != tables[0].index)
+        raise InputError(
+            f"{odd.path or 'a table'}: index is {odd.index or 'aligned'!r}, that of {tables[0].path or 'table 1'} "
+            f"{tables[0].index or 'aligned'!r}; tables that are diagnosed together have one zero"
+        )
+    return tuple(case for table in tables for case in table.cases)
+
+
+def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Array], list[str]]:
+    """Standard deviation of every number, and what is said of where it comes from.
+
+    Where a table states none it is what a parabola over the torque leaves, of each order, all directions, speeds and
+    temperatures together: a law over the load is smooth, and noise is not.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+    floor : float
+        Least deviation, rad: the model's own error.
+
+    Returns
+    -------
+    list of ndarray, shape (2 k,)
+    list of str
+
+    Raises
+    ------
+    InputError
+        If none is stated and there are too few loads to tell it.
+    """
+    stated = [case.sigma is not None for case in cases]
+    found = {} if all(stated) else _smoothness(cases)
+    result, usual = [], float(np.median(list(found.values()))) if found else 0.0
+    for case in cases:
+        if case.sigma is not None:
+            own = case.sigma
+        elif found:
+            own = np.array([found.get(round(float(o), 6), usual) for o in case.orders])
+        else:
+            raise InputError(
+                "the table states no sigma[arcsec], and no order stands at five loads or more of one direction, speed "
+                "and temperature, from which it could be told; add the column, or more loads"
+            )
+        result.append(np.tile(np.hypot(own, floor), 2))
+    notes = []
+    if not all(stated):
+        notes.append(
+            "the table states no sigma: taken from how smoothly each order changes over the load, "
+            + ", ".join(f"{order:g}: {value * 206264.806:.2g}" for order, value in sorted(found.items()))
+            + " arcsec"
+        )
+    return result, notes
+
+
+def _smoothness(cases: Sequence[OrderCase]) -> dict[float, float]:
+    """What parabolas over the torque leave of each order."""
+    groups: dict[tuple[object, ...], list[tuple[float, complex]]] = {}
+    for case in cases:
+        at = case.condition
+        for order, wave in zip(case.orders, case.waves, strict=True):
+            key = (round(float(order), 6), at.direction, at.input_speed, at.temperature)
+            groups.setdefault(key, []).append((at.torque or 0.0, complex(wave)))
+    sums: dict[float, list[float]] = {}
+    for key, pairs in groups.items():
+        if len({torque for torque, _ in pairs}) < 5:
+            continue
+        torque = np.array([t for t, _ in pairs])
+        design = np.vander(torque / max(torque.max(), 1e-300), 3)
+        waves = np.array([w for _, w in pairs])
+        rest = waves - design @ np.linalg.lstsq(design, waves, rcond=None)[0]
+        own = sums.setdefault(float(str(key[0])), [0.0, 0.0])
+        own[0] += float(np.sum(np.abs(rest) ** 2))
+        own[1] += 2 * (len(pairs) - 3)
+    return {order: math.sqrt(squares / freedom) for order, (squares, freedom) in sums.items()}
+
+
+def discrepancy(cases: Sequence[OrderCase], sigmas: Sequence[Array], share: float) -> list[Array]:
+    """Noise with what a model of part errors is not right to, a share of each order's waves, beside it.
+
+    That is the same at neighbouring loads, so it is no noise of each number: all N numbers of an order tell no more of
+    it than M independent values, and its variance counts N/M times.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+    sigmas : sequence of ndarray, shape (2 k,)
+    share : float
+    """
+    bench = TableSet.__new__(TableSet)
+    object.__setattr__(bench, "cases", tuple(cases))
+    numbers, own = bench.values
+    power = np.zeros(bench.orders.size)
+    for case, at in zip(cases, bench.places, strict=True):
+        power += np.bincount(at[: case.orders.size], weights=np.abs(case.waves) ** 2, minlength=power.size)
+    variance = share**2 * power / np.maximum(numbers, 1) * numbers / np.maximum(own, 1)
+    return [np.sqrt(sigma**2 + variance[at]) for sigma, at in zip(sigmas, bench.places, strict=True)]
