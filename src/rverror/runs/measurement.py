@@ -37,7 +37,8 @@ from rverror.runs.reading import (
     refuse,
     torque_column,
 )
-from rverror.runs.run_file import HEADER_LINE, read_run_file
+from rverror.runs.run_file import read_run_file
+from rverror.runs.text_table import HEADER_LINE
 
 __all__ = ["Run", "load_run", "run_from_arrays", "run_text", "smooth_direction", "torque_column", "write_run"]
 
