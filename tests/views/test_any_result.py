@@ -14,8 +14,8 @@ from rverror import InputError, to_html, to_json, to_text
 from rverror.base.units import ARCSEC
 
 KINDS = (
-    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
     "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
