@@ -41,7 +41,7 @@ from rverror.model.effects import Effect, Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
 from rverror.runs.order_file import orders_text, refuse_table, write_orders
-from rverror.runs.order_fit import order_table_from_runs
+from rverror.runs.order_fit import checked_orders, order_table_from_runs
 from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 from rverror.statics.loaded_state import NotConvergedError
@@ -216,13 +216,14 @@ def _simulate(options: argparse.Namespace) -> None:
 
 
 def _orders(text: str) -> list[float]:
-    """Orders of the option --orders."""
-    found = []
+    """Orders of the option --orders, checked before any work."""
+    found: list[float] = []
     for cell in text.split(","):
         try:
             found.append(float(cell))
         except ValueError as problem:
             raise InputError(f"--orders: {shown(cell)} is no number; write it like '1,39,40'") from problem
+    checked_orders(found)
     return found
 
 

@@ -435,14 +435,11 @@ def _sigma(rows: _Rows, columns: Mapping[str, Array], waves: Waves, notes: list[
 def _note_left_out(rows: _Rows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
     labels = [label for label, out in zip(rows.labels, left.tolist(), strict=True) if out]
     plural = "s" if len(labels) > 1 else ""
-    listed = f"({rows.noun}{plural} {some(labels)})"
+    listed = f" ({rows.noun}{plural} {some(labels)})" if labels else ""
     if len(labels) == len(rows.labels):
-        _refuse(
-            rows.path,
-            f"no usable rows; 1 or more is needed, with a number in every column {listed}".replace(" ()", ""),
-        )
+        _refuse(rows.path, f"no usable rows{listed}; give 1 or more with a number in every column")
     if labels:
-        notes.append(f"{len(labels)} row{plural} without a number left out {listed}")
+        notes.append(f"{len(labels)} row{plural} without a number left out{listed}")
 
 
 _IN_MEMORY = "order table"
@@ -505,25 +502,31 @@ def orders_from_arrays(
     >>> table.cases[0].orders, table.cases[0].condition.torque
     (array([39., 40.]), 20000.0)
     """
-    conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
+    conditions = {
+        "input_speed": ("input_speed", input_speed),
+        "temperature": ("temperature", temperature),
+        "output_torque": ("torque", torque),
+    }
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     columns = {name: _row(name, value, _COLUMNS[name]) for name, value in waves.items() if value is not None}
     _check_columns("", "columns", list(columns))
     stated = {}
-    for name, value in conditions.items():
+    for name, (argument, value) in conditions.items():
         if value is None:
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
             try:
-                stated[name] = (units.to_core(value, _CONDITIONS[name]), name)
+                stated[name] = (units.to_core(value, _CONDITIONS[name]), "all rows")
             except ValueError as error:
-                _refuse("", f"{name}: {error}")
+                _refuse("", f"{argument}: {error}")
         else:
-            columns[name] = _row(name, value, _CONDITIONS[name])
+            columns[name] = _row(argument, value, _CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
     words = [direction] * count if single else list(direction)
-    sizes = {name: values.size for name, values in columns.items()} | {"direction": len(words)}
+    sizes = {"direction": len(words)} | {
+        conditions[name][0] if name in conditions else name: values.size for name, values in columns.items()
+    }
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
         _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")

@@ -65,7 +65,7 @@ def order_table_from_runs(
     >>> case.orders, abs(case.waves).round(9), round(float(np.angle(case.waves[1])), 9)
     (array([39., 40.]), array([0.e+00, 2.e-05]), 0.5)
     """
-    wanted = _checked(orders)
+    wanted = checked_orders(orders)
     if not runs:
         raise InputError("orders: there is no run; give one or more")
     names = [run.path or f"run {number}" for number, run in enumerate(runs, 1)]
@@ -94,8 +94,19 @@ def order_table_from_runs(
     return OrderTable(cases=tuple(cases), index=labels[0], metadata=metadata, notes=tuple(notes))
 
 
-def _checked(orders: Sequence[float]) -> Array:
-    """Orders, growing."""
+def checked_orders(orders: Sequence[float]) -> Array:
+    """Orders that are asked for, growing.
+
+    Raises
+    ------
+    InputError
+        If there is none, one is no number above 0, or one is asked for twice.
+
+    Examples
+    --------
+    >>> checked_orders([40, 1.5])
+    array([ 1.5, 40. ])
+    """
     try:
         found = np.array(orders, dtype=np.float64)
     except (TypeError, ValueError) as problem:
@@ -178,7 +189,7 @@ def _check_told_apart(name: str, orders: Array, travel: float, *, step: float) -
         other = f"order {low:g}" if near[0] else "the offset"
         raise InputError(
             f"{name}: order {high:g} and {other} are {(high - low) * turns:.3g} of a wave apart over the travel of "
-            f"{turns:.3g} turns, 1 is needed; measure a longer run, or leave one of them out"
+            f"{math.degrees(travel):.4g} deg, 1 is needed; measure a longer run, or leave one of them out"
         )
     if orders[-1] * step > math.pi * (1 - 1e-9):
         raise InputError(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _MARKS = "osD^vPX<>*"  # one an order: no more lines are told apart
 _WIDTHS = (0.8, 2.8)  # points
-_HIDES = 10.0  # an order so many times the middle one's size leaves nothing of the others to be seen
+_HIDES = 5.0  # an order so many times the middle one's size leaves nothing of the others to be seen
 _DIGITS = 6  # of a condition: mean speeds of runs differ beyond
 #: Dimension and label of each condition that can be the abscissa.
 _BY: Mapping[str, tuple[str, str]] = MappingProxyType(
