@@ -605,6 +605,7 @@ def test_a_header_that_would_not_read_back_is_not_written(key: str, value: str) 
 
 
 # --- a real reducer ---------------------------------------------------------------------------------------------------
+# Measured by Bilancia et al., Robotics and Computer-Integrated Manufacturing 2025, 10.1016/j.rcim.2024.102838.
 
 
 @pytest.mark.parametrize("degrees", [25, 30])
