@@ -68,6 +68,22 @@ def run() -> rverror.Run:
     )
 
 
+def order_table() -> rverror.OrderTable:
+    """Both directions, two loads, one order that one case alone holds, names that would break a page."""
+    return rverror.orders_from_arrays(
+        direction=["forward", "forward", "reverse", "forward"],
+        torque=[20e3, 20e3, 20e3, 60e3],
+        input_speed=10.0,
+        temperature="31.5 degC",
+        order=[39, 1, 39, 39],
+        amplitude=np.array([2.0, 7.0, 1.5, 3.0]) * ARCSEC,
+        phase=np.radians([10.0, -170.0, 0.0, 90.0]),
+        sigma=np.array([0.1, 0.2, 0.1, 0.1]) * ARCSEC,
+        index="A",
+        metadata={"bench": HOSTILE, HOSTILE: "Ä. Ö."},
+    )
+
+
 def diagnosis(
     verdict: str = "explained", *, quantity: str = "angle", mechanism: Any = MODEL.mechanism, determined: bool = True
 ) -> Diagnosis:
@@ -152,6 +168,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Effects": (MODEL.effects, {}),
         "Model": (MODEL, {"theta": THETA}),
         "Run": (run(), {"ratio": 121.0}),
+        "OrderTable": (order_table(), {}),
         "Influence": (
             rverror.influence(MODEL.mechanism, THETA, "crank.eccentricity", crank=0, disc=1),
             {},

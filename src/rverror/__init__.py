@@ -24,6 +24,9 @@ from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsio
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
+from rverror.runs.order_file import load_orders, orders_from_arrays, write_orders
+from rverror.runs.order_fit import order_table_from_runs
+from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.policy import Policy
@@ -89,6 +92,7 @@ __all__ = [
     "Linearisation",
     "Model",
     "NotConvergedError",
+    "OrderTable",
     "Parameter",
     "Policy",
     "Reducer",
@@ -133,12 +137,15 @@ __all__ = [
     "linearise",
     "load_mapping",
     "load_model",
+    "load_orders",
     "load_run",
     "load_tolerances",
     "lost_motion",
     "mounting_choices",
     "new_figure",
     "order_map",
+    "order_table_from_runs",
+    "orders_from_arrays",
     "phasing_gain",
     "read_case",
     "reducer",
@@ -162,6 +169,7 @@ __all__ = [
     "transmission_error",
     "transmission_error_by_effect",
     "virtual_units",
+    "write_orders",
     "write_run",
 ]
 

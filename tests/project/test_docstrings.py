@@ -28,6 +28,7 @@ SHOWN_BY = {
     "FrontPoint": "cost_front",
     "Influence": "influence",
     "Linearisation": "linearise",
+    "OrderTable": "orders_from_arrays",
     "Run": "run_from_arrays",
     "Stack": "stack",
     "Tolerance": "tolerance",
@@ -51,9 +52,11 @@ WITHOUT = {
     "distributions": "a module",
     "draft_mapping": "the notebook on a bench's files drafts one",
     "load_mapping": "the notebook on a bench's files writes one",
+    "load_orders": "the page on a bench's files reads one",
     "load_run": "the start page reads two runs",
     "__version__": "a string",
     "read_case": "needs the files of a case; docs/test-your-tool.md",
+    "write_orders": "the page on a bench's files writes one",
     "write_run": "the notebook on a bench's files writes one",
 }
 

@@ -14,8 +14,8 @@ from rverror import InputError, to_html, to_json, to_text
 from rverror.base.units import ARCSEC
 
 KINDS = (
-    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
     "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
@@ -59,6 +59,24 @@ def test_what_a_table_holds_is_told_in_the_units_of_people() -> None:
     assert variables["uncertainty"]["values"][-1] is None
     state = to_json(every_kind()["Equilibrium"][0], torque="412 N*m")["variables"]
     assert state["torque"] == {"dimensions": [], "units": "N*m", "values": 412.0}
+
+
+def test_an_order_table_says_once_what_holds_for_all_rows() -> None:
+    told = to_text(every_kind()["OrderTable"][0])
+    for fact, text in (
+        ("conditions", "3"),
+        ("direction", "forward and reverse"),
+        ("torque", "20 to 60 N*m"),
+        ("input speed", "95.49 rpm"),
+        ("temperature", "31.5 degC"),
+        ("orders", "1, 39"),
+        ("zero", "shared, A"),
+    ):
+        assert re.search(rf"^{fact} +{re.escape(text)}$", told, re.M), fact
+    assert "direction  torque, N*m  order  amplitude, arcsec  phase, deg  sigma, arcsec" in told
+    assert re.search(r"^reverse +20 +39 +1\.5 +0 +0\.1$", told, re.M)
+    same = rverror.orders_from_arrays(direction=-1, torque=5e3, order=[1, 2], cos=[ARCSEC] * 2, sin=[0.0] * 2)
+    assert "\norder  amplitude, arcsec  phase, deg\n" in to_text(same)
 
 
 def test_inputs_are_listed(tmp_path: Any) -> None:

@@ -19,9 +19,9 @@ from rverror.statics.loaded_state import linearise
 from rverror.views.notebook import page
 from rverror.views.sheets import MOST_ROWS
 
-PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve", "Tolerance", "Stack",
-         "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Diagnosis", "Diagnosis, nothing missing",
-         "Diagnosis, torque")  # fmt: skip
+PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+         "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Diagnosis",
+         "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
 
 
@@ -118,6 +118,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "Drive",
         "Model",
         "Run",
+        "OrderTable",
         "ErrorBudget",
         "Allocation",
         "Diagnosis",

@@ -22,9 +22,9 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
-KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "Influence", "Equilibrium", "TorsionCurve",
-         "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front",
-         "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
+         "TorsionCurve", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
+         "Front", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 
@@ -125,6 +125,24 @@ def test_influence_times_size_is_the_transmission_error() -> None:
     alone = rverror.Model(MODEL.mechanism, (cause,))
     error = rverror.transmission_error(alone, found["theta"].values)
     np.testing.assert_allclose((per * size).to("rad").magnitude, error, rtol=1e-12, atol=1e-20)
+
+
+def test_an_order_table_has_a_row_for_each_wave() -> None:
+    """Both forms of a wave: amplitude cos(order theta + phase) is cos cos(order theta) + sin sin(order theta)."""
+    frame = to_pandas(every_kind()["OrderTable"][0], display=True)
+    assert frame["order"].tolist() == [1, 39, 39, 39]  # growing within a case
+    assert frame["case"].tolist() == [0, 0, 1, 2]
+    assert frame["direction"].tolist() == [1, 1, -1, 1]
+    assert frame["torque"].tolist() == [20, 20, 20, 60]
+    assert frame["amplitude"].tolist() == pytest.approx([7, 2, 1.5, 3])
+    assert frame["phase"].tolist() == pytest.approx([-170, 10, 0, 90])
+    assert frame["cos"].tolist() == pytest.approx([7 * np.cos(np.radians(170)), 2 * np.cos(np.radians(10)), 1.5, 0])
+    assert frame["sin"].tolist() == pytest.approx([7 * np.sin(np.radians(170)), -2 * np.sin(np.radians(10)), 0, -3])
+    assert frame["sigma"].tolist() == pytest.approx([0.2, 0.1, 0.1, 0.1])
+    assert frame["input_speed"].tolist() == pytest.approx([10 * 60 / (2 * np.pi)] * 4)
+    assert frame.attrs["units"]["input_speed"] == "rpm"
+    bare = to_pandas(rverror.orders_from_arrays(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
+    assert list(bare.columns) == ["case", "direction", "order", "amplitude", "phase", "cos", "sin"]
 
 
 def test_a_state_has_the_angles_of_the_bench() -> None:

@@ -24,7 +24,7 @@ from rverror.diagnosis.loop import diagnose
 from rverror.model.model_file import load_model
 from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.measurement import load_run
+from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.envelope import input_files
 from rverror.views.report import to_json
@@ -303,7 +303,7 @@ def _diagnose_unit(model_path: str, run_paths: Sequence[str], mapping_path: str 
         files = input_files(inputs)
         model = load_model(model_path)
         mapping = None if mapping_path is None else load_mapping(mapping_path)
-        data = to_json(diagnose(model, [load_run(path, model, mapping) for path in run_paths]), files=files)
+        data = to_json(diagnose(model, [read_run(path, model, mapping) for path in run_paths]), files=files)
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along

@@ -30,7 +30,7 @@ from rverror.app.terminal import (
 )
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import check_name
+from rverror.base.text import check_name, shown
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.result import Diagnosis
@@ -39,7 +39,10 @@ from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.model.model_file import append_effects, load_model
-from rverror.runs.measurement import Run, load_run, run_text, write_run
+from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
+from rverror.runs.order_file import orders_text, refuse_table, write_orders
+from rverror.runs.order_fit import checked_orders, order_table_from_runs
+from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.envelope import InputFile, input_files
@@ -118,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--output-counts", type=int, metavar="N", help="counts per turn of the output encoder")
     command.add_argument("--seed", type=int, metavar="N", help=f"of the noise (default {DEFAULT_SEED})")
     command.add_argument("--speed", metavar='"10 deg/s"', help="output speed; gives the run a time column")
+    command.add_argument("--orders", metavar='"1,39,40"', help="write one table of these orders in place of samples")
     command.add_argument(
         "-o",
         "--output",
@@ -167,7 +171,8 @@ def _simulate(options: argparse.Namespace) -> None:
     ] or [None]
     directions = _DIRECTIONS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
-    paths = _run_paths(options, labels)
+    orders = None if options.orders is None else _orders(options.orders)
+    paths = [] if orders else _run_paths(options, labels)
     runs = simulate_runs(
         model,
         directions=directions,
@@ -187,6 +192,17 @@ def _simulate(options: argparse.Namespace) -> None:
             "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "
             "equilibrium; for such a run give --method equilibrium"
         )
+    if orders:
+        table = order_table_from_runs(runs, model, orders)
+        for note in table.notes:
+            tell(note)
+        if options.output is None:
+            sys.stdout.write(orders_text(table))
+            return
+        say_replaced(options.output)
+        write_orders(options.output, table, overwrite=True)
+        tell(f"wrote {options.output}")
+        return
     if options.output is None:
         sys.stdout.write(run_text(runs[0]))
         return
@@ -197,6 +213,18 @@ def _simulate(options: argparse.Namespace) -> None:
             print(path)  # for diagnose, or whatever reads the runs
         else:
             tell(f"wrote {path}")
+
+
+def _orders(text: str) -> list[float]:
+    """Orders of the option --orders, checked before any work."""
+    found: list[float] = []
+    for cell in text.split(","):
+        try:
+            found.append(float(cell))
+        except ValueError as problem:
+            raise InputError(f"--orders: {shown(cell)} is no number; write it like '1,39,40'") from problem
+    checked_orders(found)
+    return found
 
 
 def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
@@ -344,7 +372,7 @@ def _demo(options: argparse.Namespace) -> None:
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
     print(f"Files: {model_path}, {run_paths[0]}, {run_paths[1]}\n")
     model = load_model(model_path)
-    result = _diagnose_with_progress(model, [load_run(path, model) for path in run_paths])
+    result = _diagnose_with_progress(model, [read_run(path, model) for path in run_paths])
     for trace in result.traces:
         sizes = [float(w.max() - w.min()) / units.ARCSEC for w in (trace.measured, trace.before, trace.after)]
         name = Path(trace.name).name
@@ -373,6 +401,11 @@ def _demo(options: argparse.Namespace) -> None:
     print("    print(rverror.to_text(found))")
 
 
-def _diagnose_with_progress(model: Model, runs: Sequence[Run]) -> Diagnosis:
+def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable]) -> Diagnosis:
+    samples = []
+    for run in runs:
+        if isinstance(run, OrderTable):
+            refuse_table(run.path)
+        samples.append(run)
     with closing(Progress()) as progress:
-        return diagnose(model, runs, progress=progress)
+        return diagnose(model, samples, progress=progress)

@@ -12,7 +12,8 @@ from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
-from rverror.runs.measurement import load_run, run_text
+from rverror.runs.measurement import read_run, run_text
+from rverror.runs.order_file import refuse_order_file
 
 
 def add_commands(commands: Any) -> None:
@@ -55,12 +56,13 @@ def _read(options: argparse.Namespace) -> None:
     inputs = [options.file] + ([options.mapping] if options.mapping else [])
     check_name(options.file)
     check_output(options.output, inputs)
+    refuse_order_file(options.file)
     if options.draft:
         if options.mapping:
             raise InputError("--draft begins a mapping; leave out --draft or --mapping")
         _write(options.output, draft_mapping(options.file))
         return
-    run = load_run(options.file, mapping=given_mapping(options.mapping))
+    run = read_run(options.file, mapping=given_mapping(options.mapping))
     names = [Path(path).name for path in inputs]
     # In brackets, so that no note can be read back as a line of the header.
     comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in run.notes)]

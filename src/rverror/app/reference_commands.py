@@ -13,7 +13,7 @@ from rverror.base.text import check_name
 from rverror.base.units import ARCSEC
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
-from rverror.runs.measurement import load_run
+from rverror.runs.measurement import read_run
 from rverror.views.envelope import input_files
 from rverror.views.report import to_json, to_text
 
@@ -73,7 +73,7 @@ def _compare(options: argparse.Namespace) -> None:
     check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
     limit = None if options.within is None else _limit(options.within)
     case = read_case(options.case)
-    found = compare(load_run(options.theirs, case.ratio), case, method=options.method)
+    found = compare(read_run(options.theirs, case.ratio), case, method=options.method)
     print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=input_files(inputs)))

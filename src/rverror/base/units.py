@@ -29,6 +29,7 @@ CORE_UNITS = {
     "time": "s",
     "temperature": "kelvin",
     "temperature_rise": "kelvin",
+    "angular_speed": "rad/s",
     "compliance": "rad/(N*mm)",
     "contact_compliance": "mm/N",
     "slope": "dimensionless",
@@ -44,6 +45,7 @@ DISPLAY_UNITS = {
     "time": "ms",
     "temperature": "degC",
     "temperature_rise": "K",
+    "angular_speed": "rpm",
     "compliance": "arcsec/(N*m)",
     "contact_compliance": "um/kN",
     "slope": "arcsec/turn",
@@ -68,6 +70,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0)},
     "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
     "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
+    "angular_speed": {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 180.0, 0.0), "rpm": (math.pi / 30.0, 0.0)},
     "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
     "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
@@ -109,6 +112,8 @@ def _factor_and_unit(unit: str, dimension: str) -> Any:
     _refuse_own_zero(parsed, dimension, unit)
     if dimension == "angle":
         _refuse_bare_number(parsed, unit)
+    if dimension == "angular_speed" and "radian" not in str(_registry().Quantity(1.0, parsed).to_root_units().units):
+        raise ValueError(_no_unit(repr(unit), dimension))  # a Hz would silently be 1 rad/s
     return parsed
 
 
@@ -145,6 +150,25 @@ def unit_factor(unit: str, dimension: str) -> float:
     0.001
     """
     return _in_core(1.0, unit, dimension)
+
+
+def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
+    """Factor that turns numbers in `unit` into the core unit of `dimension`, and the zero of `unit` in it.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> unit_scale("degC", "temperature")
+    (1.0, 273.15)
+    """
+    if unit in EVERYDAY[dimension]:
+        return EVERYDAY[dimension][unit]
+    zero = _in_core(0.0, unit, dimension)
+    return _in_core(1.0, unit, dimension) - zero, zero
 
 
 def _in_core(number: float, unit: str, dimension: str) -> float:

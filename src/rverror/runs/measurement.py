@@ -27,6 +27,8 @@ from rverror.model.effects import Model
 from rverror.runs.bench.file import is_bench_file, read_bench_file
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
+from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
+from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
     COLUMN_NAME,
     COLUMNS,
@@ -37,9 +39,19 @@ from rverror.runs.reading import (
     refuse,
     torque_column,
 )
-from rverror.runs.run_file import HEADER_LINE, read_run_file
+from rverror.runs.run_file import read_run_file
+from rverror.runs.text_table import HEADER_LINE
 
-__all__ = ["Run", "load_run", "run_from_arrays", "run_text", "smooth_direction", "torque_column", "write_run"]
+__all__ = [
+    "Run",
+    "load_run",
+    "read_run",
+    "run_from_arrays",
+    "run_text",
+    "smooth_direction",
+    "torque_column",
+    "write_run",
+]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +125,7 @@ class Run(Viewed):
         InputError
             If the ratio contradicts the run.
         """
-        value = _ratio(ratio)
+        value = ratio_of(ratio)
         if self.input_angle is None:
             assert self.output_angle is not None  # checked when the run was made
             return self.output_angle if self.te_column is None else self.output_angle - self.te_column
@@ -178,7 +190,7 @@ class Run(Viewed):
             if worst > allowed:
                 refuse(
                     self.path,
-                    f"te differs from output_angle - input_angle / {_ratio(ratio):g} by up to "
+                    f"te differs from output_angle - input_angle / {ratio_of(ratio):g} by up to "
                     f"{worst / units.ARCSEC:.3g} arcsec, allowed are {allowed / units.ARCSEC:.2g}; "
                     "leave out te, or check the ratio",
                 )
@@ -219,8 +231,8 @@ def load_run(
     path: PathLike,
     ratio: Reducer | Drive | Model | float | None = None,
     mapping: PathLike | BenchMapping | None = None,
-) -> Run:
-    """Read a run file, or a file of a bench: other text, MAT, HDF5, TDMS.
+) -> Run | OrderTable:
+    """Read a run file, an order table, or a file of a bench: other text, MAT, HDF5, TDMS.
 
     Parameters
     ----------
@@ -230,17 +242,34 @@ def load_run(
         Checked against the angles; only a run of input angle and error with mixed directions needs its sign.
     mapping : str, path-like or BenchMapping, optional
         The bench's names, units and signs; see docs page ``bench-files.md``.  Without it columns must be named as in a
-        run file, and text must be one.
+        run file, and text must be one.  An order table needs none.
 
     Returns
     -------
-    Run
+    Run or OrderTable
+        The table where the header says ``# kind: orders``; see `load_orders`.
 
     Raises
     ------
     InputError
         If the file cannot be used; one line that names file, line, column, bound and remedy.
     """
+    return load_orders(path) if is_order_file(path) else read_run(path, ratio, mapping)
+
+
+def read_run(
+    path: PathLike,
+    ratio: Reducer | Drive | Model | float | None = None,
+    mapping: PathLike | BenchMapping | None = None,
+) -> Run:
+    """Read a run as `load_run` does, where an order table will not do.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used, or is an order table.
+    """
+    refuse_order_file(path)
     if mapping is not None and not isinstance(mapping, BenchMapping):
         mapping = load_mapping(mapping)
     if mapping is None and not is_bench_file(path):
@@ -382,7 +411,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
 
 
 def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run:
-    reading, direction = checked(reading, None if ratio is None else _ratio(ratio))
+    reading, direction = checked(reading, None if ratio is None else ratio_of(ratio))
     run = Run(
         path=reading.path,
         input_angle=reading.columns.get("input_angle"),
@@ -402,7 +431,14 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
     return run
 
 
-def _ratio(value: Reducer | Drive | Model | float) -> float:
+def ratio_of(value: Reducer | Drive | Model | float) -> float:
+    """Input turns per output turn of a reducer, drive or model, or as given.
+
+    Raises
+    ------
+    InputError
+        If it is 0 or not finite.
+    """
     if isinstance(value, Model):
         value = value.mechanism
     number = value.ratio if isinstance(value, (Reducer, Drive)) else float(value)

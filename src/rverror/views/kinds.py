@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import singledispatch
 from typing import Any
@@ -25,6 +26,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation, FrontPoint
@@ -41,6 +43,7 @@ from rverror.views.variables import (
     PER_ARCSEC,
     POSITION,
     SIZE,
+    SPEED,
     SQUARE,
     STIFFNESS,
     TEMPERATURE,
@@ -195,6 +198,36 @@ def _of_run(result: Run, *, ratio: Reducer | Drive | Model | float | None = None
         "notes": "\n".join(result.notes),
     }
     return Table("Run", "sample", variables, about, frozenset({"theta", "time"}))
+
+
+@_table.register
+def _of_orders(result: OrderTable) -> Table:
+    each = [(at, case.condition, row) for at, case in enumerate(result.cases) for row in range(case.orders.size)]
+    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in result.cases)])
+    sigma = [math.nan if (of := result.cases[at].sigma) is None else float(of[row]) for at, _, row in each]
+    variables = _along("wave", case=_integers(at for at, *_ in each))
+    conditions = [condition for _, condition, _ in each]
+    known = {"direction": NUMBER, "input_speed": SPEED, "temperature": TEMPERATURE, "torque": TORQUE}
+    for name, unit in known.items():
+        if any(getattr(condition, name) is not None for condition in conditions):
+            variables |= _along("wave", **_fields(conditions, unit, name))
+    variables |= _along(
+        "wave",
+        order=([float(result.cases[at].orders[row]) for at, _, row in each], NUMBER),
+        amplitude=(np.abs(waves), ANGLE),
+        phase=(np.angle(waves), POSITION),
+        cos=(waves.real, ANGLE),
+        sin=(-waves.imag, ANGLE),
+    )
+    if not np.isnan(sigma).all():
+        variables |= _along("wave", sigma=(sigma, ANGLE))
+    about = {
+        "path": result.path,
+        "index": result.index,
+        "metadata": dict(result.metadata),
+        "notes": "\n".join(result.notes),
+    }
+    return Table("OrderTable", "wave", variables, about)
 
 
 def _bracket(name: str) -> str:

@@ -26,6 +26,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation
@@ -324,11 +325,50 @@ def _of_run(thing: Run) -> Sheet:
         },
         "output torque": "" if thing.torque is None else with_unit(thing.torque, "torque"),
         "temperature": "" if thing.temperature is None else with_unit(thing.temperature, "temperature"),
-        "zero": {"": "aligned, offset of its own", "unknown": "not known"}.get(thing.index, f"shared, {thing.index}"),
+        "zero": _zero(thing.index),
         "columns": ", ".join(columns(table)[0]),
         **{f"# {key}": value for key, value in thing.metadata.items()},
     }
     return _title("Run", thing.path) + _facts(facts) + _notes(thing.notes)
+
+
+def _zero(index: str) -> str:
+    """What the label of a zero says."""
+    return {"": "aligned, offset of its own", "unknown": "not known"}.get(index, f"shared, {index}")
+
+
+#: Dimension of each condition of an order table that is a number.
+_CONDITIONS = {"torque": "torque", "input_speed": "angular_speed", "temperature": "temperature"}
+
+
+@sheet.register
+def _of_orders(thing: OrderTable) -> Sheet:
+    found, told = _shown(thing)
+    facts = {"conditions": str(len(thing.cases))}
+    columns_shown: dict[str, list[Any]] = {}
+    senses = dict.fromkeys(way(case.condition.direction) for case in thing.cases)
+    facts["direction"] = " and ".join(senses)
+    if len(senses) > 1:
+        columns_shown["direction"] = [way(sense) for sense in found["direction"]]
+    for name, dimension in _CONDITIONS.items():
+        each = [getattr(case.condition, name) for case in thing.cases for _ in case.orders]
+        values = [math.nan if value is None else units.to_display(value, dimension) for value in each]
+        unit, known = units.DISPLAY_UNITS[dimension], sorted(value for value in values if not math.isnan(value))
+        heading = name.replace("_", " ")
+        if known:
+            low, high = brief(known[0]), brief(known[-1])
+            facts[heading] = f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+        if known and (low != high or len(known) < len(values)):  # what is the same in all rows is said above
+            columns_shown[f"{heading}, {unit}"] = values
+    for name in ("order", "amplitude", "phase", "sigma"):
+        if name in found:
+            columns_shown[f"{name}, {told[name]}" if told[name] else name] = found[name]
+    facts |= {
+        "orders": ", ".join(brief(order) for order in sorted(set(found["order"]))),
+        "zero": _zero(thing.index),
+        **{f"# {key}": value for key, value in thing.metadata.items()},
+    }
+    return _title("Order table", thing.path) + _facts(facts) + _beside(columns_shown) + _notes(thing.notes)
 
 
 @sheet.register

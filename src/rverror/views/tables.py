@@ -28,14 +28,14 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: 
     Parameters
     ----------
     result
-        A Run, Model, Effect, Reducer, Drive, Influence, Equilibrium, TorsionCurve, Diagnosis, Tolerance, Stack, Budget,
-        ErrorBudget, VirtualUnits or Allocation; or a list or tuple of Effect, Tolerance or FrontPoint.
+        A Run, OrderTable, Model, Effect, Reducer, Drive, Influence, Equilibrium, TorsionCurve, Diagnosis, Tolerance,
+        Stack, Budget, ErrorBudget, VirtualUnits or Allocation; or a list or tuple of Effect, Tolerance or FrontPoint.
     rows : str, optional
-        What a row is: a dimension of the Dataset.  Where left out: the sample of a run, the angle of an
-        equilibrium or influence, the parameter of a model, what a diagnosis added, the tolerance of a budget or
-        allocation.  A diagnosis has the rows ``added``, ``stage`` (before and after), ``unexplained``, ``candidate``,
-        ``run``, ``sample`` (waveforms), ``elastic`` (stiffness, backlash, contact law), ``set_aside`` and ``slip``, a
-        budget ``tolerance`` and ``theta``.
+        What a row is: a dimension of the Dataset.  Where left out: the sample of a run, the wave of an order table, the
+        angle of an equilibrium or influence, the parameter of a model, what a diagnosis added, the tolerance of a
+        budget or allocation.  A diagnosis has the rows ``added``, ``stage`` (before and after), ``unexplained``,
+        ``candidate``, ``run``, ``sample`` (waveforms), ``elastic`` (stiffness, backlash, contact law), ``set_aside``
+        and ``slip``, a budget ``tolerance`` and ``theta``.
     display : bool
         Whether values are in the units in which people read them (arcsec, um, N*m; positions in deg) in place of core
         units (rad, mm, N*mm).

@@ -39,6 +39,7 @@ FORCE = Unit("N", "N")
 STIFFNESS = Unit("N/mm", "N/mm")
 TIME = Unit("s", "s")
 TEMPERATURE = Unit("kelvin", "kelvin")
+SPEED = Unit("rad/s", "rpm", math.pi / 30)
 PER_ARCSEC = Unit("1/arcsec", "1/arcsec")
 
 #: Dimensions that are too long to stand side by side as columns.

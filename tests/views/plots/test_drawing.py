@@ -34,6 +34,7 @@ from rverror import (
     equilibrium,
     error_budget,
     influence,
+    orders_from_arrays,
     reducer,
     run_from_arrays,
     stack,
@@ -340,6 +341,14 @@ RUN = run_from_arrays(
     te=1e-5 * np.cos(40 * np.concatenate([THETA, THETA, -THETA])) + 1e-7 * np.sin(np.arange(768) ** 2),
     torque="20 N*m",
 )
+ORDERS = orders_from_arrays(
+    direction=[1, -1] * 30,
+    torque=np.repeat([20e3, 50e3, 90e3], 20),
+    temperature=np.repeat([293.15, 293.15, 300.15], 20),
+    order=np.tile(np.repeat(np.arange(1, 11), 2), 3),
+    amplitude=1e-6 * np.arange(1, 61),
+    phase=np.zeros(60),
+)
 TORQUES = run_from_arrays(output_angle=THETA, direction="forward", extra={"torque[N*m]": 3 + np.cos(13 * THETA)})
 NEEDED: dict[tuple[type, str], dict[str, Any]] = {
     (Run, "waveform"): {"ratio": 121.0},
@@ -369,6 +378,10 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
         "run": RUN,
         "torque run": TORQUES,
+        "order table": ORDERS,
+        "bare order table": orders_from_arrays(
+            direction=[1, -1, -1], order=[39, 39, 1], cos=[1e-5, 1e-6, 3e-6], sin=[0, 0, 1e-5]
+        ),
         "diagnosis": found,
         "nothing added": replace(found, added=(), candidates=()),
         "torque ripple": replace(found, traces=ripple, quantity="torque"),
@@ -390,7 +403,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "run", "torque run", "diagnosis",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "run", "torque run",
+    "order table", "bare order table", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
 
@@ -400,8 +414,8 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
-FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "run", "diagnosis", "torque ripple", "budget",
-           "error budget", "virtual units", "allocation")  # fmt: skip
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "run", "order table", "diagnosis",
+           "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -18,6 +18,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import Influence
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation
@@ -37,6 +38,7 @@ from rverror.views.plots.diagnosed import (
 from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
+from rverror.views.plots.order_tables import table_amplitudes
 from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
 from rverror.views.plots.torsion_curves import torsion
 from rverror.views.plots.waveforms import (
@@ -82,6 +84,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
         Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},
+        OrderTable: {"amplitudes": table_amplitudes},
         Diagnosis: {
             "waveform": diagnosis_waveform,
             "spectrum": order_spectrum,

@@ -1,0 +1,680 @@
+"""Order tables as text and from arrays: ``# kind: orders`` above a run file's kind of rows, each one wave.
+
+Units in brackets.  Whatever is wrong is refused in one line, or, where the rest is usable, left out and counted in
+`notes`.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.numbers import count_of, way, with_unit
+from rverror.base.text import PathLike, did_you_mean, shown, some, split_lines, write_text
+from rverror.runs import reading
+from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
+from rverror.runs.text_table import (
+    HEADER_LINE,
+    NUMERALS,
+    TextTable,
+    cells_of,
+    column_names,
+    column_unit,
+    header_number,
+    opened,
+)
+
+#: What the header's ``kind`` says of an order table.
+KIND = "orders"
+
+#: Dimension of each condition that is a number.
+_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
+#: Dimension of each column of numbers; orders have none.
+_COLUMNS = {
+    **_CONDITIONS,
+    "order": "",
+    "amplitude": "angle",
+    "phase": "angle",
+    "cos": "angle",
+    "sin": "angle",
+    "sigma": "angle",
+}
+#: Unit in which people write it.
+_EXAMPLES = {"input_speed": "rpm", "temperature": "degC", "output_torque": "N*m", "phase": "deg"}
+_KEYS = ("kind", "direction", *_CONDITIONS, "index")
+_DIRECTIONS = {"forward": 1.0, "reverse": -1.0}
+_NAMES = "direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]"
+_SAME = 1e-9  # relative: numbers that are the same but for their digits
+_HEAD_BYTES = 65536
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def is_order_file(path: PathLike) -> bool:
+    """Tell whether the header of a file says ``# kind: orders``.
+
+    Returns
+    -------
+    bool
+        False too for what cannot be read: whoever reads it says why.
+
+    Examples
+    --------
+    >>> is_order_file("no-such-file.csv")
+    False
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except (OSError, ValueError):
+        return False
+    for line in split_lines(head.decode("utf-8-sig", "replace")):
+        text = line.strip()
+        if text and not text.startswith("#"):
+            return False
+        match = HEADER_LINE.match(text)
+        if match is not None and match[1].lower() == "kind":
+            return match[2].lower() == KIND
+    return False
+
+
+def refuse_order_file(path: PathLike) -> None:
+    """Refuse an order table where samples are needed.
+
+    Raises
+    ------
+    InputError
+        If the file is one.
+    """
+    if is_order_file(path):
+        refuse_table(str(path))
+
+
+def refuse_table(path: str) -> NoReturn:
+    """Refuse an order table where samples are needed.
+
+    Raises
+    ------
+    InputError
+        Always.
+    """
+    _refuse(path, "an order table holds no samples, and only diagnose takes one; give a run file here")
+
+
+def load_orders(path: PathLike) -> OrderTable:
+    """Read an order table.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A text whose header says ``# kind: orders``.
+
+    Returns
+    -------
+    OrderTable
+        Cases in the order in which they appear, each with its orders growing.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used; one line that names file, line, column, bound and remedy.
+
+    Notes
+    -----
+    Columns: ``order``; ``amplitude[arcsec]`` and ``phase[deg]``, or ``cos[arcsec]`` and ``sin[arcsec]``; optionally
+    ``sigma[arcsec]``, the standard deviation of each of the last two.  The conditions ``direction``,
+    ``output_torque[N*m]``, ``input_speed[rpm]`` and ``temperature[degC]`` are columns or, where one value holds for all
+    rows, lines of the header like ``# output_torque: 20 N*m``.  Only the direction is needed.
+
+    The transmission error is the sum of amplitude cos(order theta + phase) over the rows of a condition; theta, the
+    output angle, grows in both directions.  Orders that are not listed are not known, not zero.
+    """
+    text = opened(
+        path,
+        keys=_KEYS,
+        names=_NAMES,
+        needed="write one for each order of each condition",
+        remedy=", or make it a column",
+    )
+    _check_kind(text)
+    places = _columns(text)
+    cells = [cells_of(text, place, len(places)) for place in text.rows]
+    with np.errstate(over="ignore"):  # what overflows is left out below, and counted
+        columns = {
+            name: np.array([_number(row[at]) for row in cells]) * factor + zero
+            for at, (name, (factor, zero)) in enumerate(places.items())
+            if name in _COLUMNS
+        }
+    rows = _Rows(
+        path=text.path,
+        labels=tuple(place + 1 for place in text.rows),
+        noun="line",
+        directions=_directions(text, places, cells),
+        columns=columns,
+        stated={
+            name: (number, f"line {text.header[name].line}")
+            for name, dimension in _CONDITIONS.items()
+            if (number := header_number(text, name, dimension)) is not None
+        },
+    )
+    others = [name for name in places if name not in _COLUMNS and name != "direction"]
+    notes = [*text.notes(_KEYS)]
+    if others:
+        notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
+    index = text.header["index"].value if "index" in text.header else ""
+    return _table(rows, index=index, metadata=text.metadata, notes=notes)
+
+
+def _check_kind(text: TextTable) -> None:
+    kind = text.header.get("kind")
+    if kind is None:
+        _refuse(text.path, f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
+    if kind.value.lower() != KIND:
+        _refuse(text.path, f"line {kind.line}: kind = {shown(kind.value)}: must be {KIND}")
+
+
+def _columns(text: TextTable) -> dict[str, tuple[float, float]]:
+    """Columns by name, in their order: factor to core units and zero; others keep the name as written."""
+    found: dict[str, tuple[float, float]] = {}
+    for at, cell, name in column_names(text, names=_NAMES, example="amplitude[arcsec]"):
+        known = name if name in (*_COLUMNS, "direction") else cell
+        if known in found:
+            _refuse(text.path, f"{at}: {known} stands in column {list(found).index(known) + 1} too; leave one of them")
+        found[known] = (1.0, 0.0)
+        if _COLUMNS.get(known):
+            found[known] = column_unit(
+                text.path,
+                at,
+                cell=cell,
+                name=known,
+                example=_EXAMPLES.get(known, "arcsec"),
+                dimension=_COLUMNS[known],
+            )
+        elif known != cell.lower():
+            _refuse(text.path, f"{at}: {known} has no unit; write '{known}'")
+    _check_columns(text.path, f"line {text.first + 1}", list(found), others=[n for n in found if n not in _COLUMNS])
+    return found
+
+
+def _check_columns(path: str, where: str, names: Collection[str], *, others: Sequence[str] = ()) -> None:
+    """Refuse rows that do not tell which order they are of, or how large and where its wave is."""
+
+    def meant(*missing: str) -> str:
+        """Another column that may be meant."""
+        bare = {name.partition("[")[0].strip().lower(): name for name in others if name != "direction"}
+        for name in missing:
+            if match := next((bare[word] for word in bare if did_you_mean(word, [name])), None):
+                return f" did you mean {name!r} by {shown(match)}?"
+        return ""
+
+    if "order" not in names:
+        _refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")
+    for one, other in (("cos", "sin"), ("sin", "cos")):
+        if one in names and other not in names:
+            _refuse(path, f"{where}: {one} without {other};{meant(other)} give both, or amplitude and phase")
+    if "cos" in names and {"amplitude", "phase"} & set(names):
+        both = " and ".join(name for name in ("amplitude", "phase") if name in names)
+        _refuse(path, f"{where}: {both} beside cos and sin; leave one form of them")
+    if "cos" in names:
+        return
+    for one, other in (("amplitude", "phase"), ("phase", "amplitude")):
+        if one in names and other not in names:
+            _refuse(
+                path,
+                f"{where}: {one} without {other}, so the waves are not known;{meant(other)} give {other}"
+                f"[{_EXAMPLES.get(other, 'arcsec')}], or cos[arcsec] and sin[arcsec]",
+            )
+    if "amplitude" not in names:
+        _refuse(
+            path,
+            f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
+            "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
+        )
+
+
+def _directions(
+    text: TextTable, places: Mapping[str, tuple[float, float]], cells: Sequence[Sequence[str]]
+) -> tuple[float, ...]:
+    """+1 or -1 of each row."""
+    stated, line = None, 0
+    if "direction" in text.header:
+        line = text.header["direction"].line
+        stated = _direction(text.path, f"line {line}", text.header["direction"].value)
+    if "direction" not in places:
+        if stated is None:
+            _refuse(
+                text.path,
+                f"line {text.first + 1}: there is no direction; write '# direction: forward' above the names, or a "
+                "column 'direction'",
+            )
+        return (stated,) * len(cells)
+    at = list(places).index("direction")
+    found = []
+    for place, row in zip(text.rows, cells, strict=True):
+        value = _direction(text.path, f"line {place + 1}", row[at].strip().strip('"').strip())
+        if stated is not None and value != stated:
+            _refuse(
+                text.path,
+                f"line {place + 1}: direction = {way(value)}, but line {line} says {way(stated)}; leave one of them",
+            )
+        found.append(value)
+    return tuple(found)
+
+
+def _direction(path: str, where: str, word: Any) -> float:
+    value = _DIRECTIONS.get(word.strip().lower()) if isinstance(word, str) else word
+    if isinstance(value, (bool, str)) or value not in (1, -1):
+        hint = did_you_mean(word, _DIRECTIONS) if isinstance(word, str) else ""
+        remedy = "must be forward or reverse" if isinstance(word, str) else "must be 'forward', 'reverse', +1 or -1"
+        _refuse(path, f"{where}: direction = {shown(word)}: {remedy};{hint or ' write one of them'}")
+    return float(value)
+
+
+def _number(cell: str) -> float:
+    value = NUMERALS.parse(cell.strip().strip('"'))
+    return math.nan if value is None else value
+
+
+# --- rows become a table ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rows:
+    """Rows as read, core units; NaN where a cell holds no number.
+
+    `stated` has conditions of all rows, each with the place that says it.
+    """
+
+    path: str
+    labels: tuple[int, ...]
+    noun: str
+    directions: tuple[float, ...]
+    columns: Mapping[str, Array]
+    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+
+    def at(self, row: int) -> str:
+        """Place of a row, for messages."""
+        return f"{self.noun} {self.labels[row]}"
+
+
+def _table(rows: _Rows, *, index: str, metadata: Mapping[str, str], notes: list[str]) -> OrderTable:
+    columns = {name: np.where(np.isfinite(values), values, np.nan) for name, values in rows.columns.items()}
+    for name, (value, where) in rows.stated.items():
+        _check_condition(rows.path, where, name, value)
+    _check_stated(rows, columns)
+    waves = _waves(rows, columns)
+    sigma = _sigma(rows, columns, waves, notes)
+    usable = np.isfinite(waves)
+    for row in np.flatnonzero(~np.isfinite(columns["order"])).tolist():
+        _refuse(rows.path, f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
+    for name in ("order", *_CONDITIONS):
+        if name in columns:
+            usable &= np.isfinite(columns[name])
+    _note_left_out(rows, ~usable, notes)
+    cases: dict[TableCondition, dict[float, int]] = {}
+    doubled = []
+    for row in np.flatnonzero(usable).tolist():
+        where, order = rows.at(row), float(columns["order"][row])
+        if order <= 0:
+            _refuse(rows.path, f"{where}: order = {order:g}: must be above 0, in waves per output turn")
+        known = {name: value for name, (value, _) in rows.stated.items()}
+        known |= {name: float(columns[name][row]) for name in _CONDITIONS if name in columns}
+        for name, value in known.items():
+            _check_condition(rows.path, where, name, value)
+        condition = TableCondition(
+            direction=rows.directions[row],
+            torque=known.get("output_torque"),
+            input_speed=known.get("input_speed"),
+            temperature=known.get("temperature"),
+        )
+        case = cases.setdefault(condition, {})
+        if order not in case:
+            case[order] = row
+            continue
+        first = case[order]
+        if abs(waves[row] - waves[first]) > _SAME * abs(waves[first]) or (
+            sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]
+        ):
+            _refuse(
+                rows.path,
+                f"{where}: order {order:g} stands in {rows.at(first)} with another wave under the same condition; "
+                "leave one of them",
+            )
+        doubled.append(rows.labels[row])
+    if doubled:
+        plural = "s" if len(doubled) > 1 else ""
+        notes.append(f"{len(doubled)} doubled row{plural} left out ({rows.noun}{plural} {some(doubled)})")
+    made = []
+    for condition, case in cases.items():
+        orders = sorted(case)
+        picked = [case[order] for order in orders]
+        made.append(
+            OrderCase(
+                condition=condition,
+                orders=np.array(orders),
+                waves=waves[picked],
+                sigma=None if sigma is None else sigma[picked],
+            )
+        )
+    return OrderTable(path=rows.path, cases=tuple(made), index=index, metadata=metadata, notes=tuple(notes))
+
+
+def _check_condition(path: str, where: str, name: str, value: float) -> None:
+    if name == "temperature":
+        reading.checked_value(path or _IN_MEMORY, f"{where}: {name}", value, "temperature")
+    elif value < 0:
+        size = with_unit(value, _CONDITIONS[name])
+        _refuse(path, f"{where}: {name} = {size}: must be 0 or more; give its size, the direction stands in a column")
+
+
+def _check_stated(rows: _Rows, columns: Mapping[str, Array]) -> None:
+    """Refuse a condition whose column says something else than the header."""
+    for name, (value, where) in rows.stated.items():
+        if name not in columns:
+            continue
+        other = np.abs(columns[name] - value) > _SAME * max(abs(value), 1.0)  # false for NaN
+        if other.any():
+            row = int(np.argmax(other))
+            found, said = (with_unit(number, _CONDITIONS[name]) for number in (columns[name][row], value))
+            _refuse(rows.path, f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
+
+
+def _waves(rows: _Rows, columns: Mapping[str, Array]) -> Waves:
+    """z of each row; NaN where neither of its two numbers is there."""
+    one, other = ("cos", "sin") if "cos" in columns else ("amplitude", "phase")
+    first, second = columns[one], columns[other]
+    half = np.isnan(second) & ~np.isnan(first)
+    if one == "cos":
+        half |= np.isnan(first) & ~np.isnan(second)
+    for row in np.flatnonzero(half).tolist():
+        there, missing = (one, other) if math.isnan(second[row]) else (other, one)
+        _refuse(rows.path, f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
+    if one == "cos":
+        return np.asarray(first - 1j * second, dtype=np.complex128)
+    for row in np.flatnonzero(first < 0).tolist():
+        _refuse(
+            rows.path,
+            f"{rows.at(row)}: amplitude = {with_unit(first[row], 'angle')}: must be 0 or more; write the size, and "
+            "180 deg more in the phase",
+        )
+    with np.errstate(invalid="ignore"):
+        return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
+
+
+def _sigma(rows: _Rows, columns: Mapping[str, Array], waves: Waves, notes: list[str]) -> Array | None:
+    if "sigma" not in columns:
+        return None
+    sigma = columns["sigma"]
+    there = np.isfinite(waves)
+    empty = there & np.isnan(sigma)
+    if (there & ~empty).any() and empty.any():
+        _refuse(
+            rows.path,
+            f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none",
+        )
+    for row in np.flatnonzero(sigma <= 0).tolist():
+        _refuse(
+            rows.path,
+            f"{rows.at(row)}: sigma = {with_unit(sigma[row], 'angle')}: must be above 0; leave the column out where it "
+            "is not known",
+        )
+    if not (there & ~empty).any():
+        notes.append("sigma holds no number and is left out")
+        return None
+    return sigma
+
+
+def _note_left_out(rows: _Rows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
+    labels = [label for label, out in zip(rows.labels, left.tolist(), strict=True) if out]
+    plural = "s" if len(labels) > 1 else ""
+    listed = f" ({rows.noun}{plural} {some(labels)})" if labels else ""
+    if len(labels) == len(rows.labels):
+        _refuse(rows.path, f"no usable rows{listed}; give 1 or more with a number in every column")
+    if labels:
+        notes.append(f"{len(labels)} row{plural} without a number left out{listed}")
+
+
+_IN_MEMORY = "order table"
+
+
+def _refuse(path: str, message: str) -> NoReturn:
+    reading.refuse(path or _IN_MEMORY, message)
+
+
+# --- tables in memory -------------------------------------------------------------------------------------------------
+
+
+def orders_from_arrays(
+    *,
+    direction: Any,
+    order: Any,
+    amplitude: Any | None = None,
+    phase: Any | None = None,
+    cos: Any | None = None,
+    sin: Any | None = None,
+    sigma: Any | None = None,
+    torque: Any | None = None,
+    input_speed: Any | None = None,
+    temperature: Any | None = None,
+    index: str = "",
+    metadata: Mapping[str, str] | None = None,
+) -> OrderTable:
+    """Make an order table in memory, with the checks of a file.
+
+    Parameters
+    ----------
+    direction : {"forward", "reverse"} or +1 or -1, or sequence of them, shape (n,)
+        One for all rows, or one for each.
+    order : array_like, shape (n,)
+        Waves per output turn.
+    amplitude, phase : array_like or quantity, shape (n,), optional
+        The error is the sum of amplitude cos(order theta + phase); plain numbers are rad.
+    cos, sin : array_like or quantity, shape (n,), optional
+        Sizes of cos(order theta) and sin(order theta), in place of amplitude and phase.
+    sigma : array_like or quantity, shape (n,), optional
+        Standard deviation of either size.
+    torque, input_speed, temperature : float, str or quantity, or array_like of shape (n,), optional
+        One for all rows, or one for each; plain numbers are N*mm, rad/s and K.
+    index : str, optional
+        Label of the zero, as a run has it.
+    metadata : mapping of str to str, optional
+
+    Returns
+    -------
+    OrderTable
+
+    Raises
+    ------
+    InputError
+        If the values cannot be used.
+
+    Examples
+    --------
+    >>> table = orders_from_arrays(direction="forward", torque="20 N*m", order=[40, 39], cos=[2e-5, 1e-5], sin=[0, 0])
+    >>> table.cases[0].orders, table.cases[0].condition.torque
+    (array([39., 40.]), 20000.0)
+    """
+    conditions = {
+        "input_speed": ("input_speed", input_speed),
+        "temperature": ("temperature", temperature),
+        "output_torque": ("torque", torque),
+    }
+    waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
+    columns = {name: _row(name, value, _COLUMNS[name]) for name, value in waves.items() if value is not None}
+    _check_columns("", "columns", list(columns))
+    stated = {}
+    for name, (argument, value) in conditions.items():
+        if value is None:
+            continue
+        if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
+            try:
+                stated[name] = (units.to_core(value, _CONDITIONS[name]), "all rows")
+            except ValueError as error:
+                _refuse("", f"{argument}: {error}")
+        else:
+            columns[name] = _row(argument, value, _CONDITIONS[name])
+    single = isinstance(direction, str) or np.ndim(direction) == 0
+    count = columns["order"].size
+    words = [direction] * count if single else list(direction)
+    sizes = {"direction": len(words)} | {
+        conditions[name][0] if name in conditions else name: values.size for name, values in columns.items()
+    }
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
+    rows = _Rows(
+        path="",
+        labels=tuple(range(count)),
+        noun="row",
+        directions=tuple(_direction("", f"row {at}", word) for at, word in enumerate(words)),
+        columns=columns,
+        stated=stated,
+    )
+    return _table(rows, index=index, metadata=dict(metadata or {}), notes=[])
+
+
+def _row(name: str, value: Any, dimension: str) -> Array:
+    """One column given in memory, core units; values that are not finite stay for the check of the rows."""
+    factor, zero = 1.0, 0.0
+    if dimension and units.is_quantity(value):
+        try:
+            factor, zero = units.unit_scale(str(value.units), dimension)
+        except ValueError as error:
+            _refuse("", f"{name}: {error}")
+    try:
+        array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
+    except (TypeError, ValueError):
+        _refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
+    if array.ndim != 1:
+        _refuse("", f"{name} has the shape {array.shape}; give one row of numbers")
+    with np.errstate(over="ignore"):  # what overflows is left out, and counted
+        return np.asarray(array * factor + zero, dtype=np.float64)
+
+
+# --- writing ----------------------------------------------------------------------------------------------------------
+
+
+def write_orders(path: PathLike, table: OrderTable, *, overwrite: bool = False) -> None:
+    """Write an order table, in one step or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+    table : OrderTable
+        Its waves are written as amplitude and phase with 15 digits; its notes are not.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists, cannot be written, or the table would not read back.
+    """
+    write_text(path, orders_text(table, path=str(path)), overwrite=overwrite)
+
+
+def orders_text(table: OrderTable, *, path: str = "") -> str:
+    """Text of an order table, as `write_orders` writes it; `path` names the file in messages.
+
+    Raises
+    ------
+    InputError
+        If the table would not read back.
+
+    Examples
+    --------
+    >>> table = orders_from_arrays(direction="reverse", torque="20 N*m", order=[40.0], cos=[0.0], sin=[-1e-5])
+    >>> print(orders_text(table), end="")
+    # kind: orders
+    direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]
+    reverse,20,40,2.06264806247096,90
+    """
+    head = [f"# kind: {KIND}"]
+    keys = {"index": table.index} if table.index else {}
+    keys |= {key: value for key, value in table.metadata.items() if key.lower() not in _KEYS}
+    for key, value in keys.items():
+        line = f"# {key}: {value}"
+        match = HEADER_LINE.match(line)
+        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
+            _refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
+        head.append(line)
+    columns = _written(path, table)
+    given = [case.condition for case in table.cases for _ in case.orders]
+    shown_columns = {
+        "direction": [way(condition.direction) for condition in given],
+        **{
+            f"{name}[{unit}]": [f"{(value - zero) / factor:{digits}}" for value in columns[name]]
+            for name, unit, digits, (factor, zero) in (
+                ("input_speed", "rpm", ".15g", units.unit_scale("rpm", "angular_speed")),
+                ("temperature", "degC", ".14g", units.unit_scale("degC", "temperature")),
+                ("output_torque", "N*m", ".15g", units.unit_scale("N*m", "torque")),
+            )
+            if name in columns
+        },
+        "order": [f"{value:.15g}" for value in columns["order"]],
+        "amplitude[arcsec]": [f"{value / units.ARCSEC:.15g}" for value in columns["amplitude"]],
+        "phase[deg]": [f"{math.degrees(value):.15g}" for value in columns["phase"]],
+    }
+    if "sigma" in columns:
+        shown_columns["sigma[arcsec]"] = [f"{value / units.ARCSEC:.15g}" for value in columns["sigma"]]
+    body = io.StringIO()
+    for row in zip(*shown_columns.values(), strict=True):
+        body.write(",".join(row) + "\n")
+    return "\n".join([*head, ",".join(shown_columns), body.getvalue()])
+
+
+def _written(path: str, table: OrderTable) -> dict[str, Array]:
+    """Columns of a table, core units, once the checks of a file have passed them."""
+    columns: dict[str, Array] = {}
+    for name, attribute in (
+        ("input_speed", "input_speed"),
+        ("temperature", "temperature"),
+        ("output_torque", "torque"),
+    ):
+        known = [getattr(case.condition, attribute) for case in table.cases]
+        missing = sum(value is None for value in known)
+        if missing and missing < len(known):
+            _refuse(
+                path,
+                f"{missing} of {len(known)} cases have no {attribute}, others have; complete them, or write a file of "
+                "each kind",
+            )
+        if known and not missing:
+            columns[name] = np.array(
+                [value for value, case in zip(known, table.cases, strict=True) for _ in case.orders]
+            )
+    without = sum(case.sigma is None for case in table.cases)
+    if 0 < without < len(table.cases):
+        _refuse(
+            path,
+            f"{without} of {len(table.cases)} cases have no sigma, others have; give it in every case or in none",
+        )
+    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in table.cases)])
+    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in table.cases)])
+    columns["amplitude"], columns["phase"] = np.abs(waves), np.angle(waves)
+    if not without and table.cases:
+        columns["sigma"] = np.concatenate([case.sigma for case in table.cases if case.sigma is not None])
+    sizes = {name: values.size for name, values in columns.items()}
+    if len(set(sizes.values())) > 1:
+        _refuse(path, f"orders, waves and sigma of a case differ in length ({sizes}); give each order one of each")
+    rows = _Rows(
+        path="",
+        labels=tuple(range(sizes["order"])),
+        noun="row",
+        directions=tuple(case.condition.direction for case in table.cases for _ in case.orders),
+        columns=columns,
+    )
+    for at, direction in enumerate(rows.directions):
+        _direction(path, rows.at(at), direction)
+    if not all(np.isfinite(values).all() for values in columns.values()):
+        _refuse(path, "the table holds values that are not finite; leave those orders out")
+    _table(rows, index="", metadata={}, notes=[])
+    return columns

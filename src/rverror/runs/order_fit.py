@@ -1,0 +1,205 @@
+"""The orders of measured or simulated runs, by least squares: what makes an order table of samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
+from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run, ratio_of
+from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
+from rverror.runs.reading import HEADER_KEYS
+
+_TURN = 2 * math.pi
+#: Orders below this look like the offset where the travel is less than a turn.
+_SLOW = 1.5
+
+
+def order_table_from_runs(
+    runs: Sequence[Run], ratio: Reducer | Drive | Model | float, orders: Sequence[float]
+) -> OrderTable:
+    """Orders of runs, by least squares with an offset.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        One for each condition, each in one direction.
+    ratio : Reducer, Drive, Model or float
+        Input turns per output turn.
+    orders : sequence of float
+        Waves per output turn, in any sequence.
+
+    Returns
+    -------
+    OrderTable
+        A case for each run, in their sequence.  The input speed is that of a run with time.
+
+    Raises
+    ------
+    InputError
+        If the travel of a run cannot tell two orders, or one and the offset, apart: they are nearer than one wave over
+        it, or it is less than a turn and an order is below 1.5; if the samples are too few or too far apart; if two
+        runs have one condition, a run turns both ways, or the zeros of the runs have different labels.
+
+    Notes
+    -----
+    The fit is over whole output turns, as many as a run has, else over its travel; samples beyond are counted in the
+    notes.  theta is the nominal output angle in both directions, as the run counts it.
+
+    ``sigma`` takes all that the fit leaves, orders that are not asked for included, for white noise.  That is enough
+    for a scale: noise that is correlated has more at low orders and less at high ones.  It is never below the rounding
+    of the angles.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta = 2 * np.pi * np.arange(512) / 512
+    >>> run = rverror.run_from_arrays(input_angle=121 * theta, te=2e-5 * np.cos(40 * theta + 0.5), direction="forward")
+    >>> case = order_table_from_runs([run], 121, [39, 40]).cases[0]
+    >>> case.orders, abs(case.waves).round(9), round(float(np.angle(case.waves[1])), 9)
+    (array([39., 40.]), array([0.e+00, 2.e-05]), 0.5)
+    """
+    wanted = checked_orders(orders)
+    if not runs:
+        raise InputError("orders: there is no run; give one or more")
+    names = [run.path or f"run {number}" for number, run in enumerate(runs, 1)]
+    cases: list[OrderCase] = []
+    notes: list[str] = []
+    for name, run in zip(names, runs, strict=True):
+        case = _case(name, run, ratio, wanted, notes)
+        for other, before in zip(names, cases, strict=False):
+            if before.condition == case.condition:
+                raise InputError(f"{name}: the condition is that of {other}; give one run of each, or a table of each")
+        cases.append(case)
+    labels = sorted({run.index for run in runs})
+    if len(labels) > 1:
+        listed = ", ".join(repr(label) for label in labels)
+        raise InputError(f"orders: the zeros of the runs have different labels ({listed}); make a table of each")
+    metadata = {
+        key: value
+        for key, value in runs[0].metadata.items()
+        if key.lower() not in HEADER_KEYS and all(run.metadata.get(key) == value for run in runs)
+    }
+    differing = {key for run in runs for key in run.metadata if key.lower() not in HEADER_KEYS} - set(metadata)
+    if differing:
+        notes.append(
+            f"{count_of(len(differing), 'header key')} not alike in all runs left out ({', '.join(sorted(differing))})"
+        )
+    return OrderTable(cases=tuple(cases), index=labels[0], metadata=metadata, notes=tuple(notes))
+
+
+def checked_orders(orders: Sequence[float]) -> Array:
+    """Orders that are asked for, growing.
+
+    Raises
+    ------
+    InputError
+        If there is none, one is no number above 0, or one is asked for twice.
+
+    Examples
+    --------
+    >>> checked_orders([40, 1.5])
+    array([ 1.5, 40. ])
+    """
+    try:
+        found = np.array(orders, dtype=np.float64)
+    except (TypeError, ValueError) as problem:
+        raise InputError(f"orders = {orders!r}: must be numbers, in waves per output turn") from problem
+    if found.ndim != 1 or not found.size:
+        raise InputError("orders: there is none; give one or more, in waves per output turn")
+    for order in found.tolist():
+        if not (math.isfinite(order) and order > 0):
+            raise InputError(f"orders: {order:g} must be a number above 0, in waves per output turn")
+    found.sort()
+    same = np.flatnonzero(np.diff(found) == 0)
+    if same.size:
+        raise InputError(f"orders: {found[same[0]]:g} is asked for twice; give each once")
+    return found
+
+
+def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: Array, notes: list[str]) -> OrderCase:
+    direction = float(run.direction[0])
+    if (run.direction != direction).any():
+        raise InputError(f"{name}: the run turns both ways; split it where it turns")
+    theta, error = run.nominal_angle(ratio), run.error(ratio)
+    angle, signal, travel, left_out = _whole_turns(theta, error)
+    _check_told_apart(name, orders, travel, step=travel / angle.size)
+    unknowns = 2 * orders.size + 1
+    if angle.size <= unknowns:
+        raise InputError(
+            f"{name}: {angle.size} samples for {count_of(orders.size, 'order')} and the offset, more than {unknowns} "
+            "are needed; measure more samples, or ask for fewer orders"
+        )
+    if left_out:
+        notes.append(f"{name}: {count_of(left_out, 'sample')} beyond the last whole turn left out")
+    notes += [f"{name}: {note}" for note in run.notes]
+    waves = angle[:, None] * orders
+    base = np.hstack([np.cos(waves), np.sin(waves), np.ones((angle.size, 1))])
+    # by QR: unlike the normal equations it keeps all digits where orders are near to one another
+    q, r = np.linalg.qr(base)
+    sizes = np.linalg.solve(r, q.T @ signal)
+    left = signal - base @ sizes
+    noise = math.sqrt(float(left @ left) / (angle.size - unknowns))
+    noise = max(noise, float(np.spacing(np.abs(angle).max(initial=1.0))))
+    spread = (np.linalg.inv(r) ** 2).sum(axis=1)[:-1].reshape(2, -1).mean(axis=0)
+    k = orders.size
+    return OrderCase(
+        condition=TableCondition(
+            direction=direction, torque=run.torque, input_speed=_speed(run, theta, ratio), temperature=run.temperature
+        ),
+        orders=orders.copy(),
+        waves=sizes[:k] - 1j * sizes[k : 2 * k],
+        sigma=noise * np.sqrt(spread),
+    )
+
+
+def _whole_turns(theta: Array, error: Array) -> tuple[Array, Array, float, int]:
+    """Samples of the whole turns of a run, or of all of it where it has none, their travel, and how many are beyond.
+
+    Each sample stands for a step, so that N even ones of a turn of N make a whole turn.
+    """
+    along = np.argsort(theta, kind="stable")
+    angle, signal = theta[along], error[along]
+    reach = float(angle[-1] - angle[0])
+    step = reach / (angle.size - 1)
+    turns = math.floor((reach + 1.5 * step) / _TURN)
+    if not turns:
+        return angle, signal, reach + step, 0
+    kept = angle < angle[0] + turns * _TURN - step / 2
+    return angle[kept], signal[kept], turns * _TURN, int(np.count_nonzero(~kept))
+
+
+def _check_told_apart(name: str, orders: Array, travel: float, *, step: float) -> None:
+    turns = travel / _TURN
+    if turns < 1 - 1e-9 and orders[0] < _SLOW:
+        raise InputError(
+            f"{name}: order {orders[0]:g} needs a whole output turn, the run has {turns:.3g}; measure a turn, or ask "
+            f"for orders from {_SLOW:g} up"
+        )
+    with_offset = np.concatenate([[0.0], orders])
+    near = np.flatnonzero(np.diff(with_offset) * turns < 1 - 1e-9)
+    if near.size:
+        low, high = with_offset[near[0]], with_offset[near[0] + 1]
+        other = f"order {low:g}" if near[0] else "the offset"
+        raise InputError(
+            f"{name}: order {high:g} and {other} are {(high - low) * turns:.3g} of a wave apart over the travel of "
+            f"{math.degrees(travel):.4g} deg, 1 is needed; measure a longer run, or leave one of them out"
+        )
+    if orders[-1] * step > math.pi * (1 - 1e-9):
+        raise InputError(
+            f"{name}: order {orders[-1]:g} has {_TURN / (orders[-1] * step):.3g} samples a wave, more than 2 are "
+            "needed; measure more samples, or leave it out"
+        )
+
+
+def _speed(run: Run, theta: Array, ratio: Reducer | Drive | Model | float) -> float | None:
+    """Mean size of the input speed, rad/s; None of a run without time."""
+    if run.time is None:
+        return None
+    return float(abs(ratio_of(ratio)) * np.ptp(theta) / np.ptp(run.time))
