@@ -37,6 +37,7 @@ def kinds_of(
     both_constants: BothWays | None,
     both_loads: BothWays | None,
     spans: Mapping[str, float],
+    settings: Mapping[str, int],
     largest_torque: float,
     peak_frequency: float | None,
     peaked: bool,
@@ -55,6 +56,8 @@ def kinds_of(
     both_constants, both_loads : BothWays or None
     spans : mapping of str to float
         Range of ``speed`` and ``temperature`` over the cases.
+    settings : mapping of str to int
+        How many settings of each there are.
     largest_torque : float
         N*mm.
     peak_frequency : float or None
@@ -78,9 +81,11 @@ def kinds_of(
         at = "" if peak_frequency is None else f" near {brief(peak_frequency, 3)} Hz"
         found.append(f"peaks over the speed: can be a natural frequency{at} of the drive or of the bench")
     elif _grows(speeds, spans["speed"], floor):
-        found.append("changes with the speed: can be a natural frequency beyond the speeds run, or friction")
+        cause = "a natural frequency near or beyond the speeds run, or friction"
+        found.append(f"changes with the speed: can be {cause}{_two_only(settings['speed'])}")
     if _grows(temperatures, spans["temperature"], floor):
-        found.append("changes with the temperature: can be fits, play and preload that change as parts warm")
+        cause = "fits, play and preload that change as parts warm"
+        found.append(f"changes with the temperature: can be {cause}{_two_only(settings['temperature'])}")
     if not found:
         found.append("no part of it is told from the noise")
     return (*found, *mixed)
@@ -88,6 +93,11 @@ def kinds_of(
 
 def _grows(parts: Sequence[WavePart | None], span: float, floor: float) -> bool:
     return any(part is not None and part.told and part.amplitude * span >= floor for part in parts)
+
+
+def _two_only(settings: int) -> str:
+    """A difference of two is a law of nothing: it may be what one fitting of the unit differs from the next."""
+    return "" if settings > 2 else "; of two settings only, so it can be anything that changed from one to the other"
 
 
 def _chain(order: float, ratio: float | None) -> str:
@@ -120,8 +130,13 @@ def _constant(
     found = []
     alike = both.relation == "alike" or different.amplitude <= MOSTLY * common.amplitude
     if alike and common.told and common.amplitude >= floor:
-        differ = f"; the directions differ by {_arcsec(2 * different.amplitude)} arcsec" if different.told else ""
-        found.append(f"{head} and alike in both directions{differ}: can be {chain}{RIGID}")
+        size = _arcsec(2 * different.amplitude)
+        how = (
+            f"mostly alike in both directions (they differ by {size} arcsec)"
+            if different.told
+            else "alike in both directions"
+        )
+        found.append(f"{head} and {how}: can be {chain}{RIGID}")
     if different.told and different.amplitude >= floor and not alike:
         found.append(f"{head}, but not alike in both directions: can be {_SIDES}")
     return found
