@@ -243,7 +243,7 @@ def test_noise_leaves_a_relation_open() -> None:
 def test_light_loads_that_bend_are_flagged_and_inside_the_intervals() -> None:
     """The line of the heavy loads is the truth; one light load lies off it, then several."""
     constant, slope = 2e-6 + 1e-6j, 3e-12 - 1e-12j
-    for reach in (3e4, 1.5e5, 3e5):
+    for reach in (3e4, 1e5, 1.8e5, 3e5):
         cases = table(
             lambda d, q, v, t, reach=reach: constant + slope * q + 2e-6j * math.exp(-q / reach),
             torques=np.linspace(0.0, 1.8e6, 19),
@@ -261,13 +261,13 @@ def test_light_loads_that_bend_are_flagged_and_inside_the_intervals() -> None:
 
 
 def test_straight_laws_are_seldom_called_bent() -> None:
-    """Runs, one astray, and a misfit beyond sigma: each once in a hundred."""
+    """Runs, a bend, one astray, and a misfit beyond sigma: each once in a hundred."""
     draws = 400
     bent = sum(
         one(table(lambda d, q, v, t: 1e-6 + 1e-12 * q, directions=(1.0,), noise=1e-7, sigma=1e-7, seed=seed)).bent
         for seed in range(draws)
     )
-    assert bent <= draws * 0.03 + 4 * math.sqrt(draws * 0.03 * 0.97)
+    assert bent <= draws * 0.04 + 4 * math.sqrt(draws * 0.04 * 0.96)
 
 
 def test_a_sigma_too_small_is_seen_and_widened() -> None:
@@ -346,6 +346,24 @@ def test_a_resonance_leaves_the_law_at_the_reference_alone() -> None:
     assert found.torque.size == len(TORQUES)
     assert abs(found.constant.value - constant) <= found.constant.radius < 2e-7
     assert abs(found.slope.value - slope) <= found.slope.radius < 2e-13
+
+
+def test_a_slope_that_changes_with_the_temperature_does_not_shift_the_one_at_the_reference() -> None:
+    """A mean of both slopes would lie two deviations off the one at 298 K, and no test of the misfit sees it surely."""
+    missed, draws, noise = 0, 150, 1e-6
+    slope = 8e-12
+    for seed in range(draws):
+        cases = table(
+            lambda d, q, v, t: 3e-6 + slope * q * (1 + 0.2 * (t - 298.0) / 20.0),
+            directions=(1.0,),
+            temperatures=(298.0, 318.0),
+            noise=noise,
+            seed=seed,
+        )
+        (law,) = one(cases).laws
+        assert law.slope is not None
+        missed += abs(law.slope.value - slope) > law.slope.radius
+    assert missed <= draws * 0.05 + 4 * math.sqrt(draws * 0.05 * 0.95)
 
 
 def test_order_one_is_said_of_the_measuring_chain_and_nothing_for_certain() -> None:

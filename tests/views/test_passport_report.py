@@ -10,6 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.passport import OrderPassport, passport
@@ -173,3 +175,46 @@ def test_pictures_show_measured_points_at_their_place(found: tuple[OrderPassport
             assert len(heights) == law.waves.size
             # a tenth of a pixel is written
             assert np.abs(np.polyval(fitted, np.abs(law.waves)) - heights).max() < 0.2
+
+
+SETTINGS = {
+    "torque": st.sampled_from([None, 0.0, 1e5, 5e5, 5.01e5, 1e6]),
+    "input_speed": st.sampled_from([None, 10.0, 10.05, 50.0, 100.0]),
+    "temperature": st.sampled_from([None, 298.0, 298.4, 310.0, 330.0]),
+}
+CONDITIONS = st.builds(TableCondition, direction=st.sampled_from([1.0, -1.0]), **SETTINGS)
+SIZES = st.sampled_from([0.0, 1e-12, 1e-6, 1.1e-6, -2e-6, 1e-3])
+
+
+@given(
+    rows=st.lists(st.tuples(CONDITIONS, SIZES, SIZES, st.booleans()), min_size=1, max_size=14),
+    ratio=st.sampled_from([None, 81.0, -39.0]),
+)
+@settings(max_examples=300, deadline=None)
+def test_any_table_is_told_within_its_intervals(
+    rows: list[tuple[TableCondition, float, float, bool]], ratio: float | None
+) -> None:
+    """Cases of few conditions, repeated, confounded, without noise or load: no crash, no interval inside out."""
+    cases = [
+        OrderCase(
+            condition=condition,
+            orders=np.array([39.0]),
+            waves=np.array([complex(real, imaginary)]),
+            sigma=np.array([1e-7]) if stated else None,
+        )
+        for condition, real, imaginary, stated in rows
+    ]
+    (one,) = passport(cases, ratio=ratio)
+    # a sum of squares rounds
+    assert one.low <= one.amplitude * (1 + 1e-9)
+    assert one.amplitude <= one.high * (1 + 1e-9)
+    assert sum(law.cases for law in one.laws) == len(rows)
+    told = [share for share in one.shares.values() if share is not None]
+    assert all(0.0 <= share <= 1.0 + 1e-12 for share in told)
+    assert sum(told) == pytest.approx(1.0) or one.amplitude < 1e-11
+    for law in one.laws:
+        for part in (law.constant, law.slope, law.speed, law.temperature):
+            assert part is None or 0.0 <= part.low <= part.amplitude <= part.high
+    json.dumps(passport_json([one]), allow_nan=False)
+    assert max(map(len, passport_text([one]).splitlines())) <= COLUMNS
+    assert "nan" not in passport_html([one])

@@ -37,6 +37,11 @@ HALF_POWER = math.sqrt(0.5)
 SPEEDS_OF_A_PEAK, SPEEDS_OF_STEPS = 3, 6
 #: Share of orders under one straight law that are taken for it, by Chow's test.
 ONE_LAW = 0.95
+#: Cases to spare from which a law is read at the reference alone: discs are then a fifth wider than with known noise,
+#: and hold the truth where load and speed or temperature do not simply add.
+ENOUGH = 4
+#: Share of the largest torque within which light loads bend a law: below it fewer pins and teeth carry.
+LIGHT = 0.1
 #: Conditions beside the load, and what they are called.
 NAMES = {"speed": "input speed", "temperature": "temperature"}
 _SHARED = {"constant": "constant", "torque": "load", "speed": "speed", "temperature": "temperature", "left": "left"}
@@ -524,8 +529,8 @@ def _fits(
 ) -> tuple[dict[str, WavePart], WaveFit, npt.NDArray[np.bool_]]:
     """Parts by name, the fit that the constant is from, and its cases.
 
-    One straight law over all conditions where Chow's test lets it stand.  Else, as at a resonance, constant and slope
-    are those of the cases at the reference, and speed and temperature those of cases that differ in nothing else.
+    Where the cases at the reference are enough, or Chow's test lets no straight law stand over all conditions, as at a
+    resonance, constant and slope are theirs, and speed and temperature those of cases that differ in nothing else.
     """
     every = np.ones(cases.waves.size, dtype=np.bool_)
 
@@ -537,6 +542,7 @@ def _fits(
             confidence=confidence,
             sigma=part.sigma if np.isfinite(part.sigma).all() else None,
             neighbours=_neighbours(part, same),
+            bend=np.exp(-part.torque / (LIGHT * part.torque.max())) if "torque" in names else None,
         )
 
     joint = fit(tuple(columns), every)
@@ -549,7 +555,7 @@ def _fits(
     if core.all() or int(core.sum()) <= len(base) or torques < TORQUES_OF_A_LAW:
         return found, joint, every
     main = fit(base, core)
-    if not _another_law(joint, main):
+    if main.spare < ENOUGH and not _another_law(joint, main):
         return found, joint, every
     found |= dict(zip(base, main.parts, strict=True))
     for name, other in (("speed", "temperature"), ("temperature", "speed")):

@@ -17,6 +17,8 @@ from rverror.runs.order_table import Waves
 
 #: Standard deviations of the chance law beyond which residuals keep together: of straight laws one in a hundred.
 SYSTEMATIC = 2.33
+#: Chance of a straight law's residuals below which it is called bent, and below which its discs reach to a bent one's.
+FLAGGED, WIDENED = 0.01, 0.1
 #: Noise is never taken below this share of the waves: they come from files of few digits.
 ROUNDING = 1e-9
 _LARGEST_CORRELATION = 0.9  # of neighbours; beyond it intervals are told by few cases and grow without bound
@@ -84,8 +86,8 @@ class WaveFit:
     spare : int
         Cases less columns.
     bent : bool
-        Whether the residuals are larger than sigma lets them be, keep together from neighbour to neighbour, or one lies
-        astray of all others.
+        Whether the residuals are larger than sigma lets them be, keep together from neighbour to neighbour, hold a
+        bend, or one lies astray of all others.
     """
 
     parts: tuple[WavePart, ...]
@@ -121,6 +123,7 @@ def fit_waves(
     confidence: float,
     sigma: Array | None = None,
     neighbours: Sequence[tuple[int, int]] = (),
+    bend: Array | None = None,
 ) -> WaveFit:
     """Fit complex parts to waves.
 
@@ -135,6 +138,8 @@ def fit_waves(
         Standard deviation of each real and imaginary part.  Where the misfit is larger, the misfit counts.
     neighbours : sequence of (int, int)
         Pairs of cases that follow each other along the load or along the speed.
+    bend : ndarray, shape (n,), optional
+        Column of a law that is not straight, to see whether the residuals hold it.
 
     Returns
     -------
@@ -144,7 +149,8 @@ def fit_waves(
     -----
     Where residuals keep together, the cases are fewer than they look: variances grow by (1 + r)/(1 - r), the factor of
     a first-order autoregression with the correlation r of neighbours, and the degrees of freedom fall by it.  Where one
-    case lies astray, discs reach farther by what the parts move without it.
+    case lies astray, discs reach farther by what the parts move without it; where the residuals hold a bend, by what
+    the parts move beside it.
     """
     weight = np.ones(waves.size) if sigma is None else 1.0 / sigma
     weighed = design * weight[:, None]
@@ -163,9 +169,15 @@ def fit_waves(
     together, growth = _together(left, basis, neighbours) if visible else (False, 1.0)
     astray = _astray(left, basis, given=sigma is not None) if visible else None
     moved = np.zeros(value.size)
+    curved = 1.0
+    if visible and bend is not None and spare > 2:
+        curved, along, found = _curved(left, basis, bend * weight, given=sigma is not None)
+        if curved < WIDENED:
+            moved = np.abs(np.linalg.solve(triangle, along) / columns * found)
     if astray is not None:
         free = 1.0 - float(basis[astray] @ basis[astray])
-        moved = np.abs(np.linalg.solve(triangle, basis[astray]) / columns * left[astray] / free)
+        alone = np.abs(np.linalg.solve(triangle, basis[astray]) / columns * left[astray] / free)
+        moved = np.maximum(moved, alone)
     variance = max(variance, dust**2)
     freedom = max(freedom / growth, 2.0) if freedom > 0 else freedom
     scale = math.sqrt(variance * growth)
@@ -187,7 +199,7 @@ def fit_waves(
         variance=variance,
         misfit=misfit,
         spare=spare,
-        bent=strained or together or astray is not None,
+        bent=strained or together or astray is not None or curved < FLAGGED,
     )
 
 
@@ -201,7 +213,7 @@ def _noise(misfit: float, spare: int, *, given: bool) -> tuple[float, float]:
 
 def _strained(misfit: float, spare: int) -> bool:
     """Whether the misfit is larger than a chi-square of the given noise is once in a hundred."""
-    return spare > 0 and misfit > float(chdtri(2 * spare, 0.01))
+    return spare > 0 and misfit > float(chdtri(2 * spare, FLAGGED))
 
 
 def _astray(left: Waves, basis: Array, *, given: bool) -> int | None:
@@ -218,7 +230,22 @@ def _astray(left: Waves, basis: Array, *, given: bool) -> int | None:
     others = np.maximum((float(square.sum()) - alone) / (2 * spare), 1.0 if given else 0.0)
     worst = int(np.argmax(alone / np.maximum(others, np.finfo(np.float64).tiny)))
     chance = (1.0 + float(alone[worst]) / max(float(others[worst]), 1e-300) / (2 * spare)) ** -float(spare)
-    return worst if left.size * chance < 0.01 else None
+    return worst if left.size * chance < FLAGGED else None
+
+
+def _curved(left: Waves, basis: Array, bend: Array, *, given: bool) -> tuple[float, Array, complex]:
+    """Chance of so much of a bend in the residuals of a straight law, the bend's share of each column, and its size."""
+    along = basis.T @ bend
+    beyond = bend - basis @ along
+    square = float(beyond @ beyond)
+    if square <= ROUNDING * float(bend @ bend):
+        return 1.0, along, 0j
+    spare = left.size - basis.shape[1] - 1
+    size = complex(beyond @ left) / square
+    gained = abs(size) ** 2 * square
+    others = (float(np.vdot(left, left).real) - gained) / (2 * spare)
+    others = max(others, 1.0 if given else 0.0, 1e-300)
+    return (1.0 + gained / others / (2 * spare)) ** -float(spare), along, size
 
 
 def _together(left: Waves, basis: Array, neighbours: Sequence[tuple[int, int]]) -> tuple[bool, float]:
