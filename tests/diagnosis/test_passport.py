@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import f
 
 from rverror import InputError
 from rverror.base.units import ARCSEC
@@ -260,6 +261,39 @@ def test_light_loads_that_bend_are_flagged_and_inside_the_intervals() -> None:
             assert abs(law.slope.value - slope) <= law.slope.radius
 
 
+def by_hand(design: np.ndarray, waves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parts by numpy's own least squares, and the radii of their discs at 95 % by Fisher's quantile."""
+    value, squares = np.linalg.lstsq(design, waves, rcond=None)[:2]
+    freedom = 2 * (design.shape[0] - design.shape[1])
+    variance = float(squares[0].real) / freedom * np.diag(np.linalg.inv(design.T @ design))
+    return value, np.sqrt(2 * f.ppf(0.95, 2, freedom) * variance)
+
+
+def test_discs_reach_farther_by_what_a_case_astray_or_a_bend_moves() -> None:
+    rng = np.random.default_rng(8)
+    load = np.linspace(0.0, 1.8, 12)
+    design = np.stack([np.ones(12), load], axis=1)
+    waves = 1.0 + 2j * load + 0.01 * (rng.normal(size=12) + 1j * rng.normal(size=12))
+    plain = fit_waves(design, waves, confidence=0.95)
+    assert [part.radius for part in plain.parts] == pytest.approx(by_hand(design, waves)[1])
+    assert not plain.bent
+
+    astray = waves + np.where(load == load[-1], 1.0, 0.0)
+    value, radius = by_hand(design, astray)
+    moved = np.abs(value - by_hand(design[:-1], astray[:-1])[0])
+    found = fit_waves(design, astray, confidence=0.95)
+    assert found.bent
+    assert [part.radius for part in found.parts] == pytest.approx(radius + moved)
+
+    bend = np.exp(-load / 0.5)
+    curved = waves + 0.3 * bend
+    value, radius = by_hand(design, curved)
+    moved = np.abs(value - by_hand(np.column_stack([design, bend]), curved)[0][:2])
+    found = fit_waves(design, curved, confidence=0.95, bend=bend)
+    assert found.bent
+    assert [part.radius for part in found.parts] == pytest.approx(radius + moved)
+
+
 def test_straight_laws_are_seldom_called_bent() -> None:
     """Runs, a bend, one astray, and a misfit beyond sigma: each once in a hundred."""
     draws = 400
@@ -313,7 +347,7 @@ def test_a_peak_over_speed_lies_between_its_neighbours() -> None:
     "law",
     [
         lambda d, q, v, t: 1e-6 * v,  # the largest at the end
-        lambda d, q, v, t: 1e-6 if v < 90 else 5e-6 + 1e-9 * (v == 120),  # a step
+        lambda d, q, v, t: 1e-6 if v < 120 else 5e-6 + 2e-7 * (v == 150),  # a step
         lambda d, q, v, t: 0.0,  # noise alone
         lambda d, q, v, t: 1e-6 * (1 + 0.5 * (v == 90)),  # no twice the median
     ],
