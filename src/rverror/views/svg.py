@@ -167,6 +167,60 @@ def spectrum(
     return _picture(width, _HEIGHT, title, parts)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """One line of `branches` with the points that it runs through.
+
+    Attributes
+    ----------
+    look : str
+        Class of the page's style.
+    dashed : bool
+        Dashes and squares in place of a whole line and circles, so that grey print tells two branches apart.
+    points, line : tuple of ndarray
+        Abscissae and ordinates.
+    """
+
+    look: str
+    dashed: bool
+    points: tuple[Array, Array]
+    line: tuple[Array, Array]
+
+
+def branches(drawn: Sequence[Branch], *, width: int, height: int, title: str, label: str, caption: str) -> str:
+    """Points and lines from zero on, as an ``svg`` element.
+
+    Parameters
+    ----------
+    drawn : sequence of Branch
+    width, height : int
+        px.
+    title : str
+        For those who cannot see it.
+    label, caption : str
+        Of the ordinate and of the abscissa.
+    """
+    top, bottom = 24, 40
+    base, inner = height - bottom, width - _LEFT - _RIGHT
+    pairs = [pair for branch in drawn for pair in (branch.points, branch.line)]
+    right = max([float(x.max(initial=0.0)) for x, _ in pairs] + [1e-9])
+    reach = max([float(y.max(initial=0.0)) for _, y in pairs] + [1e-9]) * 1.08
+    across, up = _linear(0.0, right, _LEFT, _LEFT + inner), _linear(0.0, reach, base, top)
+    parts = [f'<text class="label" x="{_LEFT}" y="13">{escaped(label)}</text>']
+    parts += [_horizontal(up(value), width, f"{value:g}") for value in ticks(0.0, reach, 4)]
+    for branch in drawn:
+        dashes = ' stroke-dasharray="6 4"' if branch.dashed else ""
+        line = " ".join(f"{across(x):.1f},{up(y):.1f}" for x, y in zip(*branch.line, strict=True))
+        parts.append(f'<polyline class="{escaped(branch.look)}"{dashes} points="{line}"/>' if line else "")
+        mark = "m-3-3h6v6h-6z" if branch.dashed else "m-3 0a3 3 0 1 0 6 0a3 3 0 1 0-6 0z"
+        marks = "".join(f"M{across(x):.1f} {up(y):.1f}{mark}" for x, y in zip(*branch.points, strict=True))
+        parts.append(f'<path class="{escaped(branch.look)}" d="{marks}"/>' if marks else "")
+    parts.append(f'<path class="axis" d="M{_LEFT} {base}H{width - _RIGHT}"/>')
+    parts += [_below(across(value), base, f"{value:g}") for value in ticks(0.0, right, max(3, inner // 70))]
+    parts.append(_caption(width, height, caption))
+    return _picture(width, height, title, parts)
+
+
 def _linear(low: float, high: float, start: float, end: float) -> Place:
     """Place between `start` and `end` of a value between two bounds."""
     return lambda value: start + (end - start) * (value - low) / ((high - low) or 1.0)
