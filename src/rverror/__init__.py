@@ -29,8 +29,10 @@ from rverror.runs.order_fit import order_table_from_runs
 from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
 from rverror.diagnosis.loop import diagnose
+from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Diagnosis
+from rverror.diagnosis.validation import validated
 
 # Tolerances: what they make of the error, and which to buy.
 from rverror.tolerances import cost as costs
@@ -146,6 +148,7 @@ __all__ = [
     "order_map",
     "order_table_from_runs",
     "orders_from_arrays",
+    "passport",
     "phasing_gain",
     "read_case",
     "reducer",
@@ -168,6 +171,7 @@ __all__ = [
     "torsional_stiffness",
     "transmission_error",
     "transmission_error_by_effect",
+    "validated",
     "virtual_units",
     "write_orders",
     "write_run",

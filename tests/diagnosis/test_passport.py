@@ -14,7 +14,7 @@ from scipy.stats import f
 
 from rverror import InputError
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.passport import OrderPassport, passport
+from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.diagnosis.wave_fit import WavePart, both_ways, disc_factor, fit_waves
 from rverror.runs.order_table import OrderCase, TableCondition
 

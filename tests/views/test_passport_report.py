@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.passport import OrderPassport, passport
+from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.views.html import document
 from rverror.views.passport_report import COLUMNS, passport_html, passport_json, passport_text

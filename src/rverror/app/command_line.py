@@ -34,13 +34,14 @@ from rverror.base.text import check_name, shown
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.result import Diagnosis
+from rverror.diagnosis.validation import validated
 from rverror.geartrain.mechanism import reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
-from rverror.runs.order_file import orders_text, refuse_table, write_orders
+from rverror.runs.order_file import orders_text, write_orders
 from rverror.runs.order_fit import checked_orders, order_table_from_runs
 from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
@@ -134,6 +135,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("runs", nargs="+", metavar="RUN.csv")
     read_command.add_mapping(command)
+    command.add_argument(
+        "--validate", nargs="+", default=[], metavar="FILE", help="runs or tables that no fit sees: before and after"
+    )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
@@ -247,17 +251,20 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    inputs = [options.model, *options.runs] + ([options.mapping] if options.mapping else [])
+    inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
     check_outputs([options.json, options.report, options.save, options.plot], inputs)
-    if (twice := given_twice(options.runs)) is not None:
-        raise InputError(f"{twice}: this run file is given twice; give each once")
+    if (twice := given_twice([*options.runs, *options.validate])) is not None:
+        raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
     for path in inputs:
         check_name(path)
     model = load_model(options.model)
     mapping = read_command.given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
+    unseen = [load_run(path, model, mapping) for path in options.validate]
     figure = _figure_maker() if options.plot else None
     result = _diagnose_with_progress(model, runs)
+    if unseen:
+        result = validated(result, unseen)
     print(to_text(result), end="")
     _write_results(result, options, figure, input_files(inputs))
 
@@ -402,10 +409,5 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable]) -> Diagnosis:
-    samples = []
-    for run in runs:
-        if isinstance(run, OrderTable):
-            refuse_table(run.path)
-        samples.append(run)
     with closing(Progress()) as progress:
-        return diagnose(model, samples, progress=progress)
+        return diagnose(model, runs, progress=progress)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rverror.base.errors import InputError
 from rverror.diagnosis.gears.reducers import diagnose_reducer
+from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
@@ -12,11 +14,12 @@ from rverror.geartrain.mechanism import Drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 
 
 def diagnose(
     model: Model,
-    runs: Sequence[Run],
+    runs: Sequence[Run | OrderTable],
     *,
     progress: Progress | None = None,
     policy: Policy = POLICY,
@@ -27,14 +30,16 @@ def diagnose(
     contact law are refitted within what is known of them, beside an offset of each run, slips of the reading, lines
     that no part has, what settles, and coloured noise.  Every source of the catalogue is scored by a linear step, the
     leading ones are solved and refitted at the load, and sets of causes compare by evidence.  Only a set that leaves
-    nothing significant is named.  Of a drive every effect is linear, and one after another is added.
+    nothing significant is named.  Of a drive every effect is linear, and one after another is added.  Of order tables
+    every wave of every condition is explained at once, and what no cause accounts for is described by laws over load
+    and direction.
 
     Parameters
     ----------
     model : Model
         What was declared, with its uncertainty.
-    runs : sequence of Run
-        Measured runs of any travel, of a reducer each in one direction.
+    runs : sequence of Run or OrderTable
+        Measured runs of any travel, of a reducer each in one direction; or order tables of a reducer.
     progress : callable, optional
         Called with a line of text as the work goes on.
     policy : Policy
@@ -74,6 +79,19 @@ def diagnose(
     for key in policy.keys:
         source(key)  # which names the nearest where there is none
     tell = progress or (lambda text: None)
+    tables = [run for run in runs if isinstance(run, OrderTable)]
+    samples = [run for run in runs if not isinstance(run, OrderTable)]
+    if tables and samples:
+        raise InputError(
+            f"{tables[0].path or 'an order table'} is an order table, {samples[0].path or 'another input'} a run; "
+            "diagnose tables by themselves, or make a table of the runs (rverror.order_table_from_runs)"
+        )
+    if tables and isinstance(model.mechanism, Drive):
+        raise InputError(
+            f"{tables[0].path or 'an order table'}: order tables are diagnosed for a [reducer]; of a [drive] give runs"
+        )
+    if tables:
+        return diagnose_tables(model, tables, tell, policy=policy)
     if isinstance(model.mechanism, Drive):
-        return diagnose_drive(model, runs, tell, policy=policy)
-    return diagnose_reducer(model, runs, tell, policy=policy)
+        return diagnose_drive(model, samples, tell, policy=policy)
+    return diagnose_reducer(model, samples, tell, policy=policy)

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
+from rverror.diagnosis.order_passport import OrderPassport
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
+from rverror.runs.order_table import TableCondition
 
 Progress = Callable[[str], None]
 Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
@@ -145,6 +147,62 @@ class ElasticEstimate:
 
 
 @dataclass(frozen=True)
+class OrderShare:
+    """What accounts for the power of one order of a table: shares that make one together.
+
+    A share is that of the measured waves' power which the part points along, so one that works against the others is
+    negative.
+
+    Attributes
+    ----------
+    order : float
+    amplitude : float
+        Root of the mean squared amplitude, rad.
+    parts : float
+        Part errors, declared and found.
+    compliance : float
+        What gives way under load.
+    measuring_chain : float
+        Encoders and couplings.
+    empirical : float
+        Laws that describe and explain nothing.
+    left : float
+        Nothing.
+    """
+
+    order: float
+    amplitude: float
+    parts: float
+    compliance: float
+    measuring_chain: float
+    empirical: float
+    left: float
+
+
+@dataclass(frozen=True)
+class Validation:
+    """A result held against data that no fit saw: nothing is fitted to them but the offset of a run.
+
+    Attributes
+    ----------
+    file : str
+    before, after : float
+        Root mean square of the residual of the declared model and of the result, rad.
+    orders : tuple of float
+        Orders of a table; empty for a run.
+    before_by_order, after_by_order : tuple of float
+        Of each order, rad.
+    """
+
+    file: str
+    before: float
+    after: float
+    orders: tuple[float, ...] = ()
+    before_by_order: tuple[float, ...] = ()
+    after_by_order: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class Trace:
     """Averaged waveforms of one run for plots.
 
@@ -221,6 +279,14 @@ class Diagnosis(Viewed):
         the best one that is not named.
     elastic : tuple of ElasticEstimate
         What the runs say of a reducer's stiffness, backlash and contact law.
+    passport : tuple of OrderPassport
+        Of order tables: how each order depends on load, direction, speed and temperature.
+    shares : tuple of OrderShare
+        Of order tables: what accounts for the power of each order.
+    validation : tuple of Validation
+        Data that no fit saw, before and after.
+    conditions : tuple of TableCondition
+        Of order tables: under what they were measured.
     """
 
     verdict: str
@@ -239,3 +305,7 @@ class Diagnosis(Viewed):
     quantity: str = "angle"
     history: tuple[Fate, ...] = ()
     elastic: tuple[ElasticEstimate, ...] = ()
+    passport: tuple[OrderPassport, ...] = ()
+    shares: tuple[OrderShare, ...] = ()
+    validation: tuple[Validation, ...] = ()
+    conditions: tuple[TableCondition, ...] = ()

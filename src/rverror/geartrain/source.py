@@ -158,6 +158,11 @@ class Source:
                     more = " or a parameter of a reducer" if name == "needs" else ""
                     raise ValueError(f"{self.key}: {name} = {word!r}; it must be one of {known}{more}")
 
+    @property
+    def is_cause(self) -> bool:
+        """Whether diagnosis names it as a cause, in runs or in tables."""
+        return self.tried or self.in_tables
+
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.
 

@@ -117,7 +117,7 @@ SOURCES = (
     Source(
         "load.torsion_wave", torsion_wave, (harmonics(1, 6),),
         tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
-        "output", _wave_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over the output turn",
+        "output", _wave_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over a turn",
         acts="output", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = \mp T (c\cos h\theta + s\sin h\theta)$",
     ),

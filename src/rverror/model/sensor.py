@@ -51,7 +51,7 @@ def encoder_ellipticity(pose: Pose) -> ErrorVector:
 
 
 def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
-    """Distorted output encoder, c cos(h theta) + s sin(h theta) in the reading: a ring or disc that is held at h places.
+    """Distorted output encoder, c cos(h theta) + s sin(h theta) in the reading: a ring that is held at h places.
 
     Parameters
     ----------

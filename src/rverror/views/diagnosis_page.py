@@ -14,10 +14,18 @@ from rverror.views.svg import MARKS
 Data = Mapping[str, Any]
 
 AS_MEASURED = "To describe order {harmonic} as it was measured, which explains nothing, add to the model:"
+#: What accounts for the power of an order, as `OrderShare` names it and as people do.
+SHARES = {
+    "parts": "parts",
+    "compliance": "compliance",
+    "measuring_chain": "measuring chain",
+    "empirical": "law only",
+    "left": "nothing",
+}
 AS_TOLD = "Stiffness, backlash and contact law as the runs tell them"
 
 
-def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]]], text: str) -> str:
+def page(data: Data, *, summary: str, first: str = "", figures: Sequence[tuple[str, Sequence[str]]], text: str) -> str:
     """The page, as HTML.
 
     Parameters
@@ -26,6 +34,8 @@ def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]
         As `diagnosis_report.diagnosis_json` makes it.
     summary : str
         One sentence on the outcome, plain text.
+    first : str
+        A section that comes before all others, HTML: the passport of orders.
     figures : sequence of (str, sequence of str)
         Heading, and SVG elements: for a wide page, then for a narrow one.
     text : str
@@ -34,6 +44,9 @@ def page(data: Data, *, summary: str, figures: Sequence[tuple[str, Sequence[str]
     title = f"rverror: {data['verdict'].replace('_', ' ')}"
     sections = [
         _head(data, title, summary),
+        first,
+        _validation(data),
+        _shares(data),
         _added(data),
         _unexplained(data),
         _next(data),
@@ -105,6 +118,33 @@ def _added(data: Data) -> str:
             parts.append(f"<p><strong>These runs cannot tell it from:</strong> {others}.</p>")
         parts += [f"<p><strong>Note:</strong> {escaped(note)}.</p>" for note in added["notes"]]
     return "\n".join(parts)
+
+
+def _validation(data: Data) -> str:
+    """Measurements that no fit saw."""
+    if not data["validation"]:
+        return ""
+    name = f"rms_{data['suffix']}"
+    rows = [
+        [escaped(one["file"] or "in memory"), number(one["before"][name]), number(one["after"][name])]
+        for one in data["validation"]
+    ]
+    heads = ["file", f"rms before, {escaped(data['unit'])}", "rms after"]
+    return "<h2>Measurements that no fit saw</h2>\n" + scrolled(heads, rows, numbers=(1, 2))
+
+
+def _shares(data: Data) -> str:
+    """What accounts for the power of each order."""
+    if not data["shares"]:
+        return ""
+    names = data["shares"][0]["shares"]
+    rows = [
+        [number(one["order"]), number(one[f"amplitude_{data['suffix']}"])]
+        + [f"{100 * one['shares'][name]:.0f}" for name in names]
+        for one in data["shares"]
+    ]
+    heads = ["order", f"amplitude, {escaped(data['unit'])}", *(f"{SHARES[name]}, %" for name in names)]
+    return "<h2>What accounts for the power of each order</h2>\n" + scrolled(heads, rows, numbers=range(len(heads)))
 
 
 def _unexplained(data: Data) -> str:

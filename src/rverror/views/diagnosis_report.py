@@ -15,16 +15,28 @@ from rverror.base.text import describe, file_name, joined
 from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
 from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
-from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Line, Residual, Trace
+from rverror.diagnosis.result import (
+    Addition,
+    Candidate,
+    Diagnosis,
+    ElasticEstimate,
+    Line,
+    OrderShare,
+    Residual,
+    Trace,
+    Validation,
+)
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
+from rverror.runs.order_table import TableCondition
 from rverror.views import svg
 from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
-from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, effect_toml, page
+from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, SHARES, effect_toml, page
 from rverror.views.envelope import InputFile, enveloped
+from rverror.views.passport_report import passport_html, passport_json, passport_lines
 from rverror.views.set_aside import LABELS, marks
 
 _VERDICTS = {
@@ -127,6 +139,24 @@ def _elastic_json(elastic: ElasticEstimate) -> dict[str, Any]:
     return {"name": elastic.name, "unit": unit, **sizes, "told": bool(elastic.told)}
 
 
+def _share_json(share: OrderShare, scale: _Scale) -> dict[str, Any]:
+    shares = {name: rounded(getattr(share, name)) for name in SHARES}
+    return {
+        "order": rounded(share.order),
+        f"amplitude_{scale.suffix}": rounded(scale(share.amplitude)),
+        "shares": shares,
+    }
+
+
+def _validation_json(one: Validation, scale: _Scale) -> dict[str, Any]:
+    def rms(size: float) -> dict[str, float | None]:
+        return {f"rms_{scale.suffix}": rounded(scale(size))}
+
+    rows = zip(one.orders, one.before_by_order, one.after_by_order, strict=True)
+    by_order = [{"order": rounded(order), "before": rms(a), "after": rms(b)} for order, a, b in rows]
+    return {"file": one.file, "before": rms(one.before), "after": rms(one.after), "by_order": by_order}
+
+
 def _set_aside_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Runs in which something was set aside or the reading slips, with the angles as travelled."""
     rows = []
@@ -146,11 +176,12 @@ def _label(trace: Trace, at: int) -> str:
 
 def bench_of(diagnosis: Diagnosis) -> Circumstances:
     """What the runs of a diagnosis cover."""
-    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
+    seen: tuple[Trace | TableCondition, ...] = (*diagnosis.traces, *diagnosis.conditions)
+    torques, ways = {torque for one in seen if (torque := one.torque) is not None}, [one.direction for one in seen]
     longest = max(diagnosis.traces, key=turns_of, default=None)
     part = longest.theta if longest is not None and turns_of(longest) < 1 else None
     return Circumstances(
-        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
+        directions=frozenset(1.0 if way > 0 else -1.0 for way in ways) or frozenset({1.0}),
         samples_per_turn=samples_per_turn(diagnosis),
         torques=frozenset(torques),
         marks=all(trace.index != "unknown" for trace in diagnosis.traces),
@@ -168,7 +199,8 @@ def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
     bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []
     for addition in diagnosis.added:
-        if all(key in CATALOGUE for key in (addition.effect.key, *(key for key, _ in addition.indistinguishable))):
+        keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
+        if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
             steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
             found += [(addition, step) for step in steps]
     steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
@@ -294,6 +326,9 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
             for at, trace in enumerate(diagnosis.traces)
         ],
         "stiffness": [_elastic_json(elastic) for elastic in diagnosis.elastic],
+        "passport": passport_json(diagnosis.passport),
+        "shares": [_share_json(share, scale) for share in diagnosis.shares],
+        "validation": [_validation_json(one, scale) for one in diagnosis.validation],
         "set_aside": _set_aside_json(diagnosis),
         "notes": list(diagnosis.notes),
         "unit": scale.unit,
@@ -332,6 +367,8 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     declared = diagnosis.declared
     lines.append(f"Declared: {declared.name or declared.mechanism.name}, {len(declared.effects)} effects")
     lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
+    if diagnosis.passport:
+        lines += ["", *passport_lines(diagnosis.passport)]
     lines += ["", f"{'residual, ' + scale.unit:<26}{'rms':>9}{'peak-to-peak':>15}{'held-out rms':>15}"]
     for label, residual in (
         ("before (as declared)", diagnosis.before),
@@ -341,8 +378,12 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
         rms, peak, heldout = (scale(x) for x in (residual.rms, residual.peak_to_peak, residual.heldout_rms))
         lines.append(f"{label:<26}{rms:>9.3f}{peak:>15.2f}{heldout:>15.3f}")
     lines.append(f"{'noise':<26}{scale(diagnosis.noise_rms):>9.3f}")
-    for number, addition in enumerate(diagnosis.added, 1):
+    lines += _validation_lines(diagnosis, scale)
+    lines += _share_lines(diagnosis, scale)
+    causes = [addition for addition in diagnosis.added if CATALOGUE[addition.effect.key].is_cause]
+    for number, addition in enumerate(causes, 1):
         lines += ["", *_addition_lines(number, addition, scale)]
+    lines += _law_lines([addition for addition in diagnosis.added if addition not in causes])
     lines += _elastic_lines(diagnosis)
     lines += _order_lines(diagnosis, scale)
     if diagnosis.unexplained:
@@ -373,6 +414,20 @@ def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]
     return lines + [f"  note: {note}" for note in addition.notes]
 
 
+def _law_lines(laws: Sequence[Addition]) -> list[str]:
+    """Laws that describe an order, a line each."""
+    if not laws:
+        return []
+    lines = ["", "Added beside them, to describe orders that no cause explains: no part is behind these"]
+    for law in laws:
+        sizes = ", ".join(
+            f"{e.name} {brief(units.to_display(e.value, e.dimension))} {units.DISPLAY_UNITS[e.dimension]}"
+            for e in law.estimates
+        )
+        lines.append(f"  {describe(law.effect.key, law.effect.indices)}: {sizes}")
+    return lines
+
+
 def _elastic_lines(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.elastic:
         return []
@@ -392,6 +447,29 @@ def _elastic_lines(diagnosis: Diagnosis) -> list[str]:
 
 def _few(value: float | None) -> str:
     return "-" if value is None else brief(value)
+
+
+def _validation_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
+    """What is left of measurements that no fit saw."""
+    lines = [""] if diagnosis.validation else []
+    for one in diagnosis.validation:
+        lines.append(
+            f"Not seen by any fit: {one.file or 'in memory'}: rms {scale(one.before):.3f} before, "
+            f"{scale(one.after):.3f} {scale.unit} after"
+        )
+    return lines
+
+
+def _share_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
+    """What accounts for the power of each order."""
+    if not diagnosis.shares:
+        return []
+    lines = ["", "What accounts for the power of each order, %"]
+    lines.append(f"{'order':>10}{scale.unit:>10}" + "".join(f"{name:>17}" for name in SHARES.values()))
+    for one in diagnosis.shares:
+        shares = "".join(f"{100 * getattr(one, name):>17.0f}" for name in SHARES)
+        lines.append(f"{one.order:>10g}{scale(one.amplitude):>10.2f}{shares}")
+    return lines
 
 
 def _order_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
@@ -490,7 +568,9 @@ def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     runs = [(_label(trace, at), trace) for at, trace in enumerate(diagnosis.traces)]
     pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
     pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
-    return page(data, summary=_summary(diagnosis), figures=pictures, text=diagnosis_text(diagnosis, files=files))
+    first = passport_html(diagnosis.passport) if diagnosis.passport else ""
+    told = diagnosis_text(diagnosis, files=files)
+    return page(data, summary=_summary(diagnosis), first=first, figures=pictures, text=told)
 
 
 def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.numbers import brief, in_arcsec, rounded, way
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.passport import DirectionLaw, OrderPassport, SpeedPeak
+from rverror.diagnosis.order_passport import DirectionLaw, OrderPassport, SpeedPeak
 from rverror.diagnosis.wave_fit import WavePart
 from rverror.views.html import escaped, number, scrolled
 from rverror.views.svg import Branch, branches

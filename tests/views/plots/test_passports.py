@@ -8,7 +8,7 @@ import pytest
 from drawn import legend, line, units_missing
 from rverror import InputError
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.passport import passport
+from rverror.diagnosis.order_passport import passport
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.views.plots.passports import passport_plot
 

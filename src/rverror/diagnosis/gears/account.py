@@ -299,14 +299,19 @@ def _candidates(node: Node, hunt: Hunt) -> tuple[Candidate, ...]:
 
 def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law."""
+    return elastic_within(fit, [reach(fit, float(variance)) for variance in spread(fit)])
+
+
+def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
+    """The same with half the width of each value's interval."""
     unit, now = fit.bench.unit, fit.model.mechanism
     assert isinstance(now, Reducer)
-    count, variances = sum(len(e.values) for e in fit.model.effects), spread(fit)
+    count = sum(len(e.values) for e in fit.model.effects)
     result = []
     for at, name in enumerate(SOFTENING):
         if not fit.bench.soft[at]:
             continue
-        half = reach(fit, float(variances[count + at]))
+        half = halves[count + at]
         prior = math.inf if not fit.weights[count + at] else fit.weights[count + at] ** -0.5
         told = math.sqrt(float(fit.covariance[count + at, count + at])) < fit.bench.policy.untold * prior
         if at < 6:

@@ -22,6 +22,7 @@ from rverror.model import sensor
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 
 
 def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY) -> Diagnosis:
@@ -90,7 +91,7 @@ def _points(records: Sequence[Record]) -> int:
     return int(min(max(max(counts), 1024), 4096)) if len(set(counts)) == 1 and counts[0] >= 1024 else 2048
 
 
-def with_marks(declared: Model, runs: Sequence[Run]) -> tuple[Model, bool]:
+def with_marks(declared: Model, runs: Sequence[Run | OrderTable]) -> tuple[Model, bool]:
     """The model with the angle of its marks as one size more, where the bench's zero is not on them."""
     unknown = {run.index == "unknown" for run in runs}
     if len(unknown) > 1:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 from scipy.stats import beta
 
 from rverror.base.arrays import Array
@@ -25,9 +26,11 @@ from rverror.diagnosis.orders.table_set import TableSet
 from rverror.diagnosis.search import Journal
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
+from rverror.model.empirical import ORDER
 from rverror.statics.loaded_state import NotConvergedError
 
-_TAKES = 0.5  # of an order's squares, that a claim takes at least.  Chosen: less is no cause of that order
+_TAKES = 0.5  # of what is left of an order, that a claim takes at least.  Chosen: less is no cause of that order
+_COUNTS = 0.1  # of what is measured of it.  Chosen: any sizes explain half of little
 _ROUNDS = 3  # times that the search goes on about the state that was fitted at the load
 _STEPS = 20  # of a refit at the load, at most.  Chosen for time
 _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
@@ -62,10 +65,13 @@ class Linear:
     fit : Fit
         Where it is linear.
     blocks : tuple of Block
+    held : bool
+        Whether everything but the blocks keeps its size.
     """
 
     fit: Fit
     blocks: tuple[Block, ...] = ()
+    held: bool = False
 
     @property
     def bench(self) -> TableSet:
@@ -77,7 +83,7 @@ class Linear:
     def free(self) -> Flags:
         """Which values of the fit may move: not those that are exact, nor those at a bound."""
         low, high = bounds(self.fit)
-        return np.asarray(np.isfinite(self.fit.weights) & (low < 0) & (high > 0))
+        return np.asarray(np.isfinite(self.fit.weights) & (low < 0) & (high > 0) & (not self.held))
 
     @cached_property
     def rows(self) -> Array:
@@ -126,26 +132,45 @@ class Linear:
         """What the best step leaves of each order, shape (n,)."""
         return self._of_orders(self.left(self.best))
 
+    @cached_property
+    def measured(self) -> Array:
+        """Squares of what is measured of each order, shape (n,)."""
+        return self._of_orders(np.concatenate([s.whiten(s.measured) for s in self.bench.sights]))
+
     def _of_orders(self, rest: Array) -> Array:
         place = np.concatenate(self.bench.places)
-        return np.bincount(place, weights=rest**2, minlength=self.bench.orders.size)
+        return np.asarray(np.bincount(place, weights=rest**2, minlength=self.bench.orders.size), dtype=np.float64)
+
+    @cached_property
+    def folds(self) -> npt.NDArray[np.intp]:
+        """Which of three parts each condition is left out with: every third load; condition where loads are few."""
+        loads = np.array([case.condition.torque or 0.0 for case in self.bench.cases])
+        distinct = np.unique(loads)
+        place = np.searchsorted(distinct, loads) if distinct.size > 2 else np.arange(loads.size)
+        return np.asarray(place % 3, dtype=np.intp)
 
     @cached_property
     def foretold(self) -> float:
-        """Squares of the upper and the lower half of each direction's loads, each by sizes from all the others.
-
-        One direction alone does not tell radial from tangential errors, and loads between others hardly differ.
-        """
-        loads = np.array([case.condition.torque or 0.0 for case in self.bench.cases])
-        senses = np.array([case.condition.direction for case in self.bench.cases])
-        fold = np.where(loads > np.median(loads), 2.0, 1.0) * senses
-        of = np.repeat(fold, [at.size for at in self.bench.places])
-        return float(sum(np.sum(self.left(self.step(of != one))[of == one] ** 2) for one in set(fold.tolist())))
+        """Squares of conditions that are left out, by sizes from all the others."""
+        of = np.repeat(self.folds, [at.size for at in self.bench.places])
+        return float(sum(np.sum(self.left(self.step(of != one))[of == one] ** 2) for one in np.unique(of)))
 
     def sizes(self, number: int) -> Array:
         """Sizes of a block at the best step."""
         first = int(self.free.sum()) + sum(len(b.rows) for b in self.blocks[:number])
         return self.best[first : first + len(self.blocks[number].rows)]
+
+    def effects(self) -> list[Effect]:
+        """Blocks as effects, at their best sizes."""
+        return [
+            Effect(block.name[0], dict(block.name[1]), tuple(map(float, self.sizes(number))))
+            for number, block in enumerate(self.blocks)
+        ]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of what is free, shape (k, k)."""
+        return np.asarray(np.linalg.pinv(self.rows @ self.rows.T + np.diag(self.weights), hermitian=True))
 
     def plausible(self) -> bool:
         """Tell whether every block's sizes can be: of the sign that they have."""
@@ -155,11 +180,11 @@ class Linear:
 
     def beside(self, block: Block) -> Linear:
         """The same with one block more."""
-        return Linear(self.fit, (*self.blocks, block))
+        return replace(self, blocks=(*self.blocks, block))
 
     def less(self, number: int) -> Linear:
         """The same without a block."""
-        return Linear(self.fit, self.blocks[:number] + self.blocks[number + 1 :])
+        return replace(self, blocks=self.blocks[:number] + self.blocks[number + 1 :])
 
 
 def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Block]:
@@ -175,7 +200,7 @@ def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Block]:
     return [block for block in made if np.abs(block.prior[:, None] * block.rows).max() > 1]  # a size makes a deviation
 
 
-def searched(fit: Fit, candidates: Sequence[Named], journal: Journal, *, crossed: bool = True) -> Fit:
+def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:
     """Add what the waves ask for, one after another, and refit everything at the load.
 
     Parameters
@@ -184,14 +209,12 @@ def searched(fit: Fit, candidates: Sequence[Named], journal: Journal, *, crossed
         Of what is declared, and found already.
     candidates : sequence of Named
     journal : Journal
-    crossed : bool
-        Whether loads that the sizes did not see must be foretold better with it.
     """
     for _ in range(_ROUNDS):
         state, pool = Linear(fit), blocks_of(fit, candidates)
-        while len(state.blocks) + len(fit.added) < _MOST:
+        while len(state.blocks) < _MOST:
             journal.round += 1
-            more = _next(state, pool, journal, crossed=crossed)
+            more = _next(state, pool, journal, claims=True)
             if more is None:
                 break
             journal.tell(f"added {describe(*more.blocks[-1].name)}")
@@ -202,12 +225,31 @@ def searched(fit: Fit, candidates: Sequence[Named], journal: Journal, *, crossed
     return fit
 
 
+def described(fit: Fit, laws: Sequence[Named], journal: Journal) -> Linear:
+    """Laws over load and direction for what no cause accounts for, down to the noise; the causes keep their sizes.
+
+    Fitted together with laws a cause would be free to be anything: the laws would make up for it.
+
+    Parameters
+    ----------
+    fit : Fit
+        Under the noise alone.
+    laws : sequence of Named
+    journal : Journal
+    """
+    state, pool = Linear(fit, held=True), blocks_of(fit, laws)
+    for _ in pool:
+        journal.round += 1
+        more = _next(state, pool, journal, claims=False)
+        if more is None:
+            break
+        state = _pruned(more, journal)
+    return state
+
+
 def refitted(fit: Fit, state: Linear) -> Fit:
     """The fit with a linear state's blocks, refitted at the load."""
-    effects = [
-        Effect(block.name[0], dict(block.name[1]), tuple(map(float, state.sizes(number))))
-        for number, block in enumerate(state.blocks)
-    ]
+    effects = state.effects()
     step = np.zeros(fit.moment.size)
     step[state.free] = state.best[: int(state.free.sum())]
     for share in (1.0, 0.5, 0.0):  # what bends so much that it does not stand is begun nearer to nothing
@@ -221,7 +263,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
     return fit
 
 
-def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, crossed: bool) -> Linear | None:
+def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, claims: bool) -> Linear | None:
     """The state with the best block more that is a cause; none where none is."""
     taken = {identity(b.name) for b in state.blocks}
     trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
@@ -232,14 +274,41 @@ def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, crossed: bo
         if state.objective - trial.objective < chi_square(policy.false_alarm / max(len(pool), 1), len(block.rows)):
             return None
         beyond = state.squares > state.bench.most_of_noise
-        if beyond.any() and not (trial.squares[beyond] < (1 - _TAKES) * state.squares[beyond]).any():
+        if claims and beyond.any() and not _takes(state, block, beyond):
             journal.note("fell", block.name, "takes less than half of what is left of any order")
-        elif crossed and trial.foretold > state.foretold:
+        elif trial.foretold > state.foretold:
             journal.note("fell", block.name, "loads that its sizes did not see are foretold worse with it")
         else:
             journal.note("added", block.name, f"lowers the objective by {state.objective - trial.objective:.3g}")
             return trial
     return None
+
+
+def _takes(state: Linear, block: Block, beyond: Flags) -> bool:
+    """Tell whether a block takes half of what is left of an order, and a good part of what is measured of it.
+
+    Of what changes with the load alone where the block does nothing without one: a constant of another cause is no
+    reason against it.
+    """
+    if "torque" in source(block.name[0]).needs:
+        state = Linear(state.fit, (*state.blocks, *_constants(state)))
+    before, after = state.squares, state.beside(block).squares
+    much = before - after > _COUNTS * state.measured
+    return bool((beyond & much & (after < (1 - _TAKES) * before)).any())
+
+
+def _constants(state: Linear) -> list[Block]:
+    """Waves of any size that are the same at all loads, of each direction."""
+    bench, found = state.bench, []
+    for place in range(bench.orders.size):
+        for sense in sorted({case.condition.direction for case in bench.cases}):
+            rows = []
+            for case, at, sigma in zip(bench.cases, bench.places, bench.sigmas, strict=True):
+                own = (at == place) & (case.condition.direction == sense)
+                first = np.arange(at.size) < case.orders.size
+                rows.append(np.stack([own & first, own & ~first]) / sigma)
+            found.append(Block((ORDER.key, {"frame": "output", "harmonic": place}), np.concatenate(rows, axis=1)))
+    return found
 
 
 def _pruned(state: Linear, journal: Journal) -> Linear:
@@ -277,11 +346,11 @@ def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
     return [name for _, name in sorted(found, key=lambda pair: pair[0])]
 
 
-def chance(fit: Fit, number: int) -> tuple[float, float]:
-    """Leading order of an added effect, and the chance that as many sizes of no meaning take as much of it.
+def chance(fit: Fit, number: int) -> tuple[float, float, float]:
+    """Leading order of an added effect, what share of what is left of it without it it takes, and the chance of that.
 
-    Of M values p sizes that mean nothing take a share x or more with the chance of the beta distribution of p/2 and
-    (M - p)/2: where there are as many sizes as values that is 1.
+    Of the M values that a law over the load has p sizes that mean nothing take a share x or more with the chance of
+    the beta distribution of p/2 and (M - p)/2: where there are as many sizes as values that is 1.
     """
     bare, bench = _without(fit, number), fit.bench
     assert isinstance(bench, TableSet)
@@ -290,7 +359,12 @@ def chance(fit: Fit, number: int) -> tuple[float, float]:
     sizes = len(fit.added[number].values)
     values = float(bench.values[1][at])
     share = 1 - after[at] / max(float(before[at]), 1e-300)
-    return float(bench.orders[at]), 1.0 if sizes >= values else float(beta.sf(share, sizes / 2, (values - sizes) / 2))
+    share = min(max(share, 0.0), 1.0)
+    return (
+        float(bench.orders[at]),
+        share,
+        1.0 if sizes >= values else float(beta.sf(share, sizes / 2, (values - sizes) / 2)),
+    )
 
 
 def _without(fit: Fit, number: int) -> Fit:

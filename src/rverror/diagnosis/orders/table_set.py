@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.sight import Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
 from rverror.diagnosis.policy import Policy
@@ -30,11 +31,13 @@ from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase, OrderTable
 
-#: Samples of a wave of the highest order on the grid of a turn; splines of the fifth degree need five.
-_SAMPLES_A_WAVE = 5
-#: Share of the largest torque below which a reducer is not solved: its own drag loads it as much.  Chosen: makers print
-#: no-load running torques of about a hundredth of the rated one.
-_DRAG = 0.01
+#: Samples of a wave of the highest order on the grid of a turn: waves are taken from it directly.
+_SAMPLES_A_WAVE = 4
+#: Share of the largest torque below which a reducer is not solved: its own drag loads the contacts as much.  Chosen:
+#: makers print no-load running torques that are 5 to 20 % of the rated torque, at the output.
+_DRAG = 0.05
+#: Loads from which noise is told by how smoothly an order changes over them: a parabola has three sizes.
+_LOADS_OF_A_LAW = 5
 
 
 @dataclass(frozen=True)
@@ -142,17 +145,15 @@ class TableSight(Sight):
 
 
 @dataclass(frozen=True, eq=False)
-class TableSet(RunSet):
-    """Conditions of order tables, as a joint fit takes them.
+class Numbers:
+    """The numbers of conditions, by order.
 
     Attributes
     ----------
     cases : tuple of OrderCase
-    sigmas : tuple of ndarray, shape (2 k,)
     """
 
     cases: tuple[OrderCase, ...] = ()
-    sigmas: tuple[Array, ...] = ()
 
     @cached_property
     def orders(self) -> Array:
@@ -179,6 +180,40 @@ class TableSet(RunSet):
         for (place, _), loads in torques.items():
             own[place] += 2 * min(2, len(loads))
         return np.asarray(numbers, dtype=np.float64), own
+
+
+@dataclass(frozen=True, eq=False)
+class TableSet(RunSet):
+    """Conditions of order tables, as a joint fit takes them.
+
+    Attributes
+    ----------
+    cases : tuple of OrderCase
+    sigmas : tuple of ndarray, shape (2 k,)
+    """
+
+    cases: tuple[OrderCase, ...] = ()
+    sigmas: tuple[Array, ...] = ()
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """All numbers, by order."""
+        return Numbers(self.cases)
+
+    @property
+    def orders(self) -> Array:
+        """All orders, shape (n,)."""
+        return self.numbers.orders
+
+    @property
+    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Of each case, which of the orders each of its numbers is of, shape (2 k,)."""
+        return self.numbers.places
+
+    @property
+    def values(self) -> tuple[Array, Array]:
+        """Of each order how many numbers there are, and how many of them are independent."""
+        return self.numbers.values
 
     @property
     def most_of_noise(self) -> Array:
@@ -240,9 +275,16 @@ def table_set(
     loaded = bool(least)
     refit = loaded and policy.refit_stiffness
     return TableSet(
-        unit, tuple(rows), tuple(conditions.values()), tuple(which), policy, np.array([refit] * 9 + [loaded]),
-        anywhere=anywhere, cases=tuple(cases), sigmas=tuple(sigmas),
-    )  # type: ignore[arg-type]  # fmt: skip
+        unit=unit,
+        records=cast("tuple[Record, ...]", tuple(rows)),  # of which a fit asks no more than a `TableRow` has
+        conditions=tuple(conditions.values()),
+        which=tuple(which),
+        policy=policy,
+        soft=np.array([refit] * 9 + [loaded]),
+        anywhere=anywhere,
+        cases=tuple(cases),
+        sigmas=tuple(sigmas),
+    )
 
 
 def case_name(case: OrderCase) -> str:
@@ -314,23 +356,22 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
 
 def _smoothness(cases: Sequence[OrderCase]) -> dict[float, float]:
     """What parabolas over the torque leave of each order."""
-    groups: dict[tuple[object, ...], list[tuple[float, complex]]] = {}
+    groups: dict[tuple[float, ...], list[tuple[float, complex]]] = {}
     for case in cases:
         at = case.condition
-        for order, wave in zip(case.orders, case.waves, strict=True):
-            key = (round(float(order), 6), at.direction, at.input_speed, at.temperature)
-            groups.setdefault(key, []).append((at.torque or 0.0, complex(wave)))
-    sums: dict[float, list[float]] = {}
-    for key, pairs in groups.items():
-        if len({torque for torque, _ in pairs}) < 5:
+        for order, wave in zip(case.orders.tolist(), case.waves.tolist(), strict=True):
+            key = (round(order, 6), at.direction, at.input_speed or 0.0, at.temperature or 0.0)
+            groups.setdefault(key, []).append((at.torque or 0.0, wave))
+    sums: dict[float, tuple[float, int]] = {}
+    for group, pairs in groups.items():
+        if len({torque for torque, _ in pairs}) < _LOADS_OF_A_LAW:
             continue
         torque = np.array([t for t, _ in pairs])
-        design = np.vander(torque / max(torque.max(), 1e-300), 3)
+        design = np.vander(torque / max(float(torque.max()), 1e-300), 3)
         waves = np.array([w for _, w in pairs])
         rest = waves - design @ np.linalg.lstsq(design, waves, rcond=None)[0]
-        own = sums.setdefault(float(str(key[0])), [0.0, 0.0])
-        own[0] += float(np.sum(np.abs(rest) ** 2))
-        own[1] += 2 * (len(pairs) - 3)
+        squares, freedom = sums.get(group[0], (0.0, 0))
+        sums[group[0]] = (squares + float(np.sum(np.abs(rest) ** 2)), freedom + 2 * (len(pairs) - 3))
     return {order: math.sqrt(squares / freedom) for order, (squares, freedom) in sums.items()}
 
 
@@ -346,8 +387,7 @@ def discrepancy(cases: Sequence[OrderCase], sigmas: Sequence[Array], share: floa
     sigmas : sequence of ndarray, shape (2 k,)
     share : float
     """
-    bench = TableSet.__new__(TableSet)
-    object.__setattr__(bench, "cases", tuple(cases))
+    bench = Numbers(tuple(cases))
     numbers, own = bench.values
     power = np.zeros(bench.orders.size)
     for case, at in zip(cases, bench.places, strict=True):

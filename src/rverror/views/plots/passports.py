@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
-from rverror.diagnosis.passport import SAME_ORDER, OrderPassport
+from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport
 from rverror.runs.order_table import OrderCase
 from rverror.views.plots.figure import DASHED, NOTHING, axes_for, in_shown_unit, legend_beside, line_style
 

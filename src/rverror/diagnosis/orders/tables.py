@@ -1,0 +1,446 @@
+"""The closed loop on order tables of a reducer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import student
+from rverror.base.errors import InputError
+from rverror.diagnosis.gears.account import elastic_within
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
+from rverror.diagnosis.gears.reducers import curved, with_marks
+from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.order_passport import passport
+from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
+from rverror.diagnosis.orders.table_set import TableSet, discrepancy, joined, noise_of_cases, table_set
+from rverror.diagnosis.policy import POLICY, Policy
+from rverror.diagnosis.result import (
+    Addition,
+    Diagnosis,
+    ElasticEstimate,
+    Estimate,
+    Line,
+    OrderShare,
+    Progress,
+    Residual,
+    Validation,
+)
+from rverror.diagnosis.search import Journal
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import CATALOGUE, source
+from rverror.model.effects import Effect, Model
+from rverror.model.empirical import LAWS
+from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.runs.spectrum import frames_of_order
+
+_LOADS = 5  # of each direction on which causes are looked for; all are fitted in the end.  Chosen for time
+_POINTS = 2048  # angles at which a residual's peaks are looked for
+
+
+def diagnose_tables(
+    declared: Model, tables: Sequence[OrderTable], tell: Progress, *, policy: Policy = POLICY
+) -> Diagnosis:
+    """Find what the model of a reducer lacks in order tables.
+
+    Parameters
+    ----------
+    declared : Model
+        Of a `Reducer`.
+    tables : sequence of OrderTable
+    tell : callable
+        Called with a line of text as the work goes on.
+    policy : Policy
+
+    Raises
+    ------
+    InputError
+        If a table cannot be used; the message says why.
+    """
+    policy = replace(policy, regular=1e12)  # squares are weighted order by order: none is of a size that is not known
+    cases = joined(tables)
+    notes = [f"{table.path}: {note}" if table.path else note for table in tables for note in table.notes]
+    unit = curved(declared.mechanism)
+    model, anywhere = with_marks(replace(declared, mechanism=unit), tables)
+    _check(model, cases)
+    noise, said = noise_of_cases(cases, floor=policy.model_error)
+    notes += said + _conditions(cases)
+    sigmas = discrepancy(cases, noise, policy.line_share)
+    journal = Journal(tell)
+    tell(f"predicting the declared model under {len(cases)} conditions")
+    some = _some_loads(cases)
+    bench = table_set(unit, [cases[n] for n in some], [sigmas[n] for n in some], policy, anywhere=anywhere)
+    first = evaluated(bench, model, model)
+    root = fitted(first, steps=6)
+    candidates = candidates_of(model, bench, policy)
+    found = searched(root, candidates, journal)
+    tell("refitting everything under all conditions")
+    whole = table_set(unit, cases, sigmas, policy, anywhere=anywhere)
+    causes = fitted(evaluated(whole, found.model, model), steps=3, enough=1.0)
+    tell("describing what no cause accounts for")
+    plain = table_set(unit, cases, noise, policy, anywhere=anywhere)
+    laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
+    result = replace(causes.model, effects=(*causes.model.effects, *laws.effects()))
+    final = evaluated(plain, result, model, causes.waves)
+    printed = evaluated(plain, _as_printed(model, final), model)
+    refitted = evaluated(plain, root.model, model)
+    tell("looking for what does as well")
+    named = len(causes.added)
+    origin = "found by rverror diagnose in " + ", ".join(table.path or "a table" for table in tables)
+    after = _residual(final, _left_by_laws(final, causes, laws))
+    added = tuple(_claim(causes, found, n, candidates, origin, after) for n in range(named))
+    added += tuple(_law(laws, n, origin, after) for n in range(len(laws.blocks)))
+    lines = _lines(final, named, noise)
+    if anywhere:
+        notes.append(
+            "index unknown: where the gear's marks stand was fitted with everything else; the zero is one for all"
+        )
+    if lines and named:
+        notes.append(
+            "a cause that is named here is a claim: what is left is more than noise, and each claim says with what "
+            "chance as many sizes that mean nothing do as much"
+        )
+    result = replace(result, effects=(*result.effects[: len(model.effects)], *(one.effect for one in added)))
+    return Diagnosis(
+        verdict="unexplained" if lines else "explained" if named else "nothing_missing",
+        noise_rms=_rms_of(noise),
+        before=_residual(printed, printed.residual),
+        before_refitted=_residual(refitted, left_out(refitted)),
+        after=after,
+        added=added,
+        unexplained=lines,
+        model=result,
+        declared=declared,
+        candidates=(),
+        tried=len(candidates),
+        traces=(),
+        notes=tuple(dict.fromkeys(notes)),
+        history=journal.history,
+        elastic=_elastic(causes),
+        passport=passport(cases, ratio=unit.ratio),
+        shares=_shares(final),
+        conditions=tuple(case.condition for case in cases),
+    )
+
+
+def _check(model: Model, cases: Sequence[OrderCase]) -> None:
+    for item in model.effects:
+        needs = source(item.key).needs
+        if "time" in needs:
+            raise InputError(f"{item.key} needs the time of samples, which an order table has not; remove the effect")
+        if "torque" in needs and any(case.condition.torque is None for case in cases):
+            raise InputError(f"{item.key} needs output_torque[N*m] under every condition; add it or remove the effect")
+
+
+def _conditions(cases: Sequence[OrderCase]) -> list[str]:
+    """What the conditions do not tell."""
+    at = [case.condition for case in cases]
+    notes = []
+    if len({c.direction for c in at}) == 1:
+        notes.append("one direction only: causes that share an order cannot be told apart; add the other direction")
+    if any(c.torque is None for c in at):
+        notes.append("no output_torque: predicted by the closed form (rigid, all loaded pins in contact)")
+    elif len({c.torque for c in at}) == 1:
+        notes.append("one load only: compliance and rigid part errors cannot be told apart; add loads")
+    if len({c.input_speed for c in at}) > 1:
+        notes.append(
+            "conditions differ in speed, which the model does not know: near a natural frequency an order is larger "
+            "than any load makes it"
+        )
+    if len({c.temperature for c in at}) > 1:
+        notes.append("conditions differ in temperature, which the model knows as thermal.growth only")
+    return notes
+
+
+def _some_loads(cases: Sequence[OrderCase]) -> list[int]:
+    """Conditions of a few loads of each direction, evenly from the smallest to the largest, but for no load."""
+    loads = sorted({case.condition.torque or 0.0 for case in cases})
+    if len(loads) > _LOADS:
+        loads = [load for load in loads if load > 0]
+        loads = [loads[round(at)] for at in np.linspace(0, len(loads) - 1, _LOADS)]
+    return [n for n, case in enumerate(cases) if (case.condition.torque or 0.0) in loads]
+
+
+def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
+    """Sources of the catalogue that a table can show and the model does not have.
+
+    Those that are tried in runs, but rare ones of many places, and those that only several loads tell.
+    """
+    unit = model.mechanism
+    assert isinstance(unit, Reducer)
+    taken = [(e.key, dict(e.indices)) for e in model.effects]
+    loads = {record.torque for record in bench.records}
+    return tuple(
+        (key, indices)
+        for key, entry in CATALOGUE.items()
+        if entry.applies_to(unit) and entry.periodic and (not policy.keys or key in policy.keys)
+        if (entry.tried and not entry.late) or (entry.in_tables and ("torque" not in entry.needs or len(loads) > 1))
+        if not any(entry.lacks(unit, record) for record in bench.records)
+        for indices in entry.candidates(unit)
+        if (key, dict(indices)) not in taken
+    )
+
+
+def laws_of(model: Model, bench: TableSet) -> tuple[Named, ...]:
+    """Laws over load and direction by which every whole order of a table can be described."""
+    unit = model.mechanism
+    assert isinstance(unit, Reducer)
+    senses = {case.condition.direction for case in bench.cases}
+    loaded = len({record.torque for record in bench.records if record.torque}) > 1
+    found: list[Named] = []
+    for order in bench.orders.tolist():
+        if abs(order - round(order)) > 1e-6:
+            continue
+        at = {"frame": "output", "harmonic": round(order)}
+        for law in LAWS:
+            extra = [dict(zip(names, values, strict=True)) for names, values in _further(law.key, unit)]
+            for more in extra:
+                both = law is LAWS[0] or more.get("sense") == "alike"
+                if (both or len(senses) > 1) and (loaded or "torque" not in law.needs):
+                    found.append((law.key, {**at, **more}))
+    return tuple(found)
+
+
+def _further(key: str, unit: Reducer) -> list[tuple[tuple[str, ...], tuple[int | str, ...]]]:
+    """Values of the indices of a law beside frame and harmonic."""
+    more = [index for index in source(key).indices if index.name not in ("frame", "harmonic")]
+    if not more:
+        return [((), ())]
+    return [((more[0].name,), (value,)) for value in more[0].allowed(unit)]
+
+
+def _as_printed(model: Model, fit: Fit) -> Model:
+    """The declared model as printed; where the gear's marks are is no size of a part: it is the fitted one."""
+    effects = tuple(
+        now if source(now.key).acts == "marks" else then
+        for now, then in zip(fit.model.effects, model.effects, strict=False)
+    )
+    return replace(model, effects=effects)
+
+
+def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
+    return elastic_within(fit, [_reach(fit, float(v)) for v in np.diag(fit.covariance)])
+
+
+# --- sizes ------------------------------------------------------------------------------------------------------------
+
+
+def _rms_of(rests: Sequence[Array]) -> float:
+    """Root of the mean over conditions of half the sum of squared amplitudes."""
+    return math.sqrt(float(np.mean([0.5 * float(rest @ rest) for rest in rests])))
+
+
+def _residual(fit: Fit, left: Sequence[Array]) -> Residual:
+    bench = fit.bench
+    assert isinstance(bench, TableSet)
+    return Residual(_rms_of(fit.residual), _peaks(bench, fit.residual), _rms_of(left))
+
+
+def _peaks(bench: TableSet, rests: Sequence[Array]) -> float:
+    """Largest peak-to-peak of the waves of a condition, over a turn."""
+    theta = 2 * math.pi * np.arange(_POINTS) / _POINTS
+    spans = []
+    for case, rest in zip(bench.cases, rests, strict=True):
+        count = case.orders.size
+        waves = rest[:count] + 1j * rest[count:]
+        spans.append(float(np.ptp((waves @ np.exp(1j * np.outer(case.orders, theta))).real)))
+    return max(spans)
+
+
+def left_out(fit: Fit) -> list[Array]:
+    """Residual of each condition with sizes from the others: every third load is left out in its turn."""
+    return _foretold(Linear(fit))
+
+
+def _left_by_laws(final: Fit, causes: Fit, laws: Linear) -> list[Array]:
+    """Residual of each condition with the sizes of causes and laws from the others.
+
+    What a cause without some loads foretells otherwise moves the laws of these loads no less: both are added up.
+    """
+    own = zip(_foretold(laws), left_out(causes), causes.residual, strict=True)
+    return [left + (cause - rest) for left, cause, rest in own]
+
+
+def _foretold(state: Linear) -> list[Array]:
+    bench = state.bench
+    ends = np.cumsum([0, *(2 * case.orders.size for case in bench.cases)])
+    of = np.repeat(state.folds, np.diff(ends))
+    result: list[Array] = [np.zeros(0)] * len(bench.cases)
+    for fold in np.unique(state.folds):
+        rest = state.left(state.step(of != fold)) * np.concatenate(bench.sigmas)
+        for n in np.flatnonzero(state.folds == fold).tolist():
+            result[n] = rest[ends[n] : ends[n + 1]]
+    return result
+
+
+def _reach(fit: Fit, variance: float) -> float:
+    """Half width of an interval: wider where what is left is more than it is taken for."""
+    bench = fit.bench
+    assert isinstance(bench, TableSet)
+    values = float(bench.values[1].sum())
+    free = int(np.isfinite(fit.weights).sum())
+    return math.sqrt(variance * max(1.0, fit.data / bench.freedom)) * student(
+        (1 - bench.policy.confidence) / 2, max(values - free, 4.0)
+    )
+
+
+def _estimates(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
+    """Sizes with their intervals, and what is said of those that no workshop makes."""
+    estimates, notes = [], []
+    for parameter, value, half in zip(source(effect.key).parameters, effect.values, halves, strict=True):
+        low = max(value - half, parameter.least)
+        estimates.append(Estimate(parameter.name, parameter.dimension, value, low, value + half))
+        if abs(value) > parameter.plausible:
+            notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
+    return tuple(estimates), notes
+
+
+def _claim(fit: Fit, few: Fit, number: int, candidates: Sequence[Named], origin: str, after: Residual) -> Addition:
+    """A cause, with its rivals and with what chance does as much; from the loads on which it was looked for."""
+    at = len(fit.declared.effects) + number
+    effect = fit.model.effects[at]
+    first = sum(len(e.values) for e in fit.model.effects[:at])
+    own = range(first, first + len(effect.values))
+    estimates, notes = _estimates(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
+    order, share, odds = chance(few, number)
+    notes.append(
+        f"takes {100 * share:.0f} % of what is left of order {order:g} without it; as many sizes that mean nothing do "
+        f"so with a chance of {100 * odds:.2g} %"
+    )
+    alike = tuple((key, dict(indices)) for key, indices in rivals(few, number, candidates))
+    orders = _orders(fit, number)
+    return Addition(replace(effect, origin=origin), estimates, alike, orders, after.heldout_rms, tuple(notes))
+
+
+def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
+    """A law that describes an order."""
+    effect = replace(laws.effects()[number], origin=origin)
+    first = sum(len(b.rows) for b in laws.blocks[:number])
+    own = range(first, first + len(effect.values))
+    more = max(1.0, float(np.sum(laws.left(laws.best) ** 2)) / laws.bench.freedom)
+    size = student((1 - laws.bench.policy.confidence) / 2, max(laws.bench.freedom / 2 - len(laws.rows), 4.0))
+    halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
+    estimates, _ = _estimates(effect, halves)
+    orders = source(effect.key).orders(laws.bench.unit, effect.indices)
+    notes = ("describes an order and explains nothing: no part is behind it",)
+    return Addition(effect, estimates, (), orders, after.heldout_rms, notes)
+
+
+def _parts(fit: Fit) -> list[list[Array]]:
+    """What each added effect makes under each condition, as far as it is linear."""
+    first, parts = sum(len(e.values) for e in fit.declared.effects), []
+    for effect in fit.added:
+        own = slice(first, first := first + len(effect.values))
+        parts.append([np.array(effect.values) @ raw[own] for raw in fit.raw])
+    return parts
+
+
+def _orders(fit: Fit, number: int) -> tuple[float, ...]:
+    """Orders at which an effect acts, the strongest first."""
+    bench = fit.bench
+    assert isinstance(bench, TableSet)
+    power = np.zeros(bench.orders.size)
+    for part, at in zip(_parts(fit)[number], bench.places, strict=True):
+        power += np.bincount(at, weights=part**2, minlength=power.size)
+    policy = bench.policy
+    strong = np.flatnonzero(power > policy.leading**2 * power.max())
+    return tuple(float(bench.orders[n]) for n in strong[np.argsort(-power[strong])][: policy.leading_orders])
+
+
+def _lines(fit: Fit, named: int, noise: Sequence[Array]) -> tuple[Line, ...]:
+    """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
+    bench = fit.bench
+    assert isinstance(bench, TableSet)
+    parts = _parts(fit)[named:]
+    rests = [rest + sum((p[n] for p in parts), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
+    result = []
+    for place, order in enumerate(bench.orders.tolist()):
+        own = [rest[at == place] for rest, at in zip(rests, bench.places, strict=True)]
+        sigma = np.concatenate([s[at == place] for s, at in zip(noise, bench.places, strict=True)])
+        squares = float(np.sum((np.concatenate(own) / sigma) ** 2))
+        bound = sigma.size + bench.policy.by_chance * math.sqrt(2 * sigma.size)
+        sizes = np.array([math.hypot(*one) for one in own if one.size])
+        mean = float(np.sqrt(np.mean(sizes**2)))
+        if squares <= bound or mean < bench.policy.accuracy:
+            continue
+        half = student((1 - bench.policy.confidence) / 2, max(sizes.size - 1, 1)) * float(
+            np.sqrt(np.mean(sigma**2) / sizes.size)
+        )
+        frames = frames_of_order(bench.unit, order, tolerance=bench.policy.order_tolerance)
+        result.append(Line(order, mean, max(mean - half, 0.0), mean + half, tuple(frames)))
+    return tuple(sorted(result, key=lambda line: -line.amplitude))
+
+
+#: What kind of cause a source is, by the family of its key; part errors where none is said.
+_KINDS = {"sensor": "measuring_chain", "shaft": "measuring_chain", "load": "compliance", "empirical": "empirical"}
+
+
+def _kind(key: str) -> str:
+    if "compliance" in key:
+        return "compliance"
+    return _KINDS.get(key.split(".")[0], "parts")
+
+
+def _shares(fit: Fit) -> tuple[OrderShare, ...]:
+    """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
+    bench = fit.bench
+    assert isinstance(bench, TableSet)
+    count = bench.orders.size
+    kinds = ("parts", "compliance", "measuring_chain", "empirical")
+    taken = {kind: np.zeros(count) for kind in kinds}
+    total, left = np.zeros(count), np.zeros(count)
+    parts = _parts(fit)
+    for n, (sight, at) in enumerate(zip(bench.sights, bench.places, strict=True)):
+        measured = sight.measured
+        rest = measured - fit.residual[n]
+        for effect, part in zip(fit.added, parts, strict=True):
+            taken[_kind(effect.key)] += np.bincount(at, weights=measured * part[n], minlength=count)
+            rest = rest - part[n]
+        taken["parts"] += np.bincount(at, weights=measured * rest, minlength=count)  # declared, and what is not linear
+        left += np.bincount(at, weights=measured * fit.residual[n], minlength=count)
+        total += np.bincount(at, weights=measured**2, minlength=count)
+    cases = np.bincount(np.concatenate([np.unique(at) for at in bench.places]), minlength=count)
+    return tuple(
+        OrderShare(
+            order=float(bench.orders[n]), amplitude=math.sqrt(total[n] / max(cases[n], 1)),
+            left=float(left[n] / max(total[n], 1e-300)),
+            **{kind: float(taken[kind][n] / max(total[n], 1e-300)) for kind in kinds},
+        )
+        for n in range(count)
+    )  # fmt: skip
+
+
+def validated_table(found: Diagnosis, table: OrderTable) -> Validation:
+    """Hold a result against a table that it has not seen: nothing is fitted.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    table : OrderTable
+    """
+    unit = found.model.mechanism
+    assert isinstance(unit, Reducer)
+    marks = tuple(e for e in found.model.effects if source(e.key).acts == "marks")
+    stated = any(source(e.key).acts == "marks" for e in found.declared.effects)
+    declared = replace(
+        found.declared, mechanism=curved(found.declared.mechanism),
+        effects=found.declared.effects if stated else (*found.declared.effects, *marks),
+    )  # fmt: skip
+    sizes = []
+    for model in (declared, found.model):
+        assert isinstance(model.mechanism, Reducer)
+        bench = table_set(
+            model.mechanism, table.cases, [np.ones(2 * c.orders.size) for c in table.cases], POLICY,
+            anywhere=bool(marks),
+        )  # fmt: skip
+        fit = evaluated(bench, model, model)
+        squares = np.zeros(bench.orders.size)
+        for rest, at in zip(fit.residual, bench.places, strict=True):
+            squares += np.bincount(at, weights=rest**2, minlength=squares.size)
+        sizes.append((_rms_of(fit.residual), np.sqrt(0.5 * squares / len(bench.cases))))
+    orders = tuple(float(order) for order in bench.orders)
+    return Validation(table.path, sizes[0][0], sizes[1][0], orders, tuple(sizes[0][1]), tuple(sizes[1][1]))

@@ -1,0 +1,72 @@
+"""A result held against measurements that no fit saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.diagnosis.orders.tables import validated_table
+from rverror.diagnosis.result import Diagnosis, Validation
+from rverror.model.catalogue import source
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
+from rverror.statics.prediction import predict
+
+
+def validated(found: Diagnosis, unseen: Sequence[Run | OrderTable]) -> Diagnosis:
+    """The result with what it leaves of measurements that no fit saw, beside what the declared model leaves.
+
+    Nothing is fitted to them but the offset of each run.  Where the gear's marks are unknown both models have the angle
+    that was found: it is no size of a part.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    unseen : sequence of Run or OrderTable
+
+    Returns
+    -------
+    Diagnosis
+        With its `validation`, in the order of what was given.
+
+    Raises
+    ------
+    InputError
+        If a run contradicts the model.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> theta = np.linspace(0, 8 * np.pi, 4001)
+    >>> runs = [rverror.run_from_arrays(input_angle=14 * theta, te=2e-5 * np.cos(14 * theta + k)) for k in (0, 0)]
+    >>> model = rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0}))
+    >>> held = rverror.validated(rverror.diagnose(model, runs[:1]), runs[1:]).validation[0]
+    >>> held.after < 0.01 * held.before
+    True
+    """
+    made = [validated_table(found, one) if isinstance(one, OrderTable) else _of_run(found, one) for one in unseen]
+    return replace(found, validation=(*found.validation, *made))
+
+
+def _of_run(found: Diagnosis, run: Run) -> Validation:
+    marks = tuple(e for e in found.model.effects if source(e.key).acts == "marks")
+    stated = any(source(e.key).acts == "marks" for e in found.declared.effects)
+    declared = found.declared if stated else replace(found.declared, effects=(*found.declared.effects, *marks))
+    before, after = (_rms(_rest(model, run)) for model in (declared, found.model))
+    return Validation(run.path, before, after)
+
+
+def _rest(model: Model, run: Run) -> Array:
+    run.check_effects(model, run.path or "the run")
+    rest = run.error(model) - predict(model, run.conditions(model)).transmission_error
+    for sense in np.unique(run.direction):
+        rest[run.direction == sense] -= rest[run.direction == sense].mean()
+    return np.asarray(rest)
+
+
+def _rms(rest: Array) -> float:
+    return float(np.sqrt(np.mean(rest**2)))
