@@ -54,3 +54,27 @@ def test_needs_the_torque_and_says_so() -> None:
 def test_a_compliance_is_not_negative() -> None:
     with pytest.raises(ValueError, match=r"compliance = -1 arcsec/\(N\*m\): must be 0 or more"):
         rverror.effect("load.torsion", compliance="-1 arcsec/(N*m)")
+
+
+def test_the_tilt_of_the_output_is_mirrored_in_the_eccentric_direction() -> None:
+    """Reversed torque pushes a disc as far on the other side of its eccentric direction, which is at -39 theta."""
+    unit, theta = rverror.reducer("RV-40E"), np.linspace(0, 2 * np.pi, 4096, endpoint=False)
+    waves = []
+    for direction in (1.0, -1.0):
+        rows = rverror.influence(unit, theta, "sensor.output_tilt", direction=direction, torque=1.0).matrix
+        waves.append(np.mean((rows[0] + 1j * rows[1]) * np.exp(39j * theta)))  # what turns with the eccentric
+    forward, reverse = waves
+    assert abs(forward) == pytest.approx(1.0, abs=0.01)  # all of it, but for the ripple of the pins
+    assert np.angle(-forward) == pytest.approx(-np.angle(reverse), abs=1e-3)
+
+
+@pytest.mark.parametrize(("key", "order"), [("load.torsion_wave", 3), ("load.input_torsion_wave", 3 * 121)])
+def test_what_gives_way_unevenly_lags_with_the_load(key: str, order: int) -> None:
+    unit, theta = rverror.reducer("RV-40E"), np.linspace(0, 2 * np.pi, 4096, endpoint=False)
+    size = 1e-9  # rad per N*mm
+    for direction, torque in ((1.0, 2e5), (-1.0, 2e5), (1.0, 1e5)):
+        rows = rverror.influence(unit, theta, key, direction=direction, torque=torque, harmonic=3).matrix
+        wave = 2 * np.mean((rows.T @ [size, 0.0]) * np.exp(-1j * order * theta))
+        assert wave == pytest.approx(-direction * torque * size, rel=1e-9)
+    with pytest.raises(ValueError, match="needs the torque"):
+        rverror.influence(unit, theta, key, direction=1.0, harmonic=3)

@@ -193,6 +193,14 @@ def lobe(g, disc, number):
     return np.where(abs(x) < np.pi / zc, np.cos(zc * x / 2) ** 2, 0)
 
 
+def pushed(g):
+    """Direction in which the loaded pins push the first disc: their arms about its centre are their weights."""
+    from_centre = g.q[0] - g.unit.eccentricity * g.eps[0]
+    arm = (from_centre.conj() * g.n[0]).imag
+    force = (np.maximum(g.sign * arm, 0) * g.n[0]).sum(axis=0)
+    return force / abs(force)
+
+
 XY = np.array([[1], [1j]])
 FLANKS = np.array([[1], [-1]])  # that of forward motion, that of reverse
 
@@ -225,6 +233,10 @@ READ = {
     "coupling.carrier_bore_position": ({"crank": 1}, lambda g: [-g.r[1], -g.t[1]]),
     "coupling.carrier_runout": ({}, lambda g: -XY * np.exp(1j * g.theta)),
     "load.torsion": ({}, lambda g: [-g.sign * TORQUE]),
+    "load.torsion_wave": ({"harmonic": 3}, lambda g: -g.sign * TORQUE * g.wave(3 * g.theta)),
+    "load.input_torsion_wave": ({"harmonic": 2}, lambda g: -g.sign * TORQUE * g.wave(2 * g.R * g.theta)),
+    "sensor.encoder_distortion": ({"harmonic": 5}, lambda g: g.wave(5 * g.theta)),
+    "sensor.output_tilt": ({}, lambda g: -g.sign * TORQUE * np.stack([pushed(g).real, pushed(g).imag])),
     "sensor.encoder_eccentricity": ({}, lambda g: g.wave(g.theta)),
     "sensor.encoder_ellipticity": ({}, lambda g: g.wave(2 * g.theta)),
     "sensor.input_coupling": ({"harmonic": 2}, lambda g: g.wave(2 * g.R * g.theta) / g.R),
@@ -233,6 +245,11 @@ READ = {
     "sensor.drift": ({}, lambda g: [np.linspace(0, 1, g.theta.size)]),
     "sensor.time_offset": ({}, lambda g: [g.sign / SECONDS]),
     "empirical.order": ({"frame": "housing", "harmonic": 2}, lambda g: g.wave(2 * 39 * g.theta)),
+    "empirical.order_by_direction": ({"frame": "output", "harmonic": 7}, lambda g: g.sign * g.wave(7 * g.theta)),
+    "empirical.order_by_load": (
+        {"frame": "output", "harmonic": 7, "sense": "opposite"},
+        lambda g: g.sign * TORQUE * g.wave(7 * g.theta),
+    ),
 }
 TORQUE, SECONDS = 7.0, 0.5  # N*mm; s for each radian of the output
 

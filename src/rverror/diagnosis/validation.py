@@ -62,7 +62,10 @@ def _of_run(found: Diagnosis, run: Run) -> Validation:
 
 def _rest(model: Model, run: Run) -> Array:
     run.check_effects(model, run.path or "the run")
-    rest = run.error(model) - predict(model, run.conditions(model)).transmission_error
+    where = run.conditions(model)
+    if np.unique(run.direction).size == 1:
+        where = replace(where, direction=float(run.direction[0]))
+    rest = run.error(model) - predict(model, where).transmission_error
     for sense in np.unique(run.direction):
         rest[run.direction == sense] -= rest[run.direction == sense].mean()
     return np.asarray(rest)

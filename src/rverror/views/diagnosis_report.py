@@ -380,7 +380,7 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     lines.append(f"{'noise':<26}{scale(diagnosis.noise_rms):>9.3f}")
     lines += _validation_lines(diagnosis, scale)
     lines += _share_lines(diagnosis, scale)
-    causes = [addition for addition in diagnosis.added if CATALOGUE[addition.effect.key].is_cause]
+    causes = [addition for addition in diagnosis.added if _is_cause(addition)]
     for number, addition in enumerate(causes, 1):
         lines += ["", *_addition_lines(number, addition, scale)]
     lines += _law_lines([addition for addition in diagnosis.added if addition not in causes])
@@ -412,6 +412,12 @@ def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]
         names = ", ".join(describe(key, indices) for key, indices in addition.indistinguishable)
         lines.append(f"  these runs cannot tell it from: {names}")
     return lines + [f"  note: {note}" for note in addition.notes]
+
+
+def _is_cause(addition: Addition) -> bool:
+    """Tell whether an addition is more than a law; a source of one's own is, while the catalogue does not hold it."""
+    entry = CATALOGUE.get(addition.effect.key)
+    return entry is None or entry.is_cause
 
 
 def _law_lines(laws: Sequence[Addition]) -> list[str]:

@@ -37,7 +37,7 @@ _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class CandidateRows:
     """A candidate, and what its sizes do to every number of the table.
 
     Attributes
@@ -64,13 +64,13 @@ class Linear:
     ----------
     fit : Fit
         Where it is linear.
-    blocks : tuple of Block
+    blocks : tuple of CandidateRows
     held : bool
         Whether everything but the blocks keeps its size.
     """
 
     fit: Fit
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[CandidateRows, ...] = ()
     held: bool = False
 
     @property
@@ -178,7 +178,7 @@ class Linear:
             (self.sizes(n) >= [p.least for p in source(b.name[0]).parameters]).all() for n, b in enumerate(self.blocks)
         )
 
-    def beside(self, block: Block) -> Linear:
+    def beside(self, block: CandidateRows) -> Linear:
         """The same with one block more."""
         return replace(self, blocks=(*self.blocks, block))
 
@@ -187,7 +187,7 @@ class Linear:
         return replace(self, blocks=self.blocks[:number] + self.blocks[number + 1 :])
 
 
-def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Block]:
+def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[CandidateRows]:
     """Every candidate that a model does not have and the table can show."""
     taken = {named(e) for e in fit.model.effects}
     free = [c for c in candidates if identity(c) not in taken]
@@ -196,7 +196,7 @@ def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Block]:
     influences = zip(fit.bench.sights, fit.bench.influences(fit.model, fit.waves, free), strict=True)
     rows = np.concatenate([sight.whiten(own) for sight, own in influences], axis=1)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in free)])
-    made = [Block(name, rows[a:b]) for name, a, b in zip(free, ends[:-1], ends[1:], strict=True)]
+    made = [CandidateRows(name, rows[a:b]) for name, a, b in zip(free, ends[:-1], ends[1:], strict=True)]
     return [block for block in made if np.abs(block.prior[:, None] * block.rows).max() > 1]  # a size makes a deviation
 
 
@@ -263,7 +263,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
     return fit
 
 
-def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, claims: bool) -> Linear | None:
+def _next(state: Linear, pool: Sequence[CandidateRows], journal: Journal, *, claims: bool) -> Linear | None:
     """The state with the best block more that is a cause; none where none is."""
     taken = {identity(b.name) for b in state.blocks}
     trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
@@ -284,7 +284,7 @@ def _next(state: Linear, pool: Sequence[Block], journal: Journal, *, claims: boo
     return None
 
 
-def _takes(state: Linear, block: Block, beyond: Flags) -> bool:
+def _takes(state: Linear, block: CandidateRows, beyond: Flags) -> bool:
     """Tell whether a block takes half of what is left of an order, and a good part of what is measured of it.
 
     Of what changes with the load alone where the block does nothing without one: a constant of another cause is no
@@ -297,7 +297,7 @@ def _takes(state: Linear, block: Block, beyond: Flags) -> bool:
     return bool((beyond & much & (after < (1 - _TAKES) * before)).any())
 
 
-def _constants(state: Linear) -> list[Block]:
+def _constants(state: Linear) -> list[CandidateRows]:
     """Waves of any size that are the same at all loads, of each direction."""
     bench, found = state.bench, []
     for place in range(bench.orders.size):
@@ -307,7 +307,9 @@ def _constants(state: Linear) -> list[Block]:
                 own = (at == place) & (case.condition.direction == sense)
                 first = np.arange(at.size) < case.orders.size
                 rows.append(np.stack([own & first, own & ~first]) / sigma)
-            found.append(Block((ORDER.key, {"frame": "output", "harmonic": place}), np.concatenate(rows, axis=1)))
+            found.append(
+                CandidateRows((ORDER.key, {"frame": "output", "harmonic": place}), np.concatenate(rows, axis=1))
+            )
     return found
 
 

@@ -1,0 +1,248 @@
+"""Order tables: what waves say of a cause, what chance says as well, and what only laws describe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import OTHER, TURN, UNIT
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import evaluated, fitted
+from rverror.diagnosis.gears.grid import whole
+from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
+from rverror.diagnosis.orders.table_set import TableSight, case_name, discrepancy, noise_of_cases, table_set
+from rverror.diagnosis.policy import POLICY
+from rverror.geartrain.kinematics import Conditions
+from rverror.model.effects import Effect, Model
+from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
+from rverror.statics.prediction import predict
+
+LOADS = (20e3, 60e3, 120e3, 200e3, 300e3)
+#: Fundamental orders of the small reducer: output, housing, crank, twice these, sun and twice.
+ORDERS = np.array([1.0, 2.0, 3.0, 7.0, 15.0, 16.0, 30.0, 32.0, 48.0, 49.0, 98.0])
+NOISE = 0.05  # arcsec
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+HEAD = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec", sin="-9 arcsec")
+
+
+def waves_of(model: Model, direction: float, torque: float, orders: Array = ORDERS) -> Array:
+    """Waves of a prediction over one turn by Fourier's sums: the orders are whole."""
+    theta = TURN * np.arange(2048) / 2048
+    error = predict(model, Conditions(theta, direction, torque)).transmission_error
+    return np.asarray([2 * np.mean(error * np.exp(-1j * order * theta)) for order in orders])
+
+
+def table_of(
+    model: Model, *, loads: Sequence[float] = LOADS, seed: int = 0, noise: float = NOISE, stated: bool = True
+) -> OrderTable:
+    """What a bench would print of a unit, with noise in every number."""
+    rng, cases = np.random.default_rng(seed), []
+    for direction in (1.0, -1.0):
+        for load in loads:
+            spread = noise * ARCSEC * (rng.normal(size=ORDERS.size) + 1j * rng.normal(size=ORDERS.size))
+            cases.append(
+                OrderCase(
+                    condition=TableCondition(direction=direction, torque=load),
+                    orders=ORDERS,
+                    waves=waves_of(model, direction, load) + spread,
+                    sigma=np.full(ORDERS.size, noise * ARCSEC) if stated else None,
+                )
+            )
+    return OrderTable(cases=tuple(cases))
+
+
+@pytest.fixture(scope="module")
+def found() -> rverror.Diagnosis:
+    """Of a unit with other stiffness than is declared, that lacks a cam's error and an encoder's."""
+    return rverror.diagnose(Model(UNIT), [table_of(Model(OTHER, (CAM, HEAD)))])
+
+
+def test_missing_causes_are_named_and_their_sizes_held(found: rverror.Diagnosis) -> None:
+    keys = {one.effect.key: one for one in found.added}
+    assert found.verdict == "explained"
+    assert set(keys) == {CAM.key, HEAD.key} or CAM.key in {k for one in found.added for k, _ in one.indistinguishable}
+    for estimate, true in zip(keys[HEAD.key].estimates, HEAD.values, strict=True):
+        assert estimate.low <= true <= estimate.high
+        assert estimate.high - estimate.low < 2 * ARCSEC
+    assert keys[HEAD.key].orders == (1.0,)
+    assert found.after.heldout_rms < 1.5 * found.noise_rms
+    assert found.noise_rms == pytest.approx(NOISE * ARCSEC * math.sqrt(ORDERS.size), rel=0.03)
+
+
+def test_rms_is_the_root_of_half_the_squared_amplitudes(found: rverror.Diagnosis) -> None:
+    table = table_of(Model(OTHER, (CAM, HEAD)))
+    power = np.mean([np.sum(np.abs(case.waves) ** 2) / 2 for case in table.cases])
+    assert found.before.rms == pytest.approx(math.sqrt(power), rel=1e-6)  # a reducer without errors predicts none
+
+
+def test_shares_of_an_order_make_one_and_name_the_chain(found: rverror.Diagnosis) -> None:
+    for share in found.shares:
+        total = share.parts + share.compliance + share.measuring_chain + share.empirical + share.left
+        assert total == pytest.approx(1.0, abs=1e-9)
+    by_order = {share.order: share for share in found.shares}
+    assert by_order[1.0].measuring_chain == pytest.approx(1.0, abs=0.01)
+    assert by_order[16.0].parts == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_table_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
+    """At loads between, with other noise: the declared model leaves all, the result hardly more than the noise."""
+    unseen = table_of(Model(OTHER, (CAM, HEAD)), loads=(90e3, 250e3), seed=5)
+    held = rverror.validated(found, [unseen]).validation[0]
+    assert held.before == pytest.approx(found.before.rms, rel=0.05)
+    assert held.after < 2 * found.noise_rms
+    assert np.hypot.reduce(held.after_by_order) == pytest.approx(held.after, rel=1e-9)
+
+
+def test_a_run_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
+    theta = TURN * np.arange(1024) / 1024
+    model = Model(OTHER, (CAM, HEAD))
+    error = predict(model, Conditions(theta, 1.0, 90e3)).transmission_error
+    run = rverror.run_from_arrays(input_angle=49 * theta, te=error + 3e-4, torque=90e3, direction="forward")
+    held = rverror.validated(found, [run]).validation[0]
+    assert held.after < 0.05 * held.before
+
+
+def test_nothing_is_named_where_nothing_is_missing() -> None:
+    told = rverror.diagnose(Model(UNIT, (CAM,)), [table_of(Model(OTHER, (CAM,)), seed=3)])
+    assert told.verdict == "nothing_missing"
+    assert told.added == ()
+    assert told.before_refitted.rms < 1.3 * told.noise_rms
+
+
+def test_an_order_of_no_part_is_described_and_not_named() -> None:
+    """Of order 7 a constant and a part that grows with the load, alike in both directions."""
+    table = table_of(Model(OTHER, (HEAD,)), seed=4)
+    at = int(np.flatnonzero(ORDERS == 7)[0])
+    cases = []
+    for case in table.cases:
+        waves = case.waves.copy()
+        assert case.condition.torque is not None
+        waves[at] += (1.5 + 4e-6 * case.condition.torque * 1j) * ARCSEC
+        cases.append(replace(case, waves=waves))
+    told = rverror.diagnose(Model(UNIT), [replace(table, cases=tuple(cases))])
+    laws = {
+        (one.effect.key, one.effect.indices.get("sense")): one.estimates for one in told.added if one.orders == (7.0,)
+    }
+    assert told.verdict == "unexplained"
+    assert [line.order for line in told.unexplained] == [7.0]
+    assert set(laws) == {("empirical.order", None), ("empirical.order_by_load", "alike")}
+    constant, slope = laws["empirical.order", None], laws["empirical.order_by_load", "alike"]
+    assert constant[0].low <= 1.5 * ARCSEC <= constant[0].high
+    # Re(z exp(i 7 theta)) with z = i b T is -b T sin(7 theta)
+    assert slope[1].low <= -4e-6 * ARCSEC <= slope[1].high
+    assert {share.order: share for share in told.shares}[7.0].empirical == pytest.approx(1.0, abs=0.02)
+    assert told.after.rms < 1.5 * told.noise_rms
+
+
+def test_waves_of_a_grid_are_those_that_were_put_in_and_turn_with_the_marks() -> None:
+    turn = whole(0.0, TURN, 512)
+    rng = np.random.default_rng(1)
+    orders = np.array([1.0, 3.5, 7.0, 48.0])
+    waves = rng.normal(size=4) + 1j * rng.normal(size=4)
+    case = OrderCase(condition=TableCondition(direction=1.0), orders=orders, waves=waves)
+    sight = TableSight(case, np.ones(8), turn, None)
+
+    def rows(shift: float) -> Array:
+        return np.asarray([np.real(np.exp(1j * np.outer(turn.theta + shift, orders)) @ waves) + 0.3])
+
+    assert sight.of_grid(turn, rows(0.0), 0.0)[0] == pytest.approx(sight.measured, abs=1e-12)
+    assert sight.of_grid(turn, rows(0.0), 0.4)[0] == pytest.approx(sight.of_grid(turn, rows(0.4), 0.0)[0], abs=1e-12)
+
+
+def test_noise_is_what_parabolas_over_the_load_leave() -> None:
+    rng, law = np.random.default_rng(2), np.array([2.0, -1.0 + 0.5j, 0.3j])
+    cases = []
+    for direction in (1.0, -1.0):
+        for load in np.linspace(10e3, 400e3, 40):
+            wave = np.polyval(law, load / 400e3) * ARCSEC
+            spread = 0.2 * ARCSEC * (rng.normal(size=2) + 1j * rng.normal(size=2))
+            at = TableCondition(direction=direction, torque=float(load))
+            cases.append(OrderCase(condition=at, orders=np.array([1.0, 16.0]), waves=wave + spread))
+    sigmas, notes = noise_of_cases(cases, floor=0.0)
+    # 2 (40 - 3) values of each direction: one standard deviation of their root mean square is 6 %
+    assert sigmas[0] == pytest.approx(np.full(4, 0.2 * ARCSEC), rel=0.2)
+    assert "states no sigma" in notes[0]
+    stated = [replace(case, sigma=np.full(2, 1e-6)) for case in cases]
+    assert noise_of_cases(stated, floor=0.0) == ([pytest.approx(np.full(4, 1e-6))] * 80, [])
+    with pytest.raises(InputError, match=r"no sigma\[arcsec\], and no order stands at five loads"):
+        noise_of_cases(cases[:4], floor=0.0)
+
+
+def test_what_the_model_is_not_right_to_counts_once_for_each_independent_value() -> None:
+    """Of N numbers of an order M are independent: a share of the waves' rms has its variance N/M times."""
+    cases = [
+        OrderCase(
+            condition=TableCondition(direction=1.0, torque=load), orders=np.array([5.0]), waves=np.array([3 + 4j])
+        )
+        for load in (1.0, 2.0, 3.0, 4.0, 5.0)
+    ]
+    (first, *_) = discrepancy(cases, [np.zeros(2)] * 5, 0.1)
+    # |z|^2 = 25 in two numbers each: rms^2 = 12.5; N = 10, M = 4
+    assert first == pytest.approx(np.sqrt(np.full(2, 0.01 * 12.5 * 10 / 4)))
+
+
+def test_the_chance_of_a_claim_is_that_of_sizes_that_mean_nothing() -> None:
+    """Random blocks of two sizes take shares of eight values that are distributed as `chance` says."""
+    rng = np.random.default_rng(6)
+    told, shares = [], []
+    for _ in range(4000):
+        rows, waves = np.linalg.qr(rng.normal(size=(8, 2)))[0], rng.normal(size=8)
+        shares.append(float(np.sum((rows.T @ waves) ** 2) / np.sum(waves**2)))
+    order, share, odds = chance_of_cam()
+    told = float(np.mean(np.array(shares) >= 0.6))
+    from scipy.stats import beta
+
+    assert told == pytest.approx(float(beta.sf(0.6, 1, 3)), abs=4 * math.sqrt(0.064 * 0.936 / 4000))
+    assert order == 16.0
+    assert odds == pytest.approx((1 - share) ** 3, rel=1e-6)  # of two sizes in eight values
+    assert share > 0.95
+
+
+def chance_of_cam() -> tuple[float, float, float]:
+    table = table_of(Model(OTHER, (CAM,)))
+    sigmas, _ = noise_of_cases(table.cases, floor=0.0)
+    bench = table_set(UNIT, table.cases, sigmas, replace(POLICY, regular=1e12), anywhere=False)
+    model = Model(UNIT)
+    fit = fitted(evaluated(bench, replace(model, effects=(CAM,)), model))
+    return chance(fit, 0)
+
+
+def test_a_linear_step_beside_a_block_reaches_what_a_fit_reaches() -> None:
+    """Of a reading that is linear: the same sizes and objective."""
+    table = table_of(Model(UNIT, (HEAD,)))
+    sigmas, _ = noise_of_cases(table.cases, floor=0.0)
+    bench = table_set(UNIT, table.cases, sigmas, replace(POLICY, regular=1e12), anywhere=False)
+    model = Model(UNIT)
+    bare = evaluated(bench, model, model)
+    (block,) = blocks_of(bare, [(HEAD.key, {})])
+    trial = Linear(bare).beside(block)
+    whole_fit = fitted(evaluated(bench, replace(model, effects=(Effect(HEAD.key, {}, (0.0, 0.0)),)), model), steps=30)
+    assert trial.sizes(0) == pytest.approx(np.array(whole_fit.added[0].values), rel=1e-3)
+    assert trial.objective == pytest.approx(whole_fit.objective, abs=0.05)
+
+
+def test_conditions_are_told_in_words() -> None:
+    at = TableCondition(direction=-1.0, torque=2e5, input_speed=math.pi * 100 / 30, temperature=298.15)
+    case = OrderCase(condition=at, orders=np.array([1.0]), waves=np.array([1j]))
+    assert case_name(case) == "reverse 200 N*m 100 rpm 25 degC"
+
+
+def test_tables_that_do_not_go_together_are_refused() -> None:
+    table = table_of(Model(UNIT), loads=(20e3,))
+    run = rverror.run_from_arrays(input_angle=np.linspace(0, 300, 400), te=np.zeros(400), direction="forward")
+    with pytest.raises(InputError, match="is an order table, another input a run"):
+        rverror.diagnose(Model(UNIT), [table, run])
+    with pytest.raises(InputError, match=r"order tables are diagnosed for a \[reducer\]"):
+        rverror.diagnose(Model(rverror.Drive(ratio=14.0, shafts={})), [table])
+    with pytest.raises(InputError, match="tables that are diagnosed together have one zero"):
+        rverror.diagnose(Model(UNIT), [table, replace(table, index="unknown")])
+    with pytest.raises(InputError, match="needs the time of samples"):
+        delay = rverror.effect("sensor.time_offset", offset="1 ms")
+        rverror.diagnose(Model(UNIT, (delay,)), [table])
