@@ -31,7 +31,6 @@ from rverror.geartrain.source import IndexValue
 from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
-from rverror.runs.order_table import TableCondition
 from rverror.views import svg
 from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
 from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, SHARES, effect_toml, page
@@ -176,12 +175,11 @@ def _label(trace: Trace, at: int) -> str:
 
 def bench_of(diagnosis: Diagnosis) -> Circumstances:
     """What the runs of a diagnosis cover."""
-    seen: tuple[Trace | TableCondition, ...] = (*diagnosis.traces, *diagnosis.conditions)
-    torques, ways = {torque for one in seen if (torque := one.torque) is not None}, [one.direction for one in seen]
+    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
     longest = max(diagnosis.traces, key=turns_of, default=None)
     part = longest.theta if longest is not None and turns_of(longest) < 1 else None
     return Circumstances(
-        directions=frozenset(1.0 if way > 0 else -1.0 for way in ways) or frozenset({1.0}),
+        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
         samples_per_turn=samples_per_turn(diagnosis),
         torques=frozenset(torques),
         marks=all(trace.index != "unknown" for trace in diagnosis.traces),
@@ -195,7 +193,9 @@ def bench_of(diagnosis: Diagnosis) -> Circumstances:
 
 
 def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
-    """What to measure next, with the addition that each measurement is about."""
+    """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
+    if diagnosis.conditions:
+        return []
     bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []
     for addition in diagnosis.added:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 
 import rverror
 from gear_runs import OTHER, TURN, UNIT
+from recordings import recording
+from rverror.app.command_line import main
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
@@ -24,6 +29,7 @@ from rverror.model.effects import Effect, Model
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
 from rverror.statics.prediction import predict
 
+EXAMPLE = Path(__file__).parents[3] / "examples" / "rv-81" / "model.toml"
 LOADS = (20e3, 60e3, 120e3, 200e3, 300e3)
 #: Fundamental orders of the small reducer: output, housing, crank, twice these, sun and twice.
 ORDERS = np.array([1.0, 2.0, 3.0, 7.0, 15.0, 16.0, 30.0, 32.0, 48.0, 49.0, 98.0])
@@ -191,14 +197,12 @@ def test_what_the_model_is_not_right_to_counts_once_for_each_independent_value()
 def test_the_chance_of_a_claim_is_that_of_sizes_that_mean_nothing() -> None:
     """Random blocks of two sizes take shares of eight values that are distributed as `chance` says."""
     rng = np.random.default_rng(6)
-    told, shares = [], []
+    shares = []
     for _ in range(4000):
         rows, waves = np.linalg.qr(rng.normal(size=(8, 2)))[0], rng.normal(size=8)
         shares.append(float(np.sum((rows.T @ waves) ** 2) / np.sum(waves**2)))
     order, share, odds = chance_of_cam()
     told = float(np.mean(np.array(shares) >= 0.6))
-    from scipy.stats import beta
-
     assert told == pytest.approx(float(beta.sf(0.6, 1, 3)), abs=4 * math.sqrt(0.064 * 0.936 / 4000))
     assert order == 16.0
     assert odds == pytest.approx((1 - share) ** 3, rel=1e-6)  # of two sizes in eight values
@@ -243,6 +247,57 @@ def test_tables_that_do_not_go_together_are_refused() -> None:
         rverror.diagnose(Model(rverror.Drive(ratio=14.0, shafts={})), [table])
     with pytest.raises(InputError, match="tables that are diagnosed together have one zero"):
         rverror.diagnose(Model(UNIT), [table, replace(table, index="unknown")])
+    delay = rverror.effect("sensor.time_offset", offset="1 ms")
     with pytest.raises(InputError, match="needs the time of samples"):
-        delay = rverror.effect("sensor.time_offset", offset="1 ms")
         rverror.diagnose(Model(UNIT, (delay,)), [table])
+
+
+def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fitted on three loads, validated on a fourth; the passport comes first in every form."""
+    model, page, told = tmp_path / "model.toml", tmp_path / "page.html", tmp_path / "told.json"
+    rverror.save_model(model, Model(UNIT))
+    seen, unseen = tmp_path / "seen.csv", tmp_path / "unseen.csv"
+    for path, loads, seed in ((seen, LOADS, 0), (unseen, (90e3,), 1)):
+        rverror.write_orders(path, table_of(Model(OTHER, (CAM, HEAD)), loads=loads, seed=seed))
+    command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page]
+    assert main([str(word) for word in command]) == 0
+    data = json.loads(told.read_text(encoding="utf-8"))
+    assert {entry["key"] for entry in data["added"]} == {CAM.key, HEAD.key}
+    assert data["passport"][0]["order"] == 1.0
+    assert data["validation"][0]["file"] == str(unseen)
+    assert data["validation"][0]["after"]["rms_arcsec"] < 0.1 * data["validation"][0]["before"]["rms_arcsec"]
+    text = capsys.readouterr().out
+    assert text.index("per 1000 N*m of load") < text.index("held-out rms") < text.index("Added 1")
+    html = page.read_text(encoding="utf-8")
+    assert html.index("Measurements that no fit saw") < html.index("What accounts for the power of each order")
+    assert main(["diagnose", str(model), str(seen), "--validate", str(seen)]) == 2
+    assert "given twice" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def measured() -> rverror.Diagnosis:
+    """Of the reducer that others measured."""
+    table = rverror.load_run(recording("rv-81to1", "loads-100rpm-25degC.csv"))
+    return rverror.diagnose(rverror.load_model(EXAMPLE), [table])
+
+
+def test_a_measured_reducer_s_order_1_is_one_cause_with_two_numbers(measured: rverror.Diagnosis) -> None:
+    """Its README: 61.7 arcsec at every load, in both directions, with one phase."""
+    (head,) = [one for one in measured.added if one.effect.key == HEAD.key]
+    assert math.hypot(*head.effect.values) == pytest.approx(61.7 * ARCSEC, rel=0.01)
+    assert head.orders == (1.0,)
+    order_1 = {share.order: share for share in measured.shares}[1.0]
+    assert order_1.measuring_chain == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_measured_reducer_is_foretold_at_another_temperature(measured: rverror.Diagnosis) -> None:
+    """The same unit repeats to 1.2 arcsec; half of the power of all orders but the first is claimed by causes."""
+    table = rverror.load_run(recording("rv-81to1", "loads-100rpm-30degC.csv"))
+    held = rverror.validated(measured, [table]).validation[0]
+    assert np.hypot.reduce(held.after_by_order[1:]) < 1.5 * ARCSEC
+    power = [(one.amplitude**2, one) for one in measured.shares if one.order > 1]
+    named = sum(size * (one.parts + one.compliance + one.measuring_chain) for size, one in power)
+    assert named > 0.5 * sum(size for size, _ in power)
+    assert measured.verdict == "unexplained"
+    sizes = [len(one.effect.values) for one in measured.added if not one.effect.key.startswith("empirical.")]
+    assert sum(sizes) <= 25

@@ -330,22 +330,26 @@ def _pruned(state: Linear, journal: Journal) -> Linear:
 
 
 def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
-    """Other causes that, in one's place, take what it takes: nine tenths of it or more, by a linear step.
+    """Other causes that, in one's place, take of its leading order what it takes: nine tenths of it or more.
 
-    A table of few orders tells no more: what comes as near may be the cause.
+    By a linear step, and whatever else they take: a table of few orders tells no more, so that what comes as near may
+    be the cause.
     """
-    effects, at = fit.model.effects, len(fit.declared.effects) + number
-    bare = _without(fit, number)
-    own = Linear(fit).objective
-    without = Linear(bare).objective
+    bare, at = _leading(fit, number)
+    without, own = Linear(bare), Linear(fit).squares[at]
+    most = own + 0.1 * (without.squares[at] - own)
     found = []
     for block in blocks_of(bare, candidates):
-        trial = Linear(bare).beside(block)
-        if identity(block.name) == named(effects[at]) or not trial.plausible():
-            continue
-        if trial.objective < own + 0.1 * (without - own):
+        trial = without.beside(block)
+        if identity(block.name) != named(fit.added[number]) and trial.plausible() and trial.squares[at] < most:
             found.append((trial.objective, (block.name[0], dict(block.name[1]))))
     return [name for _, name in sorted(found, key=lambda pair: pair[0])]
+
+
+def _leading(fit: Fit, number: int) -> tuple[Fit, int]:
+    """The state without an added effect, and the place of the order of which that leaves most more."""
+    bare = _without(fit, number)
+    return bare, int(np.argmax(Linear(bare).squares - Linear(fit).squares))
 
 
 def chance(fit: Fit, number: int) -> tuple[float, float, float]:
@@ -354,10 +358,10 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     Of the M values that a law over the load has p sizes that mean nothing take a share x or more with the chance of
     the beta distribution of p/2 and (M - p)/2: where there are as many sizes as values that is 1.
     """
-    bare, bench = _without(fit, number), fit.bench
+    bench = fit.bench
     assert isinstance(bench, TableSet)
+    bare, at = _leading(fit, number)
     before, after = Linear(bare).squares, Linear(fit).squares
-    at = int(np.argmax(before - after))
     sizes = len(fit.added[number].values)
     values = float(bench.values[1][at])
     share = 1 - after[at] / max(float(before[at]), 1e-300)

@@ -79,8 +79,8 @@ def diagnose_tables(
     candidates = candidates_of(model, bench, policy)
     found = searched(root, candidates, journal)
     tell("refitting everything under all conditions")
-    whole = table_set(unit, cases, sigmas, policy, anywhere=anywhere)
-    causes = fitted(evaluated(whole, found.model, model), steps=3, enough=1.0)
+    whole = table_set(unit, cases, widened(sigmas, found, cases), policy, anywhere=anywhere)
+    causes = fitted(evaluated(whole, found.model, model), steps=8, enough=1.0)
     tell("describing what no cause accounts for")
     plain = table_set(unit, cases, noise, policy, anywhere=anywhere)
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
@@ -224,6 +224,22 @@ def _as_printed(model: Model, fit: Fit) -> Model:
 
 def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
     return elastic_within(fit, [_reach(fit, float(v)) for v in np.diag(fit.covariance)])
+
+
+def widened(sigmas: Sequence[Array], found: Fit, cases: Sequence[OrderCase]) -> list[Array]:
+    """Standard deviations by which each order is as far off as the causes leave it.
+
+    What they leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would drive
+    declared sizes and stiffness to many times their uncertainty to make up for it.
+    """
+    bench = found.bench
+    assert isinstance(bench, TableSet)
+    more = np.sqrt(np.maximum(Linear(found).squares / bench.values[0], 1.0))
+    by_order = dict(zip(bench.orders.tolist(), more.tolist(), strict=True))
+    return [
+        sigma * np.tile([by_order.get(round(order, 6), 1.0) for order in case.orders.tolist()], 2)
+        for sigma, case in zip(sigmas, cases, strict=True)
+    ]
 
 
 # --- sizes ------------------------------------------------------------------------------------------------------------
