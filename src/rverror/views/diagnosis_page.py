@@ -140,7 +140,7 @@ def _shares(data: Data) -> str:
     names = data["shares"][0]["shares"]
     rows = [
         [number(one["order"]), number(one[f"amplitude_{data['suffix']}"])]
-        + [f"{100 * one['shares'][name]:.0f}" for name in names]
+        + [str(round(100 * one["shares"][name])) for name in names]
         for one in data["shares"]
     ]
     heads = ["order", f"amplitude, {escaped(data['unit'])}", *(f"{SHARES[name]}, %" for name in names)]

@@ -473,7 +473,7 @@ def _share_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
     lines = ["", "What accounts for the power of each order, %"]
     lines.append(f"{'order':>10}{scale.unit:>10}" + "".join(f"{name:>17}" for name in SHARES.values()))
     for one in diagnosis.shares:
-        shares = "".join(f"{100 * getattr(one, name):>17.0f}" for name in SHARES)
+        shares = "".join(f"{round(100 * getattr(one, name)):>17d}" for name in SHARES)
         lines.append(f"{one.order:>10g}{scale(one.amplitude):>10.2f}{shares}")
     return lines
 
@@ -555,7 +555,8 @@ def _summary(diagnosis: Diagnosis) -> str:
         for value in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
     )
     fall = f"Held-out rms {before} before, {after} {scale.unit} after; the noise floor is {noise}."
-    names = ", ".join(describe(a.effect.key, a.effect.indices) for a in diagnosis.added)
+    names = ", ".join(describe(a.effect.key, a.effect.indices) for a in diagnosis.added if _is_cause(a))
+    laws = sum(not _is_cause(a) for a in diagnosis.added)
     twins = sum(len(a.indistinguishable) for a in diagnosis.added)
     if names and twins:
         names += f" (or one of {twins} other{'s' if twins > 1 else ''} that these runs cannot tell from it)"
@@ -564,6 +565,7 @@ def _summary(diagnosis: Diagnosis) -> str:
         "explained": f"What the model lacked: {names}. {fall}",
         "nothing_missing": f"The declared model accounts for all that is significant. {fall}",
         "unexplained": (f"Added: {names}. " if names else "")
+        + (f"Beside {'them' if names else 'what was declared'} {laws} laws only describe. " if laws else "")
         + f"Significant lines remain that no candidate accounts for, at order {orders}. {fall}",
     }[diagnosis.verdict]
 

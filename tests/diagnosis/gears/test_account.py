@@ -125,6 +125,19 @@ def test_a_line_s_interval_is_that_of_a_wave_in_white_noise(runs: int) -> None:
     assert chi2.isf(0.999, 24) < float(np.sum(np.square(off))) < chi2.isf(0.001, 24)
 
 
+@pytest.mark.parametrize("runs", [1, 2])
+def test_a_line_s_interval_holds_the_model_s_own_error(runs: int) -> None:
+    """A model that is off by m leaves n (m / 0.3)^2 squares, all of which may be the line's where nothing is free."""
+    halves = []
+    for size in (1e-6, 0.02):
+        policy = replace(POLICY, model_error=size * ARCSEC)
+        fit = lined(1, runs, policy)
+        (line,) = told_lines(fit, [], best_lines(fit, policy, outside=True))
+        assert np.isfinite(fit.weights).sum() <= 1
+        halves.append(line.high - line.amplitude)
+    assert (halves[1] / halves[0]) ** 2 == pytest.approx(1 + runs * N * (0.02 / 0.3) ** 2, rel=1e-3)
+
+
 def test_a_line_that_was_freed_is_told_as_one_that_was_left() -> None:
     fit = lined(1, 2, POLICY)
     (found,) = best_lines(fit, POLICY, outside=True)

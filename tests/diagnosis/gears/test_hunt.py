@@ -12,6 +12,7 @@ import pytest
 import rverror
 from gear_runs import OTHER, UNIT, begin, runs_of
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.account import spread
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, proposed, renoised
 from rverror.diagnosis.gears.hunt import (
     Hunt,
@@ -261,6 +262,29 @@ def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) ->
     least = inexact(fit)
     assert not hunt.significant(fit, least + 10, 2)
     assert hunt.significant(fit, least + 40, 2)
+
+
+def test_beside_large_residuals_the_model_s_own_error_counts_as_they_do() -> None:
+    """Beyond N squares count by their logarithm: o more beside D are M ln((M + D + o - N) / (M + D - N))."""
+    fit = settled(Model(OTHER, (CAM,))).fit
+    assert fit.data > 2 * fit.bound
+    own = unsure(fit, POLICY) + bent(fit, POLICY)
+    beyond = 200 + fit.data - fit.bound
+    assert inexact(fit) == pytest.approx(200 * math.log((beyond + own) / beyond), rel=1e-6)
+    assert inexact(fit) < 0.2 * own
+
+
+def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(right: Node) -> None:
+    """Squares of a share of the cam's waves, shared by all values: of 5 % they are 25 times those of 1 %."""
+    fit = right.fit
+    part = [np.array(fit.added[0].values) @ rows[1:3] for rows in fit.rows]
+    squares = sum(float(p @ p) for p in part) / np.isfinite(fit.weights).sum()
+    through = np.diag(fit.covariance @ fit.gram @ fit.covariance) / fit.scale
+    for share in (0.01, 0.05):
+        policy = replace(POLICY, model_error=1e-9 * ARCSEC, added_share=share)
+        told = spread(replace(fit, bench=replace(fit.bench, policy=policy)))
+        assert told[:2] == pytest.approx(np.diag(fit.covariance)[:2] + share**2 * squares * through[:2], rel=1e-3)
+        assert told[0] > 1.05 * fit.covariance[0, 0]
 
 
 def test_nothing_is_said_of_a_fit_under_other_candidates() -> None:

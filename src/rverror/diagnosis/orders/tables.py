@@ -229,8 +229,8 @@ def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
 def widened(sigmas: Sequence[Array], found: Fit, cases: Sequence[OrderCase]) -> list[Array]:
     """Standard deviations by which each order is as far off as the causes leave it.
 
-    What they leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would drive
-    declared sizes and stiffness to many times their uncertainty to make up for it.
+    What they leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
+    drive declared sizes and stiffness to many times their uncertainty to make up for it.
     """
     bench = found.bench
     assert isinstance(bench, TableSet)
