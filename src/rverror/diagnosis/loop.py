@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.reducers import diagnose_reducer
+from rverror.diagnosis.orders.of_runs import passport_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
-from rverror.geartrain.mechanism import Drive
+from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -94,4 +96,6 @@ def diagnose(
         return diagnose_tables(model, tables, tell, policy=policy)
     if isinstance(model.mechanism, Drive):
         return diagnose_drive(model, samples, tell, policy=policy)
-    return diagnose_reducer(model, samples, tell, policy=policy)
+    assert isinstance(model.mechanism, Reducer)
+    found = diagnose_reducer(model, samples, tell, policy=policy)
+    return replace(found, passport=passport_of_runs(model.mechanism, samples))

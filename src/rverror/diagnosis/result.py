@@ -280,7 +280,8 @@ class Diagnosis(Viewed):
     elastic : tuple of ElasticEstimate
         What the runs say of a reducer's stiffness, backlash and contact law.
     passport : tuple of OrderPassport
-        Of order tables: how each order depends on load, direction, speed and temperature.
+        How each order depends on load, direction, speed and temperature: of order tables, and of a reducer's runs of a
+        turn or more, one for each condition.
     shares : tuple of OrderShare
         Of order tables: what accounts for the power of each order.
     validation : tuple of Validation

@@ -367,7 +367,7 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     declared = diagnosis.declared
     lines.append(f"Declared: {declared.name or declared.mechanism.name}, {len(declared.effects)} effects")
     lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
-    if diagnosis.passport:
+    if _tells_loads(diagnosis):
         lines += ["", *passport_lines(diagnosis.passport)]
     lines += ["", f"{'residual, ' + scale.unit:<26}{'rms':>9}{'peak-to-peak':>15}{'held-out rms':>15}"]
     for label, residual in (
@@ -412,6 +412,11 @@ def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]
         names = ", ".join(describe(key, indices) for key, indices in addition.indistinguishable)
         lines.append(f"  these runs cannot tell it from: {names}")
     return lines + [f"  note: {note}" for note in addition.notes]
+
+
+def _tells_loads(diagnosis: Diagnosis) -> bool:
+    """Tell whether a passport says more than one size of each order: of a table, or of runs at three loads."""
+    return bool(diagnosis.conditions) or any(law.slope is not None for one in diagnosis.passport for law in one.laws)
 
 
 def _is_cause(addition: Addition) -> bool:
@@ -576,7 +581,7 @@ def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     runs = [(_label(trace, at), trace) for at, trace in enumerate(diagnosis.traces)]
     pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
     pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
-    first = passport_html(diagnosis.passport) if diagnosis.passport else ""
+    first = passport_html(diagnosis.passport) if _tells_loads(diagnosis) else ""
     told = diagnosis_text(diagnosis, files=files)
     return page(data, summary=_summary(diagnosis), first=first, figures=pictures, text=told)
 
