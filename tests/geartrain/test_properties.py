@@ -32,6 +32,7 @@ TURNING_WAVES = {
     "cycloid.disc_pitch",
     "sensor.encoder_eccentricity",
     "sensor.encoder_ellipticity",
+    "sensor.encoder_distortion",
     "sensor.input_coupling",
     "empirical.order",
 }
@@ -263,7 +264,8 @@ def mirrored(unit: Reducer, key: str, indices: dict[str, Any]) -> tuple[dict[str
         name = parameter.name
         flips = name in TANGENTIAL
         if name in ("cos", "sin"):
-            flips = (name == "cos") == (key in TURNING_WAVES)
+            turning = key in TURNING_WAVES or indices.get("sense") == "alike"  # in both directions
+            flips = (name == "cos") == turning
         elif key == "cycloid.pin_circle":
             flips = name in ("radial_sin", "tangential_cos")
         signs.append(-1.0 if flips else 1.0)

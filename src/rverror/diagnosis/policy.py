@@ -86,6 +86,10 @@ class Policy:
     #: Share of the prediction about an order of the gears, and of what was added, within which a line of that order is
     #: no news.  Chosen: angles that are off by a quarter of a sample, 2048 a turn, leave 3 % of order 40.
     line_share: float = 0.03
+    #: Of order tables: share of what is left of an order, and of what is measured of it, that a claim takes at least.
+    #: Chosen: less than half is no cause of that order, and any sizes explain half of little.
+    claim_takes: float = 0.5
+    claim_counts: float = 0.1
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0

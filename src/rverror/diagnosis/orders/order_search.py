@@ -29,8 +29,6 @@ from rverror.model.effects import Effect
 from rverror.model.empirical import ORDER
 from rverror.statics.loaded_state import NotConvergedError
 
-_TAKES = 0.5  # of what is left of an order, that a claim takes at least.  Chosen: less is no cause of that order
-_COUNTS = 0.1  # of what is measured of it.  Chosen: any sizes explain half of little
 _ROUNDS = 3  # times that the search goes on about the state that was fitted at the load
 _STEPS = 20  # of a refit at the load, at most.  Chosen for time
 _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
@@ -293,8 +291,9 @@ def _takes(state: Linear, block: CandidateRows, beyond: Flags) -> bool:
     if "torque" in source(block.name[0]).needs:
         state = Linear(state.fit, (*state.blocks, *_constants(state)))
     before, after = state.squares, state.beside(block).squares
-    much = before - after > _COUNTS * state.measured
-    return bool((beyond & much & (after < (1 - _TAKES) * before)).any())
+    policy = state.bench.policy
+    much = before - after > policy.claim_counts * state.measured
+    return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
 def _constants(state: Linear) -> list[CandidateRows]:
