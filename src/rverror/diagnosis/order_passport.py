@@ -1,7 +1,7 @@
 """The passport of orders: how each depends on load, direction, speed and temperature, and what can do that.
 
-Per order and direction the waves are fitted as constant + slope |torque| + part (temperature) + part (input speed); see
-docs/theory/passport.md.
+Per order and direction the waves are fitted as constant + slope times the size of the torque + part (temperature) +
+part (input speed); see docs/theory/passport.md.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class DirectionLaw:
     constant : WavePart
         rad; at no load where `slope` is told, else the mean over the torques; at the reference speed and temperature.
     slope : WavePart or None
-        rad per N*mm of |torque|; None below three torques.
+        rad per N*mm of the size of the torque; None below three torques.
     temperature : WavePart or None
         rad per K.
     speed : WavePart or None
@@ -72,11 +72,11 @@ class DirectionLaw:
     deviation : float
         Largest size of a residual of the law, rad, over the cases that it was read from.
     deviation_torque : float or None
-        |torque| at which it stands, N*mm.
+        the size of the torque at which it stands, N*mm.
     noise : float
         Standard deviation of real and imaginary part of a case that the discs stand on, rad.
     torque : ndarray, shape (n,)
-        |torque| of the cases that the law was read from, N*mm, growing; NaN where not known.
+        the size of the torque of the cases that the law was read from, N*mm, growing; NaN where not known.
     waves : ndarray of complex, shape (n,)
         Their waves, rad.
     """
@@ -104,7 +104,7 @@ class SpeedPeak:
     ----------
     direction : float
     torque : float or None
-        |torque| of the series where it stands out most, N*mm.
+        the size of the torque of the series where it stands out most, N*mm.
     speed : float
         Input speed of the largest amplitude, rad/s.
     low, high : float

@@ -134,7 +134,7 @@ BY_LOAD = Source(
     equation=r"$\delta = T(c\cos ho\theta + s\sin ho\theta)$, alike or of opposite sign forward and reverse",
 )  # fmt: skip
 
-#: Laws of an order over load and direction, the simplest first.
+# Laws of an order over load and direction, the simplest first.
 LAWS = (ORDER, BY_DIRECTION, BY_LOAD)
 
 SOURCES = LAWS

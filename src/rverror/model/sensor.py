@@ -73,7 +73,7 @@ def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
 
 
 def output_tilt(pose: Pose) -> ErrorVector:
-    """Tilt of the output under the couple of the discs, read by one head: e . u |T|, against the motion's sense.
+    """Tilt of the output under the couple of the discs, read by one head: e . u times the torque, against the motion.
 
     Parameters
     ----------
@@ -91,11 +91,11 @@ def output_tilt(pose: Pose) -> ErrorVector:
 
     Notes
     -----
-    The pins push the first disc with |T| Q and the others back, at a distance along the axis: a couple that turns in
-    the housing as the cranks do, once in -z_c/(z_p - z_c) of an output turn, and tilts the output in its main bearing.
-    One reading head takes the tilt towards it for an angle; two that stand opposite do not.  u = Q/|Q|, from the rigid
-    closed form.  Reversed torque mirrors Q in the eccentric direction, so forward and reverse differ in phase by twice
-    its angle from there.  No source text has it.
+    The pins push the first disc by Q for each unit of torque and the others back, at a distance along the axis: a
+    couple that turns in the housing as the cranks do, once in -z_c/(z_p - z_c) of an output turn, and tilts the output
+    in its main bearing.  One reading head takes the tilt towards it for an angle; two that stand opposite do not.  u is
+    the direction of Q, from the rigid closed form.  Reversed torque mirrors Q in the eccentric direction, so forward
+    and reverse differ in phase by twice its angle from there.  No source text has it.
     """
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
