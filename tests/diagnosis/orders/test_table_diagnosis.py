@@ -177,8 +177,11 @@ def test_noise_is_what_parabolas_over_the_load_leave() -> None:
     assert "states no sigma" in notes[0]
     stated = [replace(case, sigma=np.full(2, 1e-6)) for case in cases]
     assert noise_of_cases(stated, floor=0.0) == ([pytest.approx(np.full(4, 1e-6))] * 80, [])
-    with pytest.raises(InputError, match=r"no sigma\[arcsec\], and no order stands at five loads"):
-        noise_of_cases(cases[:4], floor=0.0)
+    large = [replace(case, waves=100 * case.waves) for case in cases[:4]]
+    few, notes = noise_of_cases(large, floor=0.0)
+    rms = math.sqrt(sum(abs(case.waves[0]) ** 2 for case in large) / 4)
+    assert few[0][0] / rms == pytest.approx(0.05)
+    assert "too few loads" in notes[0]
 
 
 def test_what_the_model_is_not_right_to_counts_once_for_each_independent_value() -> None:

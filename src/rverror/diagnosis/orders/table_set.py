@@ -7,7 +7,7 @@ least squares over that turn, all orders at once, as a bench takes them.  Everyt
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.record import Record
@@ -38,6 +39,10 @@ _SAMPLES_A_WAVE = 4
 _DRAG = 0.05
 #: Loads from which noise is told by how smoothly an order changes over them: a parabola has three sizes.
 _LOADS_OF_A_LAW = 5
+#: Share of an order's waves that is taken for noise where nothing tells it, and the least.  Chosen: benches repeat an
+#: order to some percent, and no better than to 0.05 arcsec.
+_GUESSED = 0.05
+_LEAST_GUESS = 0.05 * ARCSEC
 
 
 @dataclass(frozen=True)
@@ -312,7 +317,7 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
     """Standard deviation of every number, and what is said of where it comes from.
 
     Where a table states none it is what a parabola over the torque leaves, of each order, all directions, speeds and
-    temperatures together: a law over the load is smooth, and noise is not.
+    temperatures together: a law over the load is smooth, and noise is not.  With fewer than five loads it is a guess.
 
     Parameters
     ----------
@@ -324,34 +329,36 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
     -------
     list of ndarray, shape (2 k,)
     list of str
-
-    Raises
-    ------
-    InputError
-        If none is stated and there are too few loads to tell it.
     """
-    stated = [case.sigma is not None for case in cases]
-    found = {} if all(stated) else _smoothness(cases)
-    result, usual = [], float(np.median(list(found.values()))) if found else 0.0
-    for case in cases:
-        if case.sigma is not None:
-            own = case.sigma
-        elif found:
-            own = np.array([found.get(round(float(o), 6), usual) for o in case.orders])
-        else:
-            raise InputError(
-                "the table states no sigma[arcsec], and no order stands at five loads or more of one direction, speed "
-                "and temperature, from which it could be told; add the column, or more loads"
-            )
-        result.append(np.tile(np.hypot(own, floor), 2))
+    if all(case.sigma is not None for case in cases):
+        return [_both(case, floor, {}) for case in cases], []
+    found, guessed = _smoothness(cases), {}
+    for order, sizes in _sizes(cases).items():
+        if order not in found:
+            guessed[order] = max(_GUESSED * float(np.sqrt(np.mean(np.square(sizes)))), _LEAST_GUESS)
     notes = []
-    if not all(stated):
-        notes.append(
-            "the table states no sigma: taken from how smoothly each order changes over the load, "
-            + ", ".join(f"{order:g}: {value * 206264.806:.2g}" for order, value in sorted(found.items()))
-            + " arcsec"
-        )
-    return result, notes
+    for told, how in (
+        (found, "taken from how smoothly each order changes over the load"),
+        (guessed, f"too few loads to tell it from: guessed as {100 * _GUESSED:g} % of each order"),
+    ):
+        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in sorted(told.items()))
+        notes += [f"the table states no sigma; {how}, {listed} arcsec"] if told else []
+    return [_both(case, floor, found | guessed) for case in cases], notes
+
+
+def _both(case: OrderCase, floor: float, told: Mapping[float, float]) -> Array:
+    """Deviations of real and imaginary parts: those that are stated, else those that were told."""
+    own = np.array([told[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
+    return np.tile(np.hypot(own, floor), 2)
+
+
+def _sizes(cases: Sequence[OrderCase]) -> dict[float, list[float]]:
+    """Amplitudes of each order."""
+    sizes: dict[float, list[float]] = {}
+    for case in cases:
+        for order, wave in zip(case.orders.tolist(), case.waves.tolist(), strict=True):
+            sizes.setdefault(round(order, 6), []).append(abs(wave))
+    return sizes
 
 
 def _smoothness(cases: Sequence[OrderCase]) -> dict[float, float]:
