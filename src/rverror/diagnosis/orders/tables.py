@@ -99,6 +99,8 @@ def diagnose_tables(
         notes.append(
             "index unknown: where the gear's marks stand was fitted with everything else; the zero is one for all"
         )
+    elastic = _elastic(causes)
+    notes += _strained_stiffness(causes, elastic)
     if lines and named:
         notes.append(
             "a cause that is named here is a claim: what is left is more than noise, and each claim says with what "
@@ -120,7 +122,7 @@ def diagnose_tables(
         traces=(),
         notes=tuple(dict.fromkeys(notes)),
         history=journal.history,
-        elastic=_elastic(causes),
+        elastic=elastic,
         passport=passport(cases, ratio=unit.ratio),
         shares=_shares(final),
         conditions=tuple(case.condition for case in cases),
@@ -220,6 +222,18 @@ def _as_printed(model: Model, fit: Fit) -> Model:
         for now, then in zip(fit.model.effects, model.effects, strict=False)
     )
     return replace(model, effects=effects)
+
+
+def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[str]:
+    """Stiffnesses farther from where they were declared than is known of them: they make up for what is missing."""
+    known = fit.bench.unit.stiffness_uncertainty
+    return [
+        f"{one.name} moved by {abs(math.log(one.value / one.declared)) / spread:.1f} of its uncertainty: it makes up "
+        "for what no cause explains, and is not measured by it"
+        for one in elastic
+        if one.dimension == "stiffness" and (spread := getattr(known, one.name))
+        if abs(math.log(one.value / one.declared)) > fit.bench.policy.strained_size * spread
+    ]
 
 
 def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
