@@ -178,7 +178,11 @@ class Policy:
 
     def tries(self, entry: Source) -> bool:
         """Tell whether diagnosis tries a source."""
-        return entry.tried and (not self.keys or entry.key in self.keys)
+        return entry.tried and self.allows(entry)
+
+    def allows(self, entry: Source) -> bool:
+        """Tell whether a source is among those that are asked for."""
+        return not self.keys or entry.key in self.keys
 
 
 POLICY = Policy()

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rverror.base.arrays import Array
-from rverror.diagnosis.orders.tables import validated_table
+from rverror.diagnosis.gears.reducers import curved
+from rverror.diagnosis.orders.tables import left_of_table
 from rverror.diagnosis.result import Diagnosis, Validation
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -48,19 +49,26 @@ def validated(found: Diagnosis, unseen: Sequence[Run | OrderTable]) -> Diagnosis
     >>> held.after < 0.01 * held.before
     True
     """
-    made = [validated_table(found, one) if isinstance(one, OrderTable) else _of_run(found, one) for one in unseen]
+    marks = [e for e in found.model.effects if source(e.key).acts == "marks"]
+    stated = any(source(e.key).acts == "marks" for e in found.declared.effects)
+    declared = found.declared if stated else found.declared.with_effects(*marks)
+    if isinstance(declared.mechanism, Reducer):  # as the diagnosis took it
+        declared = replace(declared, mechanism=curved(declared.mechanism))
+    made = [_compared(declared, found.model, one) for one in unseen]
     return replace(found, validation=(*found.validation, *made))
 
 
-def _of_run(found: Diagnosis, run: Run) -> Validation:
-    marks = tuple(e for e in found.model.effects if source(e.key).acts == "marks")
-    stated = any(source(e.key).acts == "marks" for e in found.declared.effects)
-    declared = found.declared if stated else replace(found.declared, effects=(*found.declared.effects, *marks))
-    before, after = (_rms(_rest(model, run)) for model in (declared, found.model))
-    return Validation(run.path, before, after)
+def _compared(declared: Model, result: Model, one: Run | OrderTable) -> Validation:
+    if isinstance(one, OrderTable):
+        before, orders, before_by_order = left_of_table(declared, one)
+        after, _, after_by_order = left_of_table(result, one)
+        by_order = (tuple(map(float, row)) for row in (orders, before_by_order, after_by_order))
+        return Validation(one.path, before, after, *by_order)
+    return Validation(one.path, _rms(declared, one), _rms(result, one))
 
 
-def _rest(model: Model, run: Run) -> Array:
+def _rms(model: Model, run: Run) -> float:
+    """What a model leaves of a run, the offset of each direction taken off."""
     run.check_effects(model, run.path or "the run")
     where = run.conditions(model)
     if np.unique(run.direction).size == 1:
@@ -68,8 +76,4 @@ def _rest(model: Model, run: Run) -> Array:
     rest = run.error(model) - predict(model, where).transmission_error
     for sense in np.unique(run.direction):
         rest[run.direction == sense] -= rest[run.direction == sense].mean()
-    return np.asarray(rest)
-
-
-def _rms(rest: Array) -> float:
     return float(np.sqrt(np.mean(rest**2)))

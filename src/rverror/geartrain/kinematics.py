@@ -88,6 +88,30 @@ class DrivePose(Pose):
     drive: Drive
 
 
+def stated_torque(pose: Pose, what: str) -> float:
+    """Size of the output torque of a motion, for a source that needs it.
+
+    Parameters
+    ----------
+    pose : Pose
+    what : str
+        Who needs it, for the message.
+
+    Returns
+    -------
+    float
+        N*mm.
+
+    Raises
+    ------
+    ValueError
+        If the pose has none.
+    """
+    if pose.torque is None:
+        raise ValueError(f"{what} needs the torque; give torque, or a run file with output_torque")
+    return abs(pose.torque)
+
+
 def motion_direction(theta: Array) -> Array:
     """Direction of motion read from the angles: +1 where they grow, -1 where they fall.
 

@@ -280,6 +280,16 @@ def harmonics(first: int, tried: int) -> Index:
     return Index("harmonic", lambda mechanism: range(first, 1000), lambda mechanism: range(first, tried + 1))
 
 
+def own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """The order of a wave over the output's turn: its harmonic."""
+    return (float(indices["harmonic"]),)
+
+
+def input_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """The order of a wave over the input's turn."""
+    return (abs(int(indices["harmonic"]) * mechanism.ratio),)
+
+
 CRANK = every("crank", lambda unit: range(unit.cranks))
 DISC = every("disc", lambda unit: range(unit.discs))
 PIN = every("pin", lambda unit: range(unit.pins))

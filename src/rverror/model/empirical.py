@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
-from rverror.geartrain.kinematics import Pose, fundamental_orders
+from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_torque
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, rv
 
@@ -41,8 +42,7 @@ def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
     It describes and does not explain.  Frames of one order, as carrier, disc and crank, give the same wave: the name is
     a note of where the cause is looked for.
     """
-    wave = harmonic * _fundamental(pose, frame) * pose.theta
-    return ErrorVector(contact="output", vector=np.stack([np.cos(wave), np.sin(wave)])[:, None])
+    return ErrorVector(contact="output", vector=_wave(pose, frame, harmonic))
 
 
 def order_by_direction(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
@@ -60,8 +60,7 @@ def order_by_direction(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
     ErrorVector
         Terms cos, sin, as angles of the output, positive forward.
     """
-    wave = harmonic * _fundamental(pose, frame) * pose.theta
-    return ErrorVector(contact="output", vector=(pose.direction * np.stack([np.cos(wave), np.sin(wave)]))[:, None])
+    return ErrorVector(contact="output", vector=pose.direction * _wave(pose, frame, harmonic))
 
 
 def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> ErrorVector:
@@ -86,11 +85,14 @@ def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> Error
     ValueError
         If the pose has no torque.
     """
-    if pose.torque is None:
-        raise ValueError("empirical.order_by_load needs the torque; give torque, or a run file with output_torque")
+    load = stated_torque(pose, "empirical.order_by_load") * (pose.direction if sense == "opposite" else 1.0)
+    return ErrorVector(contact="output", vector=load * _wave(pose, frame, harmonic))
+
+
+def _wave(pose: Pose, frame: str, harmonic: int) -> Array:
+    """Cosine and sine of the order, shape (2, 1, n)."""
     wave = harmonic * _fundamental(pose, frame) * pose.theta
-    load = np.abs(pose.torque) * (pose.direction if sense == "opposite" else 1.0)
-    return ErrorVector(contact="output", vector=(load * np.stack([np.cos(wave), np.sin(wave)]))[:, None])
+    return np.stack([np.cos(wave), np.sin(wave)])[:, None]
 
 
 def _fundamental(pose: Pose, frame: str) -> float:
@@ -138,3 +140,8 @@ BY_LOAD = Source(
 LAWS = (ORDER, BY_DIRECTION, BY_LOAD)
 
 SOURCES = LAWS
+
+
+def tells_directions(law: Source, indices: Indices) -> bool:
+    """Tell whether a law differs between forward and reverse, so that one direction alone cannot tell it."""
+    return law is BY_DIRECTION or indices.get("sense") == "opposite"

@@ -7,9 +7,8 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import ErrorVector
-from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Parameter, Source, constant, harmonics
+from rverror.geartrain.kinematics import Pose, stated_torque
+from rverror.geartrain.source import Parameter, Source, constant, harmonics, input_order, own_order
 
 
 def torsion(pose: Pose) -> ErrorVector:
@@ -34,9 +33,7 @@ def torsion(pose: Pose) -> ErrorVector:
     Source 000 names loads, source 001 load-induced deformation as missing; source 003 leaves them to an outlook.  The
     windup of the contacts themselves is the equilibrium's; the closed form has none.
     """
-    if pose.torque is None:
-        raise ValueError("load.torsion needs the torque; give torque, or a run file with output_torque")
-    return ErrorVector(contact="output", vector=-(np.abs(pose.torque) * pose.direction)[None, None])
+    return ErrorVector(contact="output", vector=-(stated_torque(pose, "load.torsion") * pose.direction)[None, None])
 
 
 def torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -62,9 +59,7 @@ def torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
     -----
     In proportion to the load, and opposite in the two directions.  No source text has it.
     """
-    if pose.torque is None:
-        raise ValueError("load.torsion_wave needs the torque; give torque, or a run file with output_torque")
-    return _giving_way(pose, harmonic * pose.theta)
+    return _giving_way(pose, stated_torque(pose, "load.torsion_wave"), harmonic * pose.theta)
 
 
 def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -91,23 +86,13 @@ def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
     -----
     In proportion to the load, and opposite in the two directions.  No source text has it.
     """
-    if pose.torque is None:
-        raise ValueError("load.input_torsion_wave needs the torque; give torque, or a run file with output_torque")
-    return _giving_way(pose, harmonic * pose.ratio * pose.theta)
+    return _giving_way(pose, stated_torque(pose, "load.input_torsion_wave"), harmonic * pose.ratio * pose.theta)
 
 
-def _giving_way(pose: Pose, wave: Array) -> ErrorVector:
-    assert pose.torque is not None
-    lag = -np.abs(pose.torque) * pose.direction
-    return ErrorVector(contact="output", vector=np.stack([lag * np.cos(wave), lag * np.sin(wave)])[:, None])
-
-
-def _wave_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (float(indices["harmonic"]),)
-
-
-def _input_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (abs(int(indices["harmonic"]) * mechanism.ratio),)
+def _giving_way(pose: Pose, torque: float, wave: Array) -> ErrorVector:
+    return ErrorVector(
+        contact="output", vector=-torque * pose.direction * np.stack([np.cos(wave), np.sin(wave)])[:, None]
+    )
 
 
 #: Plausible wave of a compliance beyond the contacts: 10 arcsec at 1000 N*m.
@@ -117,14 +102,14 @@ SOURCES = (
     Source(
         "load.torsion_wave", torsion_wave, (harmonics(1, 6),),
         tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
-        "output", _wave_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over a turn",
+        "output", own_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over a turn",
         acts="output", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = \mp T (c\cos h\theta + s\sin h\theta)$",
     ),
     Source(
         "load.input_torsion_wave", input_torsion_wave, (harmonics(1, 2),),
         tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
-        "sun", _input_order, "none: a bench's couplings", "compliance of the input coupling, uneven over its turn",
+        "sun", input_order, "none: a bench's couplings", "compliance of the input coupling, uneven over its turn",
         acts="output", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = \mp T (c\cos hR\theta + s\sin hR\theta)$",
     ),

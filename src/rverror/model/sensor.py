@@ -8,9 +8,20 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.cycloid import pin_forces
-from rverror.geartrain.kinematics import Pose, fundamental_orders
+from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_torque
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Orders, Parameter, Source, angles, constant, harmonics, rv
+from rverror.geartrain.source import (
+    Indices,
+    Orders,
+    Parameter,
+    Source,
+    angles,
+    constant,
+    harmonics,
+    input_order,
+    own_order,
+    rv,
+)
 
 _SPEED_SAMPLES = 5  # on each side, for a speed from angles and times that jitter
 
@@ -99,10 +110,9 @@ def output_tilt(pose: Pose) -> ErrorVector:
     """
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
-    if pose.torque is None:
-        raise ValueError("sensor.output_tilt needs the torque; give torque, or a run file with output_torque")
+    torque = stated_torque(pose, "sensor.output_tilt")
     push = (pin_forces(pose)[0] * pose.direction).sum(axis=0)
-    return _reading(-np.abs(pose.torque) * pose.direction * push / np.hypot(*push))
+    return _reading(-torque * pose.direction * push / np.hypot(*push))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -264,16 +274,8 @@ def _fixed(*orders: float) -> Orders:
     return lambda mechanism, indices: orders
 
 
-def _own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (float(indices["harmonic"]),)
-
-
 def _eccentric_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     return (abs(fundamental_orders(rv(mechanism))["housing"]),)
-
-
-def _coupling_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (abs(int(indices["harmonic"]) * mechanism.ratio),)
 
 
 MARKS = Source(
@@ -299,7 +301,7 @@ SOURCES = (
     ),
     Source(
         "sensor.encoder_distortion", encoder_distortion, (harmonics(3, 6),), angles(30, "cos", "sin"),
-        "output", _own_order, "measuring chain", "output encoder held at some places, as often a turn",
+        "output", own_order, "measuring chain", "output encoder held at some places, as often a turn",
         acts="reading", in_drives=True, tried=False, in_tables=True,
         equation=r"$\delta = c\cos h\theta + s\sin h\theta$",
     ),
@@ -312,7 +314,7 @@ SOURCES = (
     ),
     Source(
         "sensor.input_coupling", input_coupling, (harmonics(1, 2),), angles(7200, "cos", "sin"),
-        "sun", _coupling_orders, "measuring chain", "input coupling or encoder, an angle of the input shaft",
+        "sun", input_order, "measuring chain", "input coupling or encoder, an angle of the input shaft",
         acts="reading", in_drives=True,
         equation=r"$\delta = (c\cos hR\theta + s\sin hR\theta)/R$",
     ),

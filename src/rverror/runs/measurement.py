@@ -37,6 +37,7 @@ from rverror.runs.reading import (
     Reading,
     checked_value,
     refuse,
+    row_of,
     torque_column,
 )
 from rverror.runs.run_file import read_run_file
@@ -328,8 +329,8 @@ def run_from_arrays(
     True
     """
     given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time}
-    columns = {name: _row(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
-    others = {name: _row(name, value, None) for name, value in (extra or {}).items()}
+    columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
+    others = {name: row_of(name, value) for name, value in (extra or {}).items()}
     sizes = {name: values.size for name, values in (columns | others).items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
@@ -445,24 +446,6 @@ def ratio_of(value: Reducer | Drive | Model | float) -> float:
     if not np.isfinite(number) or number == 0:
         raise InputError(f"ratio = {number:g}: must be a finite number other than 0, input turns per output turn")
     return number
-
-
-def _row(name: str, value: Any, dimension: str | None) -> Array:
-    """One column given in memory, core units; values that are not finite stay for the check of the rows."""
-    factor = 1.0
-    if dimension is not None and units.is_quantity(value):
-        try:
-            factor = units.unit_factor(str(value.units), dimension)
-        except ValueError as error:
-            refuse("", f"{name}: {error}")
-    try:
-        array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
-    except (TypeError, ValueError):
-        refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
-    if array.ndim != 1:
-        refuse("", f"{name} has the shape {array.shape}; give one row of samples")
-    with np.errstate(over="ignore"):  # what overflows is left out below, and counted
-        return np.asarray(array * factor, dtype=np.float64)
 
 
 def _plain(name: str, value: Any | None, dimension: str) -> float | None:

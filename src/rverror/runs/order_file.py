@@ -10,6 +10,7 @@ import io
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
@@ -508,7 +509,8 @@ def orders_from_arrays(
         "output_torque": ("torque", torque),
     }
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
-    columns = {name: _row(name, value, _COLUMNS[name]) for name, value in waves.items() if value is not None}
+    row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
+    columns = {name: row_of(name, value, _COLUMNS[name]) for name, value in waves.items() if value is not None}
     _check_columns("", "columns", list(columns))
     stated = {}
     for name, (argument, value) in conditions.items():
@@ -520,7 +522,7 @@ def orders_from_arrays(
             except ValueError as error:
                 _refuse("", f"{argument}: {error}")
         else:
-            columns[name] = _row(argument, value, _CONDITIONS[name])
+            columns[name] = row_of(argument, value, _CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
     words = [direction] * count if single else list(direction)
@@ -539,24 +541,6 @@ def orders_from_arrays(
         stated=stated,
     )
     return _table(rows, index=index, metadata=dict(metadata or {}), notes=[])
-
-
-def _row(name: str, value: Any, dimension: str) -> Array:
-    """One column given in memory, core units; values that are not finite stay for the check of the rows."""
-    factor, zero = 1.0, 0.0
-    if dimension and units.is_quantity(value):
-        try:
-            factor, zero = units.unit_scale(str(value.units), dimension)
-        except ValueError as error:
-            _refuse("", f"{name}: {error}")
-    try:
-        array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
-    except (TypeError, ValueError):
-        _refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
-    if array.ndim != 1:
-        _refuse("", f"{name} has the shape {array.shape}; give one row of numbers")
-    with np.errstate(over="ignore"):  # what overflows is left out, and counted
-        return np.asarray(array * factor + zero, dtype=np.float64)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------

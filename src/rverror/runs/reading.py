@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown
@@ -105,6 +106,39 @@ def checked_value(path: str, what: str, number: float, dimension: str) -> float:
     if dimension == "temperature" and number < 0:
         refuse(path, f"{what}: {number:g} K lies below absolute zero; check the sign and the unit")
     return abs(number) if dimension == "torque" else number
+
+
+def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: str = "samples") -> Array:
+    """One column given in memory, core units; values that are not finite stay for the check of the rows.
+
+    Parameters
+    ----------
+    name : str
+    value : array_like or quantity, shape (n,)
+    dimension : str
+        Empty for plain numbers.
+    path, of : str
+        What the message calls the whole, and the values.
+
+    Raises
+    ------
+    InputError
+        If it is no row of numbers, or its unit is of another dimension.
+    """
+    factor, zero = 1.0, 0.0
+    if dimension and units.is_quantity(value):
+        try:
+            factor, zero = units.unit_scale(str(value.units), dimension)
+        except ValueError as error:
+            refuse(path, f"{name}: {error}")
+    try:
+        array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse(path, f"{name} holds something that is no number; give an array of numbers or a quantity")
+    if array.ndim != 1:
+        refuse(path, f"{name} has the shape {array.shape}; give one row of {of}")
+    with np.errstate(over="ignore"):  # what overflows is left out later, and counted
+        return np.asarray(array * factor + zero, dtype=np.float64)
 
 
 def torque_column(names: Iterable[str]) -> str | None:

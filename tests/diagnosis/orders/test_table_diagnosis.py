@@ -21,6 +21,7 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import evaluated, fitted
 from rverror.diagnosis.gears.grid import whole
+from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
 from rverror.diagnosis.orders.table_set import TableSight, case_name, discrepancy, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
@@ -160,6 +161,54 @@ def test_waves_of_a_grid_are_those_that_were_put_in_and_turn_with_the_marks() ->
 
     assert sight.of_grid(turn, rows(0.0), 0.0)[0] == pytest.approx(sight.measured, abs=1e-12)
     assert sight.of_grid(turn, rows(0.0), 0.4)[0] == pytest.approx(sight.of_grid(turn, rows(0.4), 0.0)[0], abs=1e-12)
+
+
+def test_the_change_with_the_marks_is_the_derivative() -> None:
+    rng, turn = np.random.default_rng(3), whole(0.0, TURN, 256)
+    case = OrderCase(condition=TableCondition(direction=1.0), orders=np.array([3.0, 16.0]), waves=np.zeros(2, complex))
+    sight = TableSight(case, np.ones(4), turn, None)
+    wave = Waveform(turn, rng.normal(size=256), np.zeros((0, 256)), np.zeros((10, 256)), (), UNIT)
+    here, there = (sight.of_wave(wave, wave.error[None], 0.3 + step)[0] for step in (-1e-6, 1e-6))
+    assert sight.change(wave, 0.3) == pytest.approx((there - here) / 2e-6, rel=1e-6)
+
+
+def test_marks_that_are_ahead_are_found() -> None:
+    """By 0.04 rad: the waves of the gears are turned by their order times that, the encoder's are not."""
+    ahead, table = 0.04, table_of(Model(OTHER, (CAM,)), seed=8)
+    head = np.array([complex(HEAD.values[0], -HEAD.values[1])] + [0.0] * (ORDERS.size - 1))
+    cases = [replace(c, waves=c.waves * np.exp(1j * ORDERS * ahead) + head) for c in table.cases]
+    told = rverror.diagnose(Model(UNIT, (CAM,)), [replace(table, cases=tuple(cases), index="unknown")])
+    assert [one.effect.key for one in told.added] == [HEAD.key]
+    assert told.model.index_offset == pytest.approx(ahead, abs=0.003)  # CAM's 1 arcsec or so in 0.05 of noise
+    assert told.verdict == "explained"
+    assert "index unknown" in " ".join(told.notes)
+
+
+def test_what_gives_way_counts_as_compliance_and_what_is_read_as_the_chain() -> None:
+    """A flange's wave of three, and the tilt that one head reads at the order of the crank in the housing."""
+    flange = rverror.effect("load.torsion_wave", harmonic=3, cos="10 arcsec/(kN*m)", sin="-8 arcsec/(kN*m)")
+    tilt = rverror.effect("sensor.output_tilt", x="6 arcsec/(kN*m)", y="9 arcsec/(kN*m)")
+    told = rverror.diagnose(Model(UNIT), [table_of(Model(OTHER, (flange, tilt)), seed=9)])
+    found = {one.effect.key: one for one in told.added}
+    assert {flange.key, tilt.key} <= set(found)
+    for true in (flange, tilt):
+        for estimate, value in zip(found[true.key].estimates, true.values, strict=True):
+            assert estimate.low <= value <= estimate.high
+    shares = {share.order: share for share in told.shares}
+    assert shares[3.0].compliance == pytest.approx(1.0, abs=0.02)
+    assert shares[15.0].measuring_chain == pytest.approx(1.0, abs=0.02)
+
+
+def test_one_direction_is_not_described_by_what_differs_between_two() -> None:
+    table = table_of(Model(OTHER), seed=4)
+    cases = tuple(
+        replace(case, waves=case.waves + 2 * ARCSEC * (ORDERS == 7))
+        for case in table.cases
+        if case.condition.direction > 0
+    )
+    told = rverror.diagnose(Model(UNIT), [replace(table, cases=cases)])
+    assert {one.effect.key for one in told.added} == {"empirical.order"}
+    assert any("one direction only" in note for note in told.notes)
 
 
 def test_noise_is_what_parabolas_over_the_load_leave() -> None:

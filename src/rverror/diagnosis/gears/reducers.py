@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from rverror.base.errors import InputError
@@ -18,6 +18,7 @@ from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.source import Source
 from rverror.model import sensor
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
@@ -127,13 +128,18 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
 
 def candidates_of(model: Model, records: Sequence[Record], policy: Policy, *, late: bool = False) -> tuple[Named, ...]:
     """Sources of the catalogue that the runs can show and the model does not have, tried late or not."""
+    return offered(model, records, lambda entry: policy.tries(entry) and entry.late == late)
+
+
+def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:
+    """Sources that are wanted, that the runs can show and the model does not have, with all their indices."""
     unit = model.mechanism
     assert isinstance(unit, Reducer)
     taken = [(e.key, dict(e.indices)) for e in model.effects]
     return tuple(
         (key, indices)
         for key, entry in CATALOGUE.items()
-        if entry.applies_to(unit) and policy.tries(entry) and entry.late == late
+        if entry.applies_to(unit) and wanted(entry)
         if not any(entry.lacks(unit, record) for record in records)
         for indices in entry.candidates(unit)
         if (key, dict(indices)) not in taken

@@ -49,7 +49,7 @@ class CandidateRows:
     rows: Array
 
     @cached_property
-    def prior(self) -> Array:
+    def plausible(self) -> Array:
         """Plausible size of each parameter, shape (parameters,)."""
         return np.array([p.plausible for p in source(self.name[0]).parameters])
 
@@ -93,7 +93,7 @@ class Linear:
     def weights(self) -> Array:
         """Inverse variances of priors, shape (k,)."""
         share = self.bench.policy.workshop
-        return np.concatenate([self.fit.weights[self.free], *((share * b.prior) ** -2.0 for b in self.blocks)])
+        return np.concatenate([self.fit.weights[self.free], *((share * b.plausible) ** -2.0 for b in self.blocks)])
 
     @cached_property
     def off(self) -> Array:
@@ -136,8 +136,8 @@ class Linear:
         return self._of_orders(np.concatenate([s.whiten(s.measured) for s in self.bench.sights]))
 
     def _of_orders(self, rest: Array) -> Array:
-        place = np.concatenate(self.bench.places)
-        return np.asarray(np.bincount(place, weights=rest**2, minlength=self.bench.orders.size), dtype=np.float64)
+        ends = np.cumsum([at.size for at in self.bench.places])[:-1]
+        return self.bench.numbers.by_order(np.split(rest**2, ends))
 
     @cached_property
     def folds(self) -> npt.NDArray[np.intp]:
@@ -170,7 +170,7 @@ class Linear:
         """Covariance of what is free, shape (k, k)."""
         return np.asarray(np.linalg.pinv(self.rows @ self.rows.T + np.diag(self.weights), hermitian=True))
 
-    def plausible(self) -> bool:
+    def possible(self) -> bool:
         """Tell whether every block's sizes can be: of the sign that they have."""
         return all(
             (self.sizes(n) >= [p.least for p in source(b.name[0]).parameters]).all() for n, b in enumerate(self.blocks)
@@ -195,7 +195,9 @@ def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[CandidateRows]:
     rows = np.concatenate([sight.whiten(own) for sight, own in influences], axis=1)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in free)])
     made = [CandidateRows(name, rows[a:b]) for name, a, b in zip(free, ends[:-1], ends[1:], strict=True)]
-    return [block for block in made if np.abs(block.prior[:, None] * block.rows).max() > 1]  # a size makes a deviation
+    return [
+        block for block in made if np.abs(block.plausible[:, None] * block.rows).max() > 1
+    ]  # a size makes a deviation
 
 
 def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:
@@ -265,7 +267,7 @@ def _next(state: Linear, pool: Sequence[CandidateRows], journal: Journal, *, cla
     """The state with the best block more that is a cause; none where none is."""
     taken = {identity(b.name) for b in state.blocks}
     trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
-    trials = sorted((t for t in trials if t.plausible()), key=lambda t: t.objective)
+    trials = sorted((t for t in trials if t.possible()), key=lambda t: t.objective)
     policy = state.bench.policy
     for trial in trials[:_MOST]:
         block = trial.blocks[-1]
@@ -289,7 +291,7 @@ def _takes(state: Linear, block: CandidateRows, beyond: Flags) -> bool:
     reason against it.
     """
     if "torque" in source(block.name[0]).needs:
-        state = Linear(state.fit, (*state.blocks, *_constants(state)))
+        state = replace(state, blocks=(*state.blocks, *_constants(state)))
     before, after = state.squares, state.beside(block).squares
     policy = state.bench.policy
     much = before - after > policy.claim_counts * state.measured
@@ -340,7 +342,7 @@ def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
     found = []
     for block in blocks_of(bare, candidates):
         trial = without.beside(block)
-        if identity(block.name) != named(fit.added[number]) and trial.plausible() and trial.squares[at] < most:
+        if identity(block.name) != named(fit.added[number]) and trial.possible() and trial.squares[at] < most:
             found.append((trial.objective, (block.name[0], dict(block.name[1]))))
     return [name for _, name in sorted(found, key=lambda pair: pair[0])]
 

@@ -7,7 +7,7 @@ least squares over that turn, all orders at once, as a bench takes them.  Everyt
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
@@ -170,13 +170,18 @@ class Numbers:
         """Of each case, which of the orders each of its numbers is of, shape (2 k,)."""
         return tuple(np.tile(np.searchsorted(self.orders, np.round(case.orders, 6)), 2) for case in self.cases)
 
+    def by_order(self, rows: Iterable[Array]) -> Array:
+        """Sum of each order's numbers over all cases, of a row (2 k,) for each; shape (n,)."""
+        sums = [np.bincount(at, row, self.orders.size) for at, row in zip(self.places, rows, strict=True)]
+        return np.asarray(np.sum(sums, axis=0), dtype=np.float64)
+
     @cached_property
     def values(self) -> tuple[Array, Array]:
         """Of each order how many numbers there are, and how many a law over the load has.
 
         Of each direction a constant and a slope, cos and sin: what is not explained yet has few independent values.
         """
-        numbers = sum((np.bincount(at, minlength=self.orders.size) for at in self.places), np.zeros(self.orders.size))
+        numbers = self.by_order(np.ones(at.size) for at in self.places)
         torques: dict[tuple[int, float], set[float]] = {}
         for case, at in zip(self.cases, self.places, strict=True):
             for place in set(at.tolist()):
@@ -184,7 +189,7 @@ class Numbers:
         own = np.zeros(self.orders.size)
         for (place, _), loads in torques.items():
             own[place] += 2 * min(2, len(loads))
-        return np.asarray(numbers, dtype=np.float64), own
+        return numbers, own
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,10 +399,7 @@ def discrepancy(cases: Sequence[OrderCase], sigmas: Sequence[Array], share: floa
     sigmas : sequence of ndarray, shape (2 k,)
     share : float
     """
-    bench = Numbers(tuple(cases))
-    numbers, own = bench.values
-    power = np.zeros(bench.orders.size)
-    for case, at in zip(cases, bench.places, strict=True):
-        power += np.bincount(at[: case.orders.size], weights=np.abs(case.waves) ** 2, minlength=power.size)
-    variance = share**2 * power / np.maximum(numbers, 1) * numbers / np.maximum(own, 1)
-    return [np.sqrt(sigma**2 + variance[at]) for sigma, at in zip(sigmas, bench.places, strict=True)]
+    numbers = Numbers(tuple(cases))
+    power = numbers.by_order(np.tile(np.abs(case.waves) ** 2 / 2, 2) for case in cases)
+    variance = share**2 * power / np.maximum(numbers.values[1], 1)  # power/N for each number, N/M times
+    return [np.sqrt(sigma**2 + variance[at]) for sigma, at in zip(sigmas, numbers.places, strict=True)]

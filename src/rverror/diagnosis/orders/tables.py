@@ -13,7 +13,7 @@ from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.account import elastic_within
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
-from rverror.diagnosis.gears.reducers import curved, with_marks
+from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
@@ -28,13 +28,13 @@ from rverror.diagnosis.result import (
     OrderShare,
     Progress,
     Residual,
-    Validation,
 )
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.catalogue import CATALOGUE, source
+from rverror.geartrain.source import Source
+from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.empirical import LAWS
+from rverror.model.empirical import LAWS, tells_directions
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.runs.spectrum import frames_of_order
 
@@ -94,7 +94,7 @@ def diagnose_tables(
     after = _residual(final, _left_by_laws(final, causes, laws))
     added = tuple(_claim(causes, found, n, candidates, origin, after) for n in range(named))
     added += tuple(_law(laws, n, origin, after) for n in range(len(laws.blocks)))
-    lines = _lines(final, named, noise)
+    lines = _lines(final, named)
     if anywhere:
         notes.append(
             "index unknown: where the gear's marks stand was fitted with everything else; the zero is one for all"
@@ -172,47 +172,30 @@ def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named,
 
     Those that are tried in runs, but rare ones of many places, and those that only several loads tell.
     """
-    unit = model.mechanism
-    assert isinstance(unit, Reducer)
-    taken = [(e.key, dict(e.indices)) for e in model.effects]
-    loads = {record.torque for record in bench.records}
-    return tuple(
-        (key, indices)
-        for key, entry in CATALOGUE.items()
-        if entry.applies_to(unit) and entry.periodic and (not policy.keys or key in policy.keys)
-        if (entry.tried and not entry.late) or (entry.in_tables and ("torque" not in entry.needs or len(loads) > 1))
-        if not any(entry.lacks(unit, record) for record in bench.records)
-        for indices in entry.candidates(unit)
-        if (key, dict(indices)) not in taken
-    )
+    several = len({record.torque for record in bench.records}) > 1
+
+    def wanted(entry: Source) -> bool:
+        in_table = entry.in_tables and (several or "torque" not in entry.needs)
+        return entry.periodic and policy.allows(entry) and ((entry.tried and not entry.late) or in_table)
+
+    return offered(model, bench.records, wanted)
 
 
 def laws_of(model: Model, bench: TableSet) -> tuple[Named, ...]:
     """Laws over load and direction by which every whole order of a table can be described."""
     unit = model.mechanism
     assert isinstance(unit, Reducer)
-    senses = {case.condition.direction for case in bench.cases}
+    both = len({case.condition.direction for case in bench.cases}) > 1
     loaded = len({record.torque for record in bench.records if record.torque}) > 1
-    found: list[Named] = []
-    for order in bench.orders.tolist():
-        if abs(order - round(order)) > 1e-6:
-            continue
-        at = {"frame": "output", "harmonic": round(order)}
-        for law in LAWS:
-            extra = [dict(zip(names, values, strict=True)) for names, values in _further(law.key, unit)]
-            for more in extra:
-                both = law is LAWS[0] or more.get("sense") == "alike"
-                if (both or len(senses) > 1) and (loaded or "torque" not in law.needs):
-                    found.append((law.key, {**at, **more}))
-    return tuple(found)
-
-
-def _further(key: str, unit: Reducer) -> list[tuple[tuple[str, ...], tuple[int | str, ...]]]:
-    """Values of the indices of a law beside frame and harmonic."""
-    more = [index for index in source(key).indices if index.name not in ("frame", "harmonic")]
-    if not more:
-        return [((), ())]
-    return [((more[0].name,), (value,)) for value in more[0].allowed(unit)]
+    return tuple(
+        (law.key, {**indices, "harmonic": round(order)})
+        for order in bench.orders.tolist()
+        if order.is_integer()  # they are told to six digits
+        for law in LAWS
+        if loaded or "torque" not in law.needs
+        for indices in law.candidates(unit)
+        if indices["frame"] == "output" and (both or not tells_directions(law, indices))
+    )
 
 
 def _as_printed(model: Model, fit: Fit) -> Model:
@@ -373,104 +356,77 @@ def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    power = np.zeros(bench.orders.size)
-    for part, at in zip(_parts(fit)[number], bench.places, strict=True):
-        power += np.bincount(at, weights=part**2, minlength=power.size)
+    power = bench.numbers.by_order(part**2 for part in _parts(fit)[number])
     policy = bench.policy
     strong = np.flatnonzero(power > policy.leading**2 * power.max())
     return tuple(float(bench.orders[n]) for n in strong[np.argsort(-power[strong])][: policy.leading_orders])
 
 
-def _lines(fit: Fit, named: int, noise: Sequence[Array]) -> tuple[Line, ...]:
+def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    parts = _parts(fit)[named:]
-    rests = [rest + sum((p[n] for p in parts), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
+    laws = _parts(fit)[named:]
+    rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
+    squares = bench.numbers.by_order((rest / s) ** 2 for rest, s in zip(rests, bench.sigmas, strict=True))
+    cases = bench.values[0] / 2
+    size = np.sqrt(bench.numbers.by_order(rest**2 for rest in rests) / cases)
+    deviation = np.sqrt(bench.numbers.by_order(sigma**2 for sigma in bench.sigmas) / 2) / cases  # of a mean of all
     result = []
-    for place, order in enumerate(bench.orders.tolist()):
-        own = [rest[at == place] for rest, at in zip(rests, bench.places, strict=True)]
-        sigma = np.concatenate([s[at == place] for s, at in zip(noise, bench.places, strict=True)])
-        squares = float(np.sum((np.concatenate(own) / sigma) ** 2))
-        bound = sigma.size + bench.policy.by_chance * math.sqrt(2 * sigma.size)
-        sizes = np.array([math.hypot(*one) for one in own if one.size])
-        mean = float(np.sqrt(np.mean(sizes**2)))
-        if squares <= bound or mean < bench.policy.accuracy:
-            continue
-        half = student((1 - bench.policy.confidence) / 2, max(sizes.size - 1, 1)) * float(
-            np.sqrt(np.mean(sigma**2) / sizes.size)
-        )
+    for n in np.flatnonzero((squares > bench.most_of_noise) & (size > bench.policy.accuracy)).tolist():
+        order, mean = float(bench.orders[n]), float(size[n])
+        half = student((1 - bench.policy.confidence) / 2, max(float(cases[n]) - 1, 1.0)) * float(deviation[n])
         frames = frames_of_order(bench.unit, order, tolerance=bench.policy.order_tolerance)
         result.append(Line(order, mean, max(mean - half, 0.0), mean + half, tuple(frames)))
     return tuple(sorted(result, key=lambda line: -line.amplitude))
 
 
-#: What kind of cause a source is, by the family of its key; part errors where none is said.
-_KINDS = {"sensor": "measuring_chain", "shaft": "measuring_chain", "load": "compliance", "empirical": "empirical"}
-
-
-def _kind(key: str) -> str:
-    if "compliance" in key:
-        return "compliance"
-    return _KINDS.get(key.split(".")[0], "parts")
+def _kind(entry: Source) -> str:
+    """What kind of cause a source is: a field of `OrderShare`."""
+    if not entry.is_cause:
+        return "empirical"
+    if entry.acts == "reading":
+        return "measuring_chain"
+    soft = any(parameter.dimension in ("compliance", "contact_compliance") for parameter in entry.parameters)
+    return "compliance" if soft else "parts"
 
 
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    count = bench.orders.size
+    measured = [sight.measured for sight in bench.sights]
+
+    def along(parts: Sequence[Array]) -> Array:
+        return bench.numbers.by_order(one * part for one, part in zip(measured, parts, strict=True))
+
+    total, cases = along(measured), bench.values[0] / 2
     kinds = ("parts", "compliance", "measuring_chain", "empirical")
-    taken = {kind: np.zeros(count) for kind in kinds}
-    total, left = np.zeros(count), np.zeros(count)
-    parts = _parts(fit)
-    for n, (sight, at) in enumerate(zip(bench.sights, bench.places, strict=True)):
-        measured = sight.measured
-        rest = measured - fit.residual[n]
-        for effect, part in zip(fit.added, parts, strict=True):
-            taken[_kind(effect.key)] += np.bincount(at, weights=measured * part[n], minlength=count)
-            rest = rest - part[n]
-        taken["parts"] += np.bincount(at, weights=measured * rest, minlength=count)  # declared, and what is not linear
-        left += np.bincount(at, weights=measured * fit.residual[n], minlength=count)
-        total += np.bincount(at, weights=measured**2, minlength=count)
-    cases = np.bincount(np.concatenate([np.unique(at) for at in bench.places]), minlength=count)
+    taken = {kind: np.zeros(bench.orders.size) for kind in kinds} | {"left": along(fit.residual)}
+    for effect, part in zip(fit.added, _parts(fit), strict=True):
+        taken[_kind(source(effect.key))] += along(part)
+    taken["parts"] += total - sum(taken.values())  # declared, and what is not linear
     return tuple(
         OrderShare(
-            order=float(bench.orders[n]), amplitude=math.sqrt(total[n] / max(cases[n], 1)),
-            left=float(left[n] / max(total[n], 1e-300)),
-            **{kind: float(taken[kind][n] / max(total[n], 1e-300)) for kind in kinds},
+            order=float(order),
+            amplitude=math.sqrt(total[n] / cases[n]),
+            **{kind: float(share[n] / max(total[n], 1e-300)) for kind, share in taken.items()},
         )
-        for n in range(count)
-    )  # fmt: skip
+        for n, order in enumerate(bench.orders)
+    )
 
 
-def validated_table(found: Diagnosis, table: OrderTable) -> Validation:
-    """Hold a result against a table that it has not seen: nothing is fitted.
+def left_of_table(model: Model, table: OrderTable) -> tuple[float, Array, Array]:
+    """What a model leaves of a table as it stands: rms of all, the orders, and the rms of each, rad.
 
     Parameters
     ----------
-    found : Diagnosis
+    model : Model
     table : OrderTable
     """
-    unit = found.model.mechanism
-    assert isinstance(unit, Reducer)
-    marks = tuple(e for e in found.model.effects if source(e.key).acts == "marks")
-    stated = any(source(e.key).acts == "marks" for e in found.declared.effects)
-    declared = replace(
-        found.declared, mechanism=curved(found.declared.mechanism),
-        effects=found.declared.effects if stated else (*found.declared.effects, *marks),
-    )  # fmt: skip
-    sizes = []
-    for model in (declared, found.model):
-        assert isinstance(model.mechanism, Reducer)
-        bench = table_set(
-            model.mechanism, table.cases, [np.ones(2 * c.orders.size) for c in table.cases], POLICY,
-            anywhere=bool(marks),
-        )  # fmt: skip
-        fit = evaluated(bench, model, model)
-        squares = np.zeros(bench.orders.size)
-        for rest, at in zip(fit.residual, bench.places, strict=True):
-            squares += np.bincount(at, weights=rest**2, minlength=squares.size)
-        sizes.append((_rms_of(fit.residual), np.sqrt(0.5 * squares / len(bench.cases))))
-    orders = tuple(float(order) for order in bench.orders)
-    return Validation(table.path, sizes[0][0], sizes[1][0], orders, tuple(sizes[0][1]), tuple(sizes[1][1]))
+    assert isinstance(model.mechanism, Reducer)
+    white = [np.ones(2 * case.orders.size) for case in table.cases]
+    bench = table_set(model.mechanism, table.cases, white, POLICY, anywhere=False)
+    rests = evaluated(bench, model, model).residual
+    power = bench.numbers.by_order(0.5 * rest**2 for rest in rests) / len(rests)
+    return _rms_of(rests), bench.orders, np.sqrt(power)
