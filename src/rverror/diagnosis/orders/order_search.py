@@ -29,7 +29,6 @@ from rverror.model.effects import Effect
 from rverror.model.empirical import ORDER
 from rverror.statics.loaded_state import NotConvergedError
 
-_ROUNDS = 3  # times that the search goes on about the state that was fitted at the load
 _STEPS = 20  # of a refit at the load, at most.  Chosen for time
 _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
 
@@ -180,10 +179,6 @@ class Linear:
         """The same with one block more."""
         return replace(self, blocks=(*self.blocks, block))
 
-    def less(self, number: int) -> Linear:
-        """The same without a block."""
-        return replace(self, blocks=self.blocks[:number] + self.blocks[number + 1 :])
-
 
 def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[CandidateRows]:
     """Every candidate that a model does not have and the table can show."""
@@ -210,18 +205,37 @@ def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:
     candidates : sequence of Named
     journal : Journal
     """
-    for _ in range(_ROUNDS):
-        state, pool = Linear(fit), blocks_of(fit, candidates)
-        while len(state.blocks) < _MOST:
-            journal.round += 1
-            more = _next(state, pool, journal, claims=True)
-            if more is None:
-                break
-            journal.tell(f"added {describe(*more.blocks[-1].name)}")
-            state = _pruned(more, journal)
-        if not state.blocks:
-            return fit
-        fit = refitted(fit, state)
+    left = list(candidates)
+    for _ in range(_MOST):
+        journal.round += 1
+        more = _next(Linear(fit), blocks_of(fit, left), journal, claims=True)
+        if more is None:
+            break
+        name = more.blocks[-1].name
+        journal.tell(f"added {describe(*name)}")
+        left.remove(name)  # what is dropped once would be the best again
+        fit = _pruned(refitted(fit, more), journal)
+    return fit
+
+
+def _pruned(fit: Fit, journal: Journal) -> Fit:
+    """The fit without causes that others make needless: at the load one makes orders that by a linear step it does not.
+
+    Each is taken out by a linear step, and the least needed one refitted away.
+    """
+    while fit.added:
+        least = [
+            (Linear(_without(fit, n)).objective - chi_square(fit.bench.policy.false_alarm, len(e.values)), n)
+            for n, e in enumerate(fit.added)
+        ]
+        objective, number = min(least)
+        if objective > Linear(fit).objective:
+            break
+        gone = fit.added[number]
+        journal.note("dropped", (gone.key, gone.indices), "needless once all are refitted at the load")
+        at = len(fit.declared.effects) + number
+        model = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
+        fit = fitted(evaluated(fit.bench, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
     return fit
 
 
@@ -243,7 +257,7 @@ def described(fit: Fit, laws: Sequence[Named], journal: Journal) -> Linear:
         more = _next(state, pool, journal, claims=False)
         if more is None:
             break
-        state = _pruned(more, journal)
+        state = more
     return state
 
 
@@ -312,22 +326,6 @@ def _constants(state: Linear) -> list[CandidateRows]:
                 CandidateRows((ORDER.key, {"frame": "output", "harmonic": place}), np.concatenate(rows, axis=1))
             )
     return found
-
-
-def _pruned(state: Linear, journal: Journal) -> Linear:
-    """The state without what later blocks have made needless."""
-    policy = state.bench.policy
-    while len(state.blocks) > 1:
-        less = [(state.less(n), state.blocks[n]) for n in range(len(state.blocks) - 1)]
-        needless = [
-            (one, block) for one, block in less
-            if one.objective - state.objective < chi_square(policy.false_alarm, len(block.rows))
-        ]  # fmt: skip
-        if not needless:
-            break
-        state, gone = min(needless, key=lambda pair: pair[0].objective)
-        journal.note("dropped", gone.name, "needless beside what came later")
-    return state
 
 
 def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:

@@ -79,8 +79,9 @@ def diagnose_tables(
     candidates = candidates_of(model, bench, policy)
     found = searched(root, candidates, journal)
     tell("refitting everything under all conditions")
-    whole = table_set(unit, cases, widened(sigmas, found, cases), policy, anywhere=anywhere)
-    causes = fitted(evaluated(whole, found.model, model), steps=8, enough=1.0)
+    whole = evaluated(table_set(unit, cases, sigmas, policy, anywhere=anywhere), found.model, model)
+    wide = table_set(unit, cases, widened(whole), policy, anywhere=anywhere)
+    causes = fitted(evaluated(wide, found.model, model, whole.waves), steps=8, enough=1.0)
     tell("describing what no cause accounts for")
     plain = table_set(unit, cases, noise, policy, anywhere=anywhere)
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
@@ -223,20 +224,16 @@ def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
     return elastic_within(fit, [_reach(fit, float(v)) for v in np.diag(fit.covariance)])
 
 
-def widened(sigmas: Sequence[Array], found: Fit, cases: Sequence[OrderCase]) -> list[Array]:
-    """Standard deviations by which each order is as far off as the causes leave it.
+def widened(fit: Fit) -> list[Array]:
+    """Standard deviations by which each order is as far off as a fit leaves it.
 
-    What they leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
+    What causes leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
     drive declared sizes and stiffness to many times their uncertainty to make up for it.
     """
-    bench = found.bench
+    bench = fit.bench
     assert isinstance(bench, TableSet)
-    more = np.sqrt(np.maximum(Linear(found).squares / bench.values[0], 1.0))
-    by_order = dict(zip(bench.orders.tolist(), more.tolist(), strict=True))
-    return [
-        sigma * np.tile([by_order.get(round(order, 6), 1.0) for order in case.orders.tolist()], 2)
-        for sigma, case in zip(sigmas, cases, strict=True)
-    ]
+    more = np.sqrt(np.maximum(Linear(fit).squares / bench.values[0], 1.0))
+    return [sigma * more[at] for sigma, at in zip(bench.sigmas, bench.places, strict=True)]
 
 
 # --- sizes ------------------------------------------------------------------------------------------------------------
@@ -291,14 +288,12 @@ def _foretold(state: Linear) -> list[Array]:
 
 
 def _reach(fit: Fit, variance: float) -> float:
-    """Half width of an interval: wider where what is left is more than it is taken for."""
+    """Half width of an interval; what is left counts as noise of its size already."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    values = float(bench.values[1].sum())
     free = int(np.isfinite(fit.weights).sum())
-    return math.sqrt(variance * max(1.0, fit.data / bench.freedom)) * student(
-        (1 - bench.policy.confidence) / 2, max(values - free, 4.0)
-    )
+    spare = max(float(bench.values[1].sum()) - free, 4.0)
+    return math.sqrt(variance) * student((1 - bench.policy.confidence) / 2, spare)
 
 
 def _estimates(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
@@ -334,8 +329,11 @@ def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     effect = replace(laws.effects()[number], origin=origin)
     first = sum(len(b.rows) for b in laws.blocks[:number])
     own = range(first, first + len(effect.values))
-    more = max(1.0, float(np.sum(laws.left(laws.best) ** 2)) / laws.bench.freedom)
-    size = student((1 - laws.bench.policy.confidence) / 2, max(laws.bench.freedom / 2 - len(laws.rows), 4.0))
+    (at,) = np.flatnonzero(laws.bench.orders == effect.indices["harmonic"])
+    numbers = float(laws.bench.values[0][at])
+    # a law that does not hold leaves more than noise of its order
+    more = max(1.0, float(laws.squares[at]) / numbers)
+    size = student((1 - laws.bench.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
     halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
     estimates, _ = _estimates(effect, halves)
     orders = source(effect.key).orders(laws.bench.unit, effect.indices)
