@@ -225,12 +225,7 @@ def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]
         if abs(value) > parameter.plausible:
             notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
     hunt.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
-    behind = -2 * math.log(hunt.policy.alike)
-    alike = tuple(
-        (rival.fit.added[-1].key, dict(rival.fit.added[-1].indices))
-        for rival in hunt.rivals(node, number)
-        if min(rival.score - node.score, rival.fit.objective - fit.objective) < behind
-    )
+    alike = hunt.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
     held = residual(fit).heldout_rms
     return Addition(

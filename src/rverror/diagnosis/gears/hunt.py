@@ -267,11 +267,14 @@ class Hunt:
 
     def _nothing_left(self, node: Node) -> bool:
         fit = node.fit
-        if strained(fit) or best_lines(fit, self.policy, outside=False):
+        if strained(fit) or self._line_left(fit):
             return False
         return not any(
             self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in self.ranking(fit)[:5]
         )
+
+    def _line_left(self, fit: Fit) -> bool:
+        return bool(best_lines(fit, self.policy, outside=False))
 
     def ranking(self, fit: Fit) -> list[Proposal]:
         """Candidates by what a linear step promises beside a fit, made once."""
@@ -285,7 +288,7 @@ class Hunt:
             count = range(len(node.fit.added))
             others = [rival for at in count for rival in self.rivals(node, at)]
             if all(one.score >= node.score - 1 for one in others):
-                others += [one for pair in combinations(count, 2) for one in self._found_rivals(node, *pair)]
+                others += [one for pair in combinations(count, 2) for one in self.rivals(node, *pair)]
                 others.append(self.remarked(node))
             better = [one for one in others if one.score < node.score - 1]
             if not better:
@@ -350,19 +353,28 @@ class Hunt:
         records = [replace(r, slow=False) for r in node.fit.bench.records]
         return Node(fitted(onto(node.fit.bench.with_records(records), node.fit)), node.lines)
 
-    def rivals(self, node: Node, number: int) -> list[Node]:
-        """The node with other causes in one's place that fit nearly as well, the best first.
+    def rivals(self, node: Node, *numbers: int) -> list[Node]:
+        """The node with other causes in one's place, or one in two's, that fit nearly as well, the best first.
 
         They are looked for once; under noise that is known better they are only refitted.
         """
-        key = (node.names, named(node.fit.added[number]))
+        key = (node.names, frozenset(named(node.fit.added[n]) for n in numbers))
         known = self._rivals.get(key)
         if known is None:
-            known = self._found_rivals(node, number)
+            known = self._found_rivals(node, *numbers)
         elif any(rival.fit.bench is not node.fit.bench for rival in known):
             known = [Node(fitted(onto(node.fit.bench, r.fit)), node.lines, node.slow) for r in known]
         self._rivals[key] = sorted(known, key=lambda n: n.score)
         return self._rivals[key]
+
+    def as_good(self, node: Node, number: int) -> tuple[Named, ...]:
+        """Other causes that fit as well in one's place, by evidence or by objective."""
+        behind = -2 * math.log(self.policy.alike)
+        return tuple(
+            (rival.fit.added[-1].key, dict(rival.fit.added[-1].indices))
+            for rival in self.rivals(node, number)
+            if min(rival.score - node.score, rival.fit.objective - node.fit.objective) < behind
+        )
 
     def _found_rivals(self, node: Node, *numbers: int) -> list[Node]:
         """Causes of the same gaps, elsewhere, or alike to first order; refitted where they come close."""

@@ -56,14 +56,15 @@ class TableRow:
         N*mm.
     zero : str
         Empty: a table has no constants that could be shared.
-    time : None
-        Waves have none.
+    time, noise : None
+        Waves have none that the fit would have to know.
     """
 
     name: str
     torque: float | None
     zero: str = ""
     time: None = None
+    noise: None = None
 
 
 @dataclass(frozen=True, eq=False)

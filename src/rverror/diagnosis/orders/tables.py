@@ -17,6 +17,7 @@ from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
+from rverror.diagnosis.orders.table_hunt import complete_set
 from rverror.diagnosis.orders.table_set import TableSet, discrepancy, joined, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import (
@@ -61,7 +62,7 @@ def diagnose_tables(
     InputError
         If a table cannot be used; the message says why.
     """
-    policy = replace(policy, regular=1e12)  # squares are weighted order by order: none is of a size that is not known
+    given, policy = policy, replace(policy, regular=1e12)  # each order has its own size: none is of one not known
     cases = joined(tables)
     notes = [f"{table.path}: {note}" if table.path else note for table in tables for note in table.notes]
     unit = curved(declared.mechanism)
@@ -78,6 +79,9 @@ def diagnose_tables(
     root = fitted(first, steps=6)
     candidates = candidates_of(model, bench, policy)
     found = searched(root, candidates, journal)
+    complete = complete_set(root, found, candidates, given, journal)
+    if complete is not None:
+        found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
     whole = evaluated(table_set(unit, cases, sigmas, policy, anywhere=anywhere), found.model, model)
     wide = table_set(unit, cases, widened(whole), policy, anywhere=anywhere)
@@ -91,9 +95,10 @@ def diagnose_tables(
     refitted = evaluated(plain, root.model, model)
     tell("looking for what does as well")
     named = len(causes.added)
+    alike = [complete[0].as_good(complete[1], n) if complete else rivals(found, n, candidates) for n in range(named)]
     origin = "found by rverror diagnose in " + ", ".join(table.path or "a table" for table in tables)
     after = _residual(final, _left_by_laws(final, causes, laws))
-    added = tuple(_claim(causes, found, n, candidates, origin, after) for n in range(named))
+    added = tuple(_claim(causes, found, n, alike[n], origin, after) for n in range(named))
     added += tuple(_law(laws, n, origin, after) for n in range(len(laws.blocks)))
     lines = _lines(final, named)
     if anywhere:
@@ -307,7 +312,7 @@ def _estimates(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate,
     return tuple(estimates), notes
 
 
-def _claim(fit: Fit, few: Fit, number: int, candidates: Sequence[Named], origin: str, after: Residual) -> Addition:
+def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str, after: Residual) -> Addition:
     """A cause, with its rivals and with what chance does as much; from the loads on which it was looked for."""
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
@@ -319,9 +324,8 @@ def _claim(fit: Fit, few: Fit, number: int, candidates: Sequence[Named], origin:
         f"takes {100 * share:.0f} % of what is left of order {order:g} without it; as many sizes that mean nothing do "
         f"so with a chance of {100 * odds:.2g} %"
     )
-    alike = tuple((key, dict(indices)) for key, indices in rivals(few, number, candidates))
     orders = _orders(fit, number)
-    return Addition(replace(effect, origin=origin), estimates, alike, orders, after.heldout_rms, tuple(notes))
+    return Addition(replace(effect, origin=origin), estimates, tuple(alike), orders, after.heldout_rms, tuple(notes))
 
 
 def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
