@@ -234,6 +234,8 @@ def test_load_parts_of_both_directions(reverse: complex, relation: str) -> None:
     assert found.alike  # of the constants
     assert any("grows with the load" in kind for kind in found.kinds)
     assert any("constant over the load and alike" in kind for kind in found.kinds)
+    # one compliance for both senses of the torque has the opposite sign: it is not named of what is alike
+    assert any("stiffness that varies over the angle" in kind for kind in found.kinds) == (relation != "alike")
 
 
 def test_noise_leaves_a_relation_open() -> None:

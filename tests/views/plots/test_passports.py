@@ -9,7 +9,7 @@ from drawn import legend, line, units_missing
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import passport
-from rverror.runs.order_table import OrderCase, TableCondition
+from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
 from rverror.views.plots.passports import passport_plot
 
 TORQUES = (0.0, 5e5, 1e6)
@@ -37,6 +37,13 @@ def test_points_and_lines_are_the_amplitudes() -> None:
     laws = [item for item in ax.get_lines() if item.get_linestyle() != "None"]
     assert [law.get_ydata()[-1] for law in laws] == pytest.approx([3, 1, 1.5, 0.5])
     assert units_missing(ax) == []
+
+
+def test_a_table_draws_its_own_passport() -> None:
+    drawn, own = passport_plot(passport(cases()), cases()), OrderTable(cases=tuple(cases())).plot(kind="passport")
+    for one, other in zip(drawn.get_lines(), own.get_lines(), strict=True):
+        assert one.get_label() == other.get_label()
+        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
 
 
 def test_grey_print_tells_directions_and_orders_apart() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
-from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport
-from rverror.runs.order_table import OrderCase
+from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport, passport
+from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots.figure import DASHED, NOTHING, axes_for, in_shown_unit, legend_beside, line_style
 
 if TYPE_CHECKING:
@@ -71,6 +71,17 @@ def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase]
         ax.set_ylim(bottom=0.7 * float(sizes[sizes > NOTHING].min()))
     legend_beside(ax, title="lines: constant and load part")
     return ax
+
+
+def table_passport(table: OrderTable, *, ax: Axes | None = None) -> Axes:
+    """Passports of a table's strongest orders, as `passport_plot` draws them.
+
+    Raises
+    ------
+    InputError
+        If no case holds a torque.
+    """
+    return passport_plot(passport(table.cases), table.cases, ax=ax)
 
 
 def _points(one: OrderPassport, direction: float, cases: Sequence[OrderCase]) -> tuple[Array, Array]:
