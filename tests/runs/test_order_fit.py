@@ -148,7 +148,7 @@ def test_sigma_is_never_zero() -> None:
 
 @pytest.mark.parametrize("order", [12.0, 60.0])
 def test_noise_that_has_a_colour_stays_within_its_sigma(order: float) -> None:
-    """At order 12 this noise has 0.36/(1.64 - 1.6 cos 0.0736) = 8.1 times the power of white noise: its discs hold the wave as often as they say.
+    """At order 12 the noise has 0.36/(1.64 - 1.6 cos 0.0736) = 8.1 times the power of white noise, and discs hold.
 
     The radius of the disc is that of given noise, 2.45 sigma at 95 %; of 400 draws 95 % are 380 +- 4.4.  Sigma itself
     is told by the median of two dozen waves, so that a disc holds somewhat less than its share: 3 % are granted.
