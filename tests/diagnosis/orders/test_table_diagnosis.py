@@ -311,8 +311,10 @@ def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: 
     seen, unseen = tmp_path / "seen.csv", tmp_path / "unseen.csv"
     for path, loads, seed in ((seen, LOADS, 0), (unseen, (90e3,), 1)):
         rverror.write_orders(path, table_of(Model(OTHER, (CAM, HEAD)), loads=loads, seed=seed))
-    command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page]
+    picture = tmp_path / "picture.png"
+    command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page, "--plot", picture]
     assert main([str(word) for word in command]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
     data = json.loads(told.read_text(encoding="utf-8"))
     assert {entry["key"] for entry in data["added"]} == {CAM.key, HEAD.key}
     assert data["passport"][0]["order"] == 1.0
