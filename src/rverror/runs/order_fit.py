@@ -187,9 +187,10 @@ def _colour(angle: Array, left: Array, orders: Array, *, turns: float, degree: i
     white = 2 * float(left @ left) / angle.size**2  # of cosine's and sine's size, each
     found = np.ones(orders.size)
     for place, order in enumerate(orders.tolist()):
-        about = order + np.concatenate([np.arange(-_BESIDE, 0), np.arange(1, _BESIDE + 1)]) / turns
+        steps = np.arange(1, _BESIDE + orders.size + 1)  # farther where orders of the table stand between
+        about = order + np.stack([-steps, steps], axis=1).ravel() / turns
         apart = (np.abs(about[:, None] - orders) * turns > 0.5).all(axis=1)
-        about = about[apart & (about * turns > max(degree / 2, 0.5)) & (about < highest)]
+        about = about[apart & (about * turns > max(degree / 2, 0.5)) & (about < highest)][: 2 * _BESIDE]
         if about.size < _BESIDE or not white:
             continue
         power = [abs(2 / angle.size * complex(left @ np.exp(-1j * one * angle))) ** 2 / 2 for one in about.tolist()]
