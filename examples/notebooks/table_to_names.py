@@ -216,7 +216,7 @@ place.cleanup()
 #
 # ## The same on a reducer that others measured
 #
-# The model file [rv-81](../rv-81/model.toml) is a reducer of ratio 81 that Bilancia et al. measured (2025,
+# The model file [rv-81](../../examples/rv-81/model.toml) is a reducer of ratio 81 that Bilancia et al. measured (2025,
 # 10.1016/j.rcim.2024.102838). Its table is not in the repository; what
 # the steps above give on it stands in [from a table of orders to named causes](../../docs/theory/order-tables.md).
 # Measured waves of 5.5 arcsec rms, order 1 aside, become 0.79 with the result, and 0.72 on every third load when it is
