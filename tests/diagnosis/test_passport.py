@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import f
 
-from rverror import InputError
+from recordings import recording
+from rverror import InputError, load_orders
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.diagnosis.wave_fit import WavePart, both_ways, disc_factor, fit_waves
@@ -234,6 +235,8 @@ def test_load_parts_of_both_directions(reverse: complex, relation: str) -> None:
     assert found.alike  # of the constants
     assert any("grows with the load" in kind for kind in found.kinds)
     assert any("constant over the load and alike" in kind for kind in found.kinds)
+    # one compliance for both senses of the torque has the opposite sign: it is not named of what is alike
+    assert any("stiffness that varies over the angle" in kind for kind in found.kinds) == (relation != "alike")
 
 
 def test_noise_leaves_a_relation_open() -> None:
@@ -459,3 +462,23 @@ def test_weights_follow_sigma() -> None:
     fit = fit_waves(np.ones((2, 1)), np.array([1.0 + 0j, 2.0]), confidence=0.95, sigma=np.array([1.0, 2.0]))
     assert fit.parts[0].value == pytest.approx((1.0 + 2.0 / 4) / (1 + 1 / 4))
     assert fit.parts[0].deviation == pytest.approx(1 / math.sqrt(1 + 1 / 4))
+
+
+@pytest.mark.parametrize("name", ["loads-100rpm-25degC.csv", "loads-100rpm-30degC.csv"])
+def test_discs_of_two_halves_of_a_measured_table_meet(name: str) -> None:
+    """Constants and slopes from every second load: discs of both halves, as of independent noise, meet in 19 of 20."""
+    table = load_orders(recording("rv-81to1", name))
+    loads = sorted({case.condition.torque for case in table.cases if case.condition.torque is not None})
+    halves = [
+        {found.order: found for found in passport([c for c in table.cases if c.condition.torque in kept])}
+        for kept in (loads[::2], loads[1::2])
+    ]
+    met = [
+        abs(a.value - b.value) <= math.hypot(a.radius, b.radius)
+        for order, found in halves[0].items()
+        for one, other in zip(found.laws, halves[1][order].laws, strict=True)
+        for a, b in ((one.constant, other.constant), (one.slope, other.slope))
+        if a is not None and b is not None
+    ]
+    assert len(met) == 36  # nine orders, two directions
+    assert sum(met) >= 30  # binomial: 0.2 % of fair discs do worse

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import io
+import math
 import re
 import shutil
 import tempfile
@@ -539,12 +540,84 @@ def your_bench_files(p: Played, says: Prose) -> None:
         assert estimate.low < given < estimate.high
 
 
+def table_to_names(p: Played, says: Prose) -> None:
+    found, held = p["found"], p["held"]
+    says("amplitude and phase of some orders at some loads in both directions")
+    assert {case.condition.direction for case in p["table"].cases} == {1.0, -1.0}
+    says("A reducer of ratio 49 with 16 pins.")
+    assert (p["declared"].mechanism.ratio, p["declared"].mechanism.pins) == (49.0, 16)
+    says("The bench prints eleven orders.")
+    assert len(p["orders"]) == len(p["table"].cases[0].orders) == 11
+
+    laws = p["passports"]
+    says("Two orders are constants.")
+    for order in (1, 16):
+        assert laws[order].shares["constant"] > 0.99
+    says(
+        "Order 3 has nothing without a load and grows with it, with opposite sign in the two directions: something "
+        "that lags behind its torque."
+    )
+    assert laws[3].opposite
+    assert not any(law.constant.told for law in laws[3].laws)
+    says("Order 7 has both, and its load part is alike in both directions")
+    assert laws[7].alike_load
+    assert all(law.constant.told and law.slope.told for law in laws[7].laws)
+    says("The other orders are no more than the noise")
+    for order, one in laws.items():
+        assert (order in (1, 16, 3, 7)) == ("no part of it is told from the noise" not in one.kinds)
+
+    says("with no error declared and stiffness within its uncertainty")
+    assert found.declared.effects == ()
+    claims = [one for one in found.added if not one.effect.key.startswith("empirical.")]
+    says(
+        "Three claims stand at the top. Encoder and flange have no rivals, and their intervals hold what the bench was"
+    )
+    encoder, crank, flange = claims
+    for claim, given in ((encoder, p["encoder"]), (flange, p["flange"])):
+        assert (claim.effect.key, claim.indistinguishable) == (given.key, ())
+        for estimate, value in zip(claim.estimates, given.values, strict=True):
+            assert estimate.low < value < estimate.high
+    says("Order 16 is the crank's: a cam, a bore or a planet's pitch makes one wave of it")
+    assert crank.orders == (16.0,)
+    assert p["declared"].mechanism.disc_lobes + 1 == 16
+    rivals = {crank.effect.key, *(key for key, _ in crank.indistinguishable)}
+    assert rivals == {"crank.eccentricity", "cycloid.disc_bore_position", "involute.planet_pitch"}
+    says("order 7 by a constant and a law over the load, and a little of order 16 that differs between the directions")
+    described = {(one.effect.key, one.effect.indices["harmonic"]) for one in found.added[3:]}
+    assert described == {("empirical.order", 7), ("empirical.order_by_load", 7), ("empirical.order_by_direction", 16)}
+    says('The verdict stays "unexplained" as long as such a line is left beside the claims.')
+    assert (found.verdict, [line.order for line in found.unexplained]) == ("unexplained", [7.0])
+
+    says("Two loads between those of the table")
+    loads = sorted({case.condition.torque for case in p["table"].cases})
+    unseen = sorted({case.condition.torque for case in p["unseen"].cases})
+    assert loads[0] < unseen[0] < unseen[-1] < loads[-1]
+    assert not set(loads) & set(unseen)
+    says("Every order falls to the noise or near it, order 7 among them")
+    sigma = found.noise_rms / math.sqrt(len(held.orders))
+    assert max(held.after_by_order) < 2 * sigma
+    assert held.after < 1.2 * found.noise_rms
+
+    page = (ROOT / "docs" / "theory" / "order-tables.md").read_text(encoding="utf-8")
+    says("is a reducer of ratio 81 that Bilancia et al. measured (2025,")
+    says("10.1016/j.rcim.2024.102838")
+    assert "2025, 10.1016/j.rcim.2024.102838" in page
+    assert rverror.load_model(EXAMPLES / "rv-81" / "model.toml").mechanism.ratio == 81
+    says("Measured waves of 5.5 arcsec rms, order 1 aside, become 0.79 with the result, and 0.72 on every third load")
+    for row in ("| measured | 5.5 |", "fitted on all 38 conditions | 0.79;", "every third load, in no fit | 0.72;"):
+        assert row in page
+    says("Order 1, 61.4 arcsec, is one cause with two numbers. Of the power of the other orders causes make two thirds")
+    assert "61.4 arcsec, one cause with two numbers" in page
+    assert "they make two thirds, laws one third" in page
+
+
 CHECKS = (
     error_budget,
     gallery,
     tolerance_allocation,
     closed_loop,
     forward_and_reverse,
+    table_to_names,
     unexplained_order,
     your_bench_files,
 )

@@ -25,7 +25,7 @@ from diagnosed_example import COS, DEMO, SIN, Outcome, outcome, strict_json
 from every_kind import DRIVE, ELASTIC, diagnosis
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.result import Candidate, Line, Trace
+from rverror.diagnosis.result import Addition, Candidate, Estimate, Line, Trace
 from rverror.views.diagnosis_report import bench_of
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
@@ -786,3 +786,16 @@ def test_what_to_measure_next_knows_the_zero_of_the_runs(result: Outcome) -> Non
     assert bench("A", "A") == (True, True)
     assert bench("A", "B") == (True, False)
     assert bench("unknown", "unknown") == (False, False)
+
+
+def test_a_size_far_below_one_of_its_unit_is_told_with_two_digits_of_its_interval() -> None:
+    """6.02 arcsec at 1000 N m, told in arcsec/(N m); an interval of no width is told as it is."""
+    unit = ARCSEC / 1e6  # rad per N*mm for each arcsec at 1000 N*m
+    wave = Effect("load.torsion_wave", {"harmonic": 3}, (6.019 * unit, 0.0))
+    sizes = (
+        Estimate("cos", "compliance", 6.019 * unit, 5.793 * unit, 6.248 * unit),
+        Estimate("sin", "compliance", 0.0, 0.0, 0.0),
+    )
+    text = rverror.to_text(replace(diagnosis(), added=(Addition(wave, sizes, (), (3.0,), 0.0, ()),)))
+    assert "0.00602 arcsec/(N*m) 95 % [0.00579, 0.00625]" in text
+    assert "0.000 arcsec/(N*m) 95 % [0.000, 0.000]" in text

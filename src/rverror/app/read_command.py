@@ -12,8 +12,9 @@ from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
-from rverror.runs.measurement import read_run, run_text
-from rverror.runs.order_file import refuse_order_file
+from rverror.runs.measurement import load_run, run_text
+from rverror.runs.order_file import orders_text, refuse_order_file
+from rverror.runs.order_table import OrderTable
 
 
 def add_commands(commands: Any) -> None:
@@ -23,7 +24,9 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("read", help="read a file of a bench (text, MAT, HDF5, TDMS) and write a run file")
+    command = commands.add_parser(
+        "read", help="read a file of a bench (text, MAT, HDF5, TDMS) and write a run file or an order table"
+    )
     command.add_argument("file", metavar="BENCH.tdms")
     add_mapping(command)
     command.add_argument(
@@ -62,12 +65,13 @@ def _read(options: argparse.Namespace) -> None:
             raise InputError("--draft begins a mapping; leave out --draft or --mapping")
         _write(options.output, draft_mapping(options.file))
         return
-    run = read_run(options.file, mapping=given_mapping(options.mapping))
+    read = load_run(options.file, mapping=given_mapping(options.mapping))
     names = [Path(path).name for path in inputs]
     # In brackets, so that no note can be read back as a line of the header.
-    comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in run.notes)]
-    text = run_text(run, comments=comments, path=options.output or options.file)
-    for note in run.notes:
+    comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in read.notes)]
+    text_of = orders_text if isinstance(read, OrderTable) else run_text
+    text = text_of(read, comments=comments, path=options.output or options.file)  # type: ignore[arg-type]
+    for note in read.notes:
         tell(f"{options.file}: {note}")
     _write(options.output, text)
 

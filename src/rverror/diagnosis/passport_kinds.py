@@ -152,7 +152,7 @@ def _load(slopes: Sequence[WavePart], both: BothWays | None, torque: float, floo
     ends = {
         "opposite": f"{head}, with opposite sign in the other direction: {compliance} and is the same for both senses "
         "of the torque",
-        "alike": f"{head}, alike in both directions: {compliance}; can be {_LIKE_LOAD}",
+        "alike": f"{head}, alike in both directions: can be {_LIKE_LOAD}",  # one compliance for both senses is opposite
         "mirrored": f"{head}, by as much in both directions and with another phase: {compliance}; can be {_MIRRORED}",
         "different": f"{head}, not alike in both directions: {compliance} and differs between drive and coast side",
     }

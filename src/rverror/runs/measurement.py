@@ -243,19 +243,23 @@ def load_run(
         Checked against the angles; only a run of input angle and error with mixed directions needs its sign.
     mapping : str, path-like or BenchMapping, optional
         The bench's names, units and signs; see docs page ``bench-files.md``.  Without it columns must be named as in a
-        run file, and text must be one.  An order table needs none.
+        run file, and text must be one.  An order table whose header says what it is needs none.
 
     Returns
     -------
     Run or OrderTable
-        The table where the header says ``# kind: orders``; see `load_orders`.
+        The table where the header says ``# kind: orders`` or the mapping has ``[orders]``; see `load_orders`.
 
     Raises
     ------
     InputError
         If the file cannot be used; one line that names file, line, column, bound and remedy.
     """
-    return load_orders(path) if is_order_file(path) else read_run(path, ratio, mapping)
+    if mapping is not None and not isinstance(mapping, BenchMapping):
+        mapping = load_mapping(mapping)
+    if is_order_file(path) or (mapping is not None and mapping.orders.columns):
+        return load_orders(path, mapping)
+    return read_run(path, ratio, mapping)
 
 
 def read_run(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NoReturn
 
@@ -20,7 +19,10 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, did_you_mean, shown, some, split_lines, write_text
 from rverror.runs import reading
+from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.order_report import read_bench_orders
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
+from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows
 from rverror.runs.text_table import (
     HEADER_LINE,
     NUMERALS,
@@ -35,21 +37,7 @@ from rverror.runs.text_table import (
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
 
-#: Dimension of each condition that is a number.
-_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
-#: Dimension of each column of numbers; orders have none.
-_COLUMNS = {
-    **_CONDITIONS,
-    "order": "",
-    "amplitude": "angle",
-    "phase": "angle",
-    "cos": "angle",
-    "sin": "angle",
-    "sigma": "angle",
-}
-#: Unit in which people write it.
-_EXAMPLES = {"input_speed": "rpm", "temperature": "degC", "output_torque": "N*m", "phase": "deg"}
-_KEYS = ("kind", "direction", *_CONDITIONS, "index")
+_KEYS = ("kind", "direction", *ORDER_CONDITIONS, "index")
 _DIRECTIONS = {"forward": 1.0, "reverse": -1.0}
 _NAMES = "direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]"
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
@@ -110,13 +98,15 @@ def refuse_table(path: str) -> NoReturn:
     _refuse(path, "an order table holds no samples, and only diagnose takes one; give a run file here")
 
 
-def load_orders(path: PathLike) -> OrderTable:
+def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) -> OrderTable:
     """Read an order table.
 
     Parameters
     ----------
     path : str or path-like
-        A text whose header says ``# kind: orders``.
+        A text whose header says ``# kind: orders``; with a mapping, a table as a bench's report has it.
+    mapping : str, path-like or BenchMapping, optional
+        The bench's names, units and words; see docs page ``bench-files.md``.
 
     Returns
     -------
@@ -138,6 +128,16 @@ def load_orders(path: PathLike) -> OrderTable:
     The transmission error is the sum of amplitude cos(order theta + phase) over the rows of a condition; theta, the
     output angle, grows in both directions.  Orders that are not listed are not known, not zero.
     """
+    if mapping is None or is_order_file(path):
+        return _table(_own_rows(path))
+    if not isinstance(mapping, BenchMapping):
+        mapping = load_mapping(mapping)
+    _check_columns(mapping.path, "[orders]", mapping.orders.given)
+    return _table(read_bench_orders(path, mapping))
+
+
+def _own_rows(path: PathLike) -> OrderRows:
+    """Rows of a text whose header says what it is."""
     text = opened(
         path,
         keys=_KEYS,
@@ -152,9 +152,13 @@ def load_orders(path: PathLike) -> OrderTable:
         columns = {
             name: np.array([_number(row[at]) for row in cells]) * factor + zero
             for at, (name, (factor, zero)) in enumerate(places.items())
-            if name in _COLUMNS
+            if name in ORDER_COLUMNS
         }
-    rows = _Rows(
+    others = [name for name in places if name not in ORDER_COLUMNS and name != "direction"]
+    notes = [*text.notes(_KEYS)]
+    if others:
+        notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
+    return OrderRows(
         path=text.path,
         labels=tuple(place + 1 for place in text.rows),
         noun="line",
@@ -162,16 +166,13 @@ def load_orders(path: PathLike) -> OrderTable:
         columns=columns,
         stated={
             name: (number, f"line {text.header[name].line}")
-            for name, dimension in _CONDITIONS.items()
+            for name, dimension in ORDER_CONDITIONS.items()
             if (number := header_number(text, name, dimension)) is not None
         },
+        index=text.header["index"].value if "index" in text.header else "",
+        metadata=text.metadata,
+        notes=tuple(notes),
     )
-    others = [name for name in places if name not in _COLUMNS and name != "direction"]
-    notes = [*text.notes(_KEYS)]
-    if others:
-        notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
-    index = text.header["index"].value if "index" in text.header else ""
-    return _table(rows, index=index, metadata=text.metadata, notes=notes)
 
 
 def _check_kind(text: TextTable) -> None:
@@ -186,22 +187,24 @@ def _columns(text: TextTable) -> dict[str, tuple[float, float]]:
     """Columns by name, in their order: factor to core units and zero; others keep the name as written."""
     found: dict[str, tuple[float, float]] = {}
     for at, cell, name in column_names(text, names=_NAMES, example="amplitude[arcsec]"):
-        known = name if name in (*_COLUMNS, "direction") else cell
+        known = name if name in (*ORDER_COLUMNS, "direction") else cell
         if known in found:
             _refuse(text.path, f"{at}: {known} stands in column {list(found).index(known) + 1} too; leave one of them")
         found[known] = (1.0, 0.0)
-        if _COLUMNS.get(known):
+        if ORDER_COLUMNS.get(known):
             found[known] = column_unit(
                 text.path,
                 at,
                 cell=cell,
                 name=known,
-                example=_EXAMPLES.get(known, "arcsec"),
-                dimension=_COLUMNS[known],
+                example=ORDER_EXAMPLES[known],
+                dimension=ORDER_COLUMNS[known],
             )
         elif known != cell.lower():
             _refuse(text.path, f"{at}: {known} has no unit; write '{known}'")
-    _check_columns(text.path, f"line {text.first + 1}", list(found), others=[n for n in found if n not in _COLUMNS])
+    _check_columns(
+        text.path, f"line {text.first + 1}", list(found), others=[n for n in found if n not in ORDER_COLUMNS]
+    )
     return found
 
 
@@ -231,7 +234,7 @@ def _check_columns(path: str, where: str, names: Collection[str], *, others: Seq
             _refuse(
                 path,
                 f"{where}: {one} without {other}, so the waves are not known;{meant(other)} give {other}"
-                f"[{_EXAMPLES.get(other, 'arcsec')}], or cos[arcsec] and sin[arcsec]",
+                f"[{ORDER_EXAMPLES[other]}], or cos[arcsec] and sin[arcsec]",
             )
     if "amplitude" not in names:
         _refuse(
@@ -287,26 +290,8 @@ def _number(cell: str) -> float:
 # --- rows become a table ----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Rows:
-    """Rows as read, core units; NaN where a cell holds no number.
-
-    `stated` has conditions of all rows, each with the place that says it.
-    """
-
-    path: str
-    labels: tuple[int, ...]
-    noun: str
-    directions: tuple[float, ...]
-    columns: Mapping[str, Array]
-    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-
-    def at(self, row: int) -> str:
-        """Place of a row, for messages."""
-        return f"{self.noun} {self.labels[row]}"
-
-
-def _table(rows: _Rows, *, index: str, metadata: Mapping[str, str], notes: list[str]) -> OrderTable:
+def _table(rows: OrderRows) -> OrderTable:
+    notes = list(rows.notes)
     columns = {name: np.where(np.isfinite(values), values, np.nan) for name, values in rows.columns.items()}
     for name, (value, where) in rows.stated.items():
         _check_condition(rows.path, where, name, value)
@@ -316,7 +301,7 @@ def _table(rows: _Rows, *, index: str, metadata: Mapping[str, str], notes: list[
     usable = np.isfinite(waves)
     for row in np.flatnonzero(~np.isfinite(columns["order"])).tolist():
         _refuse(rows.path, f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
-    for name in ("order", *_CONDITIONS):
+    for name in ("order", *ORDER_CONDITIONS):
         if name in columns:
             usable &= np.isfinite(columns[name])
     _note_left_out(rows, ~usable, notes)
@@ -327,7 +312,7 @@ def _table(rows: _Rows, *, index: str, metadata: Mapping[str, str], notes: list[
         if order <= 0:
             _refuse(rows.path, f"{where}: order = {order:g}: must be above 0, in waves per output turn")
         known = {name: value for name, (value, _) in rows.stated.items()}
-        known |= {name: float(columns[name][row]) for name in _CONDITIONS if name in columns}
+        known |= {name: float(columns[name][row]) for name in ORDER_CONDITIONS if name in columns}
         for name, value in known.items():
             _check_condition(rows.path, where, name, value)
         condition = TableCondition(
@@ -365,18 +350,18 @@ def _table(rows: _Rows, *, index: str, metadata: Mapping[str, str], notes: list[
                 sigma=None if sigma is None else sigma[picked],
             )
         )
-    return OrderTable(path=rows.path, cases=tuple(made), index=index, metadata=metadata, notes=tuple(notes))
+    return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 
 def _check_condition(path: str, where: str, name: str, value: float) -> None:
     if name == "temperature":
         reading.checked_value(path or _IN_MEMORY, f"{where}: {name}", value, "temperature")
     elif value < 0:
-        size = with_unit(value, _CONDITIONS[name])
+        size = with_unit(value, ORDER_CONDITIONS[name])
         _refuse(path, f"{where}: {name} = {size}: must be 0 or more; give its size, the direction stands in a column")
 
 
-def _check_stated(rows: _Rows, columns: Mapping[str, Array]) -> None:
+def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
     """Refuse a condition whose column says something else than the header."""
     for name, (value, where) in rows.stated.items():
         if name not in columns:
@@ -384,11 +369,11 @@ def _check_stated(rows: _Rows, columns: Mapping[str, Array]) -> None:
         other = np.abs(columns[name] - value) > _SAME * max(abs(value), 1.0)  # false for NaN
         if other.any():
             row = int(np.argmax(other))
-            found, said = (with_unit(number, _CONDITIONS[name]) for number in (columns[name][row], value))
+            found, said = (with_unit(number, ORDER_CONDITIONS[name]) for number in (columns[name][row], value))
             _refuse(rows.path, f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
 
 
-def _waves(rows: _Rows, columns: Mapping[str, Array]) -> Waves:
+def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
     """z of each row; NaN where neither of its two numbers is there."""
     one, other = ("cos", "sin") if "cos" in columns else ("amplitude", "phase")
     first, second = columns[one], columns[other]
@@ -410,7 +395,7 @@ def _waves(rows: _Rows, columns: Mapping[str, Array]) -> Waves:
         return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
 
 
-def _sigma(rows: _Rows, columns: Mapping[str, Array], waves: Waves, notes: list[str]) -> Array | None:
+def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: list[str]) -> Array | None:
     if "sigma" not in columns:
         return None
     sigma = columns["sigma"]
@@ -433,7 +418,7 @@ def _sigma(rows: _Rows, columns: Mapping[str, Array], waves: Waves, notes: list[
     return sigma
 
 
-def _note_left_out(rows: _Rows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
+def _note_left_out(rows: OrderRows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
     labels = [label for label, out in zip(rows.labels, left.tolist(), strict=True) if out]
     plural = "s" if len(labels) > 1 else ""
     listed = f" ({rows.noun}{plural} {some(labels)})" if labels else ""
@@ -510,7 +495,7 @@ def orders_from_arrays(
     }
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
-    columns = {name: row_of(name, value, _COLUMNS[name]) for name, value in waves.items() if value is not None}
+    columns = {name: row_of(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
     _check_columns("", "columns", list(columns))
     stated = {}
     for name, (argument, value) in conditions.items():
@@ -518,11 +503,11 @@ def orders_from_arrays(
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
             try:
-                stated[name] = (units.to_core(value, _CONDITIONS[name]), "all rows")
+                stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
             except ValueError as error:
                 _refuse("", f"{argument}: {error}")
         else:
-            columns[name] = row_of(argument, value, _CONDITIONS[name])
+            columns[name] = row_of(argument, value, ORDER_CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
     words = [direction] * count if single else list(direction)
@@ -532,15 +517,17 @@ def orders_from_arrays(
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
         _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
-    rows = _Rows(
+    rows = OrderRows(
         path="",
         labels=tuple(range(count)),
         noun="row",
         directions=tuple(_direction("", f"row {at}", word) for at, word in enumerate(words)),
         columns=columns,
         stated=stated,
+        index=index,
+        metadata=dict(metadata or {}),
     )
-    return _table(rows, index=index, metadata=dict(metadata or {}), notes=[])
+    return _table(rows)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -565,8 +552,16 @@ def write_orders(path: PathLike, table: OrderTable, *, overwrite: bool = False) 
     write_text(path, orders_text(table, path=str(path)), overwrite=overwrite)
 
 
-def orders_text(table: OrderTable, *, path: str = "") -> str:
-    """Text of an order table, as `write_orders` writes it; `path` names the file in messages.
+def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = ()) -> str:
+    """Text of an order table, as `write_orders` writes it.
+
+    Parameters
+    ----------
+    table : OrderTable
+    path : str
+        Of the file, for messages.
+    comments : sequence of str
+        Lines above the names that are no header.
 
     Raises
     ------
@@ -590,6 +585,7 @@ def orders_text(table: OrderTable, *, path: str = "") -> str:
         if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
             _refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
         head.append(line)
+    head += [f"# {comment}" for comment in comments]
     columns = _written(path, table)
     given = [case.condition for case in table.cases for _ in case.orders]
     shown_columns = {
@@ -649,7 +645,7 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
     sizes = {name: values.size for name, values in columns.items()}
     if len(set(sizes.values())) > 1:
         _refuse(path, f"orders, waves and sigma of a case differ in length ({sizes}); give each order one of each")
-    rows = _Rows(
+    rows = OrderRows(
         path="",
         labels=tuple(range(sizes["order"])),
         noun="row",
@@ -660,5 +656,5 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
         _direction(path, rows.at(at), direction)
     if not all(np.isfinite(values).all() for values in columns.values()):
         _refuse(path, "the table holds values that are not finite; leave those orders out")
-    _table(rows, index="", metadata={}, notes=[])
+    _table(rows)
     return columns

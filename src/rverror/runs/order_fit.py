@@ -19,12 +19,19 @@ from rverror.runs.reading import HEADER_KEYS
 _TURN = 2 * math.pi
 #: Orders below this look like the offset where the travel is less than a turn.
 _SLOW = 1.5
+#: Highest degree of the polynomial that takes what is slow over less than a turn.  Chosen: of a wave of order 1, the
+#: strongest there is, it leaves (2 n + 1) j_n(pi) = 1.4e-4 at most, n = 10, j the spherical Bessel function.
+_DEGREE = 9
+#: Waves over the travel beside an order, on either side, by which the noise there is told, and how many times the
+#: power of white noise the median of theirs must have to count as colour: by chance in one of a hundred.
+_BESIDE = 12
+_COLOURED = 2.0
 
 
 def order_table_from_runs(
     runs: Sequence[Run], ratio: Reducer | Drive | Model | float, orders: Sequence[float]
 ) -> OrderTable:
-    """Orders of runs, by least squares with an offset.
+    """Orders of runs, by least squares with an offset, or with a slow law where a run is less than a turn.
 
     Parameters
     ----------
@@ -52,9 +59,13 @@ def order_table_from_runs(
     The fit is over whole output turns, as many as a run has, else over its travel; samples beyond are counted in the
     notes.  theta is the nominal output angle in both directions, as the run counts it.
 
-    ``sigma`` takes all that the fit leaves, orders that are not asked for included, for white noise.  That is enough
-    for a scale: noise that is correlated has more at low orders and less at high ones.  It is never below the rounding
-    of the angles.
+    Over less than a turn nothing is periodic: a ratio that is off, drift, or the encoder's order 1 would end in a step
+    and leave D/(pi n) of it, n waves over the travel, in every order.  A polynomial takes them along, of the degree
+    that the waves of the lowest order leave room for, 9 at most.
+
+    ``sigma`` takes all that the fit leaves, orders that are not asked for included, for white noise, but for an order
+    beside which there is clearly more: there it is the median of the waves about it, some dozen on either side.  It is
+    never below the rounding of the angles.
 
     Examples
     --------
@@ -130,7 +141,8 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
     theta, error = run.nominal_angle(ratio), run.error(ratio)
     angle, signal, travel, left_out = _whole_turns(theta, error)
     _check_told_apart(name, orders, travel, step=travel / angle.size)
-    unknowns = 2 * orders.size + 1
+    degree = 0 if travel > _TURN * (1 - 1e-9) else min(int(orders[0] * travel / _TURN), _DEGREE)
+    unknowns = 2 * orders.size + 1 + degree
     if angle.size <= unknowns:
         raise InputError(
             f"{name}: {angle.size} samples for {count_of(orders.size, 'order')} and the offset, more than {unknowns} "
@@ -138,25 +150,53 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
         )
     if left_out:
         notes.append(f"{name}: {count_of(left_out, 'sample')} beyond the last whole turn left out")
+    if degree:
+        notes.append(
+            f"{name}: over {travel / _TURN:.3g} of a turn what is slow is taken off by a polynomial of degree {degree}"
+        )
     notes += [f"{name}: {note}" for note in run.notes]
     waves = angle[:, None] * orders
-    base = np.hstack([np.cos(waves), np.sin(waves), np.ones((angle.size, 1))])
+    slow = np.polynomial.legendre.legvander(2 * (angle - angle[0]) / travel - 1, degree)
+    base = np.hstack([np.cos(waves), np.sin(waves), slow])
     # by QR: unlike the normal equations it keeps all digits where orders are near to one another
     q, r = np.linalg.qr(base)
     sizes = np.linalg.solve(r, q.T @ signal)
     left = signal - base @ sizes
     noise = math.sqrt(float(left @ left) / (angle.size - unknowns))
     noise = max(noise, float(np.spacing(np.abs(angle).max(initial=1.0))))
-    spread = (np.linalg.inv(r) ** 2).sum(axis=1)[:-1].reshape(2, -1).mean(axis=0)
     k = orders.size
+    spread = (np.linalg.inv(r) ** 2).sum(axis=1)[: 2 * k].reshape(2, -1).mean(axis=0)
+    colour = _colour(angle, left, orders, turns=travel / _TURN, degree=degree)
     return OrderCase(
         condition=TableCondition(
             direction=direction, torque=run.torque, input_speed=_speed(run, theta, ratio), temperature=run.temperature
         ),
         orders=orders.copy(),
         waves=sizes[:k] - 1j * sizes[k : 2 * k],
-        sigma=noise * np.sqrt(spread),
+        sigma=noise * np.sqrt(spread * colour),
     )
+
+
+def _colour(angle: Array, left: Array, orders: Array, *, turns: float, degree: int) -> Array:
+    """Power of what is left beside each order, over that of white noise: 1 where it is not clearly more, shape (k,).
+
+    The power of a wave of white noise is distributed exponentially, so that its mean is the median over log 2.  The
+    median does not ask for orders that stand there and are not asked for.
+    """
+    highest = (angle.size - 1) / (2 * turns)
+    white = 2 * float(left @ left) / angle.size**2  # of cosine's and sine's size, each
+    found = np.ones(orders.size)
+    for place, order in enumerate(orders.tolist()):
+        steps = np.arange(1, _BESIDE + orders.size + 1)  # farther where orders of the table stand between
+        about = order + np.stack([-steps, steps], axis=1).ravel() / turns
+        apart = (np.abs(about[:, None] - orders) * turns > 0.5).all(axis=1)
+        about = about[apart & (about * turns > max(degree / 2, 0.5)) & (about < highest)][: 2 * _BESIDE]
+        if about.size < _BESIDE or not white:
+            continue
+        power = [abs(2 / angle.size * complex(left @ np.exp(-1j * one * angle))) ** 2 / 2 for one in about.tolist()]
+        ratio = float(np.median(power)) / math.log(2) / white
+        found[place] = ratio if ratio > _COLOURED else 1.0
+    return found
 
 
 def _whole_turns(theta: Array, error: Array) -> tuple[Array, Array, float, int]:

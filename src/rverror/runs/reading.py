@@ -1,4 +1,4 @@
-"""What a reader of runs hands over, columns in core units before any check, and the words of a run file."""
+"""What readers hand over, columns in core units before any check, and the words of run files and order tables."""
 
 from __future__ import annotations
 
@@ -18,6 +18,30 @@ from rverror.base.text import did_you_mean, shown
 COLUMNS = {"input_angle": "angle", "output_angle": "angle", "te": "angle", "time": "time"}
 #: Unit in which people write it.
 EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s"}
+#: Dimension of each condition of an order table that is a number.
+ORDER_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
+#: Dimension of each column of numbers of an order table; orders have none.
+ORDER_COLUMNS = {
+    **ORDER_CONDITIONS,
+    "order": "",
+    "amplitude": "angle",
+    "phase": "angle",
+    "cos": "angle",
+    "sin": "angle",
+    "sigma": "angle",
+}
+#: Unit in which people write it.
+ORDER_EXAMPLES = {
+    "input_speed": "rpm",
+    "temperature": "degC",
+    "output_torque": "N*m",
+    "order": "",
+    "amplitude": "arcsec",
+    "phase": "deg",
+    "cos": "arcsec",
+    "sin": "arcsec",
+    "sigma": "arcsec",
+}
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
 #: What may be stated of the direction.
@@ -75,6 +99,43 @@ class Reading(Header):
     labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrderRows:
+    """Rows of an order table as read, each one wave, in core units; NaN where a cell holds no number.
+
+    Attributes
+    ----------
+    path : str
+        File, as given; empty where the table was made in memory.
+    labels : tuple of int
+        What messages call each row.
+    noun : str
+        ``line``, ``sample`` or ``row``: what the labels count.
+    directions : tuple of float
+        +1 or -1 of each row.
+    columns : mapping of str to ndarray, shape (n,)
+    stated : mapping of str to (float, str)
+        Conditions of all rows, each with the place that says it.
+    index : str
+    metadata : mapping of str to str
+    notes : tuple of str
+    """
+
+    path: str
+    labels: tuple[int, ...]
+    noun: str
+    directions: tuple[float, ...]
+    columns: Mapping[str, Array]
+    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    index: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def at(self, row: int) -> str:
+        """Place of a row, for messages."""
+        return f"{self.noun} {self.labels[row]}"
 
 
 def refuse(path: str, message: str) -> NoReturn:

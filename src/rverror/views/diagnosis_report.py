@@ -403,8 +403,12 @@ def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]
     for estimate in addition.estimates:
         sizes = (estimate.value, estimate.low, estimate.high)
         value, low, high = (units.to_display(size, estimate.dimension) for size in sizes)
-        interval = f"95 % [{low:.3f}, {high:.3f}]" if math.isfinite(low) else "not determined by these runs"
-        lines.append(f"  {estimate.name:<12}{value:>10.3f} {units.DISPLAY_UNITS[estimate.dimension]:<8}{interval}")
+        told = math.isfinite(low)
+        # two digits of the interval: a compliance in arcsec/(N*m) has none of them among the first three decimals
+        digits = max(3, 1 - math.floor(math.log10(high - low))) if told and high > low else 3
+        interval = f"95 % [{low:.{digits}f}, {high:.{digits}f}]" if told else "not determined by these runs"
+        unit = f"{units.DISPLAY_UNITS[estimate.dimension]} "
+        lines.append(f"  {estimate.name:<12}{value:>10.{digits}f} {unit:<8}{interval}")
     orders = ", ".join(f"{order:g}" for order in addition.orders)
     shows = f"at orders {orders}" if orders else "at no order: constant, or growing along the run"
     lines.append(f"  {shows}; held-out rms {scale(addition.heldout_rms):.3f} {scale.unit} once added")

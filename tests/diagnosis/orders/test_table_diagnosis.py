@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from scipy.stats import beta
 
 import rverror
 from gear_runs import OTHER, TURN, UNIT
+from order_tables import CAM, HEAD, LOADS, NOISE, ORDERS, table_of
 from recordings import recording
 from rverror.app.command_line import main
 from rverror.base.arrays import Array
@@ -26,43 +26,12 @@ from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
 from rverror.diagnosis.orders.table_set import TableSight, case_name, discrepancy, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.kinematics import Conditions
+from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
+from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.statics.prediction import predict
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "rv-81" / "model.toml"
-LOADS = (20e3, 60e3, 120e3, 200e3, 300e3)
-#: Fundamental orders of the small reducer: output, housing, crank, twice these, sun and twice.
-ORDERS = np.array([1.0, 2.0, 3.0, 7.0, 15.0, 16.0, 30.0, 32.0, 48.0, 49.0, 98.0])
-NOISE = 0.05  # arcsec
-CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
-HEAD = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec", sin="-9 arcsec")
-
-
-def waves_of(model: Model, direction: float, torque: float, orders: Array = ORDERS) -> Array:
-    """Waves of a prediction over one turn by Fourier's sums: the orders are whole."""
-    theta = TURN * np.arange(2048) / 2048
-    error = predict(model, Conditions(theta, direction, torque)).transmission_error
-    return np.asarray([2 * np.mean(error * np.exp(-1j * order * theta)) for order in orders])
-
-
-def table_of(
-    model: Model, *, loads: Sequence[float] = LOADS, seed: int = 0, noise: float = NOISE, stated: bool = True
-) -> OrderTable:
-    """What a bench would print of a unit, with noise in every number."""
-    rng, cases = np.random.default_rng(seed), []
-    for direction in (1.0, -1.0):
-        for load in loads:
-            spread = noise * ARCSEC * (rng.normal(size=ORDERS.size) + 1j * rng.normal(size=ORDERS.size))
-            cases.append(
-                OrderCase(
-                    condition=TableCondition(direction=direction, torque=load),
-                    orders=ORDERS,
-                    waves=waves_of(model, direction, load) + spread,
-                    sigma=np.full(ORDERS.size, noise * ARCSEC) if stated else None,
-                )
-            )
-    return OrderTable(cases=tuple(cases))
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +50,17 @@ def test_missing_causes_are_named_and_their_sizes_held(found: rverror.Diagnosis)
     assert keys[HEAD.key].orders == (1.0,)
     assert found.after.heldout_rms < 1.5 * found.noise_rms
     assert found.noise_rms == pytest.approx(NOISE * ARCSEC * math.sqrt(ORDERS.size), rel=0.03)
+
+
+def test_rivals_are_what_makes_the_same_order_and_no_others(found: rverror.Diagnosis) -> None:
+    """Nothing in the gear train makes order 1, so the encoder has none; a cam's order is that of a bore as well."""
+    rivals = {one.effect.key: {key for key, _ in one.indistinguishable} for one in found.added}
+    assert rivals.pop(HEAD.key) == set()
+    ((named, others),) = rivals.items()
+    assert {CAM.key, "cycloid.disc_bore_position"} <= {named, *others}
+    for addition in found.added:
+        for key, indices in addition.indistinguishable:
+            assert 16.0 in source(key).orders(UNIT, indices)
 
 
 def test_rms_is_the_root_of_half_the_squared_amplitudes(found: rverror.Diagnosis) -> None:
@@ -311,8 +291,10 @@ def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: 
     seen, unseen = tmp_path / "seen.csv", tmp_path / "unseen.csv"
     for path, loads, seed in ((seen, LOADS, 0), (unseen, (90e3,), 1)):
         rverror.write_orders(path, table_of(Model(OTHER, (CAM, HEAD)), loads=loads, seed=seed))
-    command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page]
+    picture = tmp_path / "picture.png"
+    command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page, "--plot", picture]
     assert main([str(word) for word in command]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
     data = json.loads(told.read_text(encoding="utf-8"))
     assert {entry["key"] for entry in data["added"]} == {CAM.key, HEAD.key}
     assert data["passport"][0]["order"] == 1.0

@@ -399,6 +399,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
     kinds = [kind for kind in PICTURES[type(thing)] if (kind == "front") == (name == "front")]
     if name in ("drive", "bare model"):  # no contacts; and no rated torque, which the map of the first model shows
         kinds = [kind for kind in kinds if kind != "order_map" and (name, kind) != ("drive", "mechanism")]
+    if name == "bare order table":  # no torque, over which a passport is drawn
+        kinds.remove("passport")
     return [(kind, NEEDED.get((type(thing), kind), {})) for kind in kinds]
 
 

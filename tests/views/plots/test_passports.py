@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drawn import legend, line, units_missing
+from every_kind import diagnosis
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import passport
-from rverror.runs.order_table import OrderCase, TableCondition
-from rverror.views.plots.passports import passport_plot
+from rverror.diagnosis.result import Diagnosis, OrderShare
+from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
+from rverror.views.plots.drawing import diagnosis_figure
+from rverror.views.plots.passports import order_shares, passport_plot
 
 TORQUES = (0.0, 5e5, 1e6)
 
@@ -39,6 +44,13 @@ def test_points_and_lines_are_the_amplitudes() -> None:
     assert units_missing(ax) == []
 
 
+def test_a_table_draws_its_own_passport() -> None:
+    drawn, own = passport_plot(passport(cases()), cases()), OrderTable(cases=tuple(cases())).plot(kind="passport")
+    for one, other in zip(drawn.get_lines(), own.get_lines(), strict=True):
+        assert one.get_label() == other.get_label()
+        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
+
+
 def test_grey_print_tells_directions_and_orders_apart() -> None:
     table = cases()
     ax = passport_plot(passport(table), table)
@@ -58,3 +70,38 @@ def test_no_torque_is_no_plot() -> None:
     table = [OrderCase(condition=TableCondition(direction=1.0), orders=np.array([1.0]), waves=np.array([1e-6 + 0j]))]
     with pytest.raises(InputError, match="torque"):
         passport_plot(passport(table), table)
+
+
+def diagnosed(torque: float | None = 1e5) -> Diagnosis:
+    """Of a table with two orders, of which the second is worked against by part errors."""
+    table = [replace(case, condition=replace(case.condition, torque=torque)) for case in cases()[:1]]
+    shares = (
+        OrderShare(1.0, 60 * ARCSEC, 0.1, 0.2, 0.6, 0.1, 0.0),
+        OrderShare(2.0, 0.5 * ARCSEC, -0.25, 0.25, 0.0, 0.4, 0.6),
+    )
+    return replace(diagnosis(), traces=(), shares=shares, passport=passport(table))
+
+
+def test_shares_stand_on_one_another_and_what_works_against_them_below_zero() -> None:
+    ax = order_shares(diagnosed())
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        "part errors", "compliance", "measuring chain", "law only", "nothing"
+    ]  # fmt: skip
+    first, second = ([bars[place] for bars in ax.containers] for place in (0, 1))
+    assert [bar.get_y() for bar in first] == pytest.approx([0, 10, 30, 90, 100])
+    assert [bar.get_height() for bar in first] == pytest.approx([10, 20, 60, 10, 0])
+    assert [bar.get_y() for bar in second] == pytest.approx([0, 0, 25, 25, 65])
+    assert second[0].get_height() == pytest.approx(-25)
+    assert [tick.get_text() for tick in ax.get_xticklabels()] == ["1\n60", "2\n0.5"]
+    assert units_missing(ax) == []
+
+
+def test_a_diagnosis_of_tables_is_drawn_by_its_passport_and_shares() -> None:
+    """It has no waveform, and one without loads no passport over them."""
+    assert [len(diagnosis_figure(diagnosed(torque)).axes) for torque in (1e5, None)] == [2, 1]
+    (x, y) = line(diagnosis_figure(diagnosed()).axes[0], "order 1, forward")
+    assert (list(x), list(y)) == (pytest.approx([100.0]), pytest.approx([1.0]))
+    with pytest.raises(InputError, match="order tables have no waveform; draw the table with kind='passport'"):
+        diagnosed().plot()
+    with pytest.raises(InputError, match="no order table was diagnosed"):
+        order_shares(diagnosis())

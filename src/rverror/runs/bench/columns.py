@@ -73,6 +73,8 @@ class BenchFile:
         Number of a text as this file writes it, or None.
     read : callable
         From some of the entries to their arrays, as stored.
+    words : callable, optional
+        Cells of an entry as written; None where the format holds numbers alone.
     """
 
     path: str
@@ -86,6 +88,7 @@ class BenchFile:
     labels: RawArray | None = None
     cut_off: bool = False
     parse: Callable[[str], float | None]
+    words: Callable[[Entry], list[str]] | None = None
 
 
 def plain_number(text: str) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
@@ -16,7 +16,7 @@ from rverror.runs.reading import refuse
 #: Rows of numbers by which the beginning of a table is told.
 _ROWS = 3
 _LOOKED_AT = 1000
-_LONGEST_UNIT = 5
+_LONGEST_UNIT = 6
 _MOST_VALUES = 20
 _TO_FILL_IN = """
 [columns]  # input and output angle, or te and one of them; sign = -1 for an angle that counts the other way
@@ -24,6 +24,15 @@ input_angle = { name = "", unit = "deg" }  # of an encoder: unit = "counts", cou
 output_angle = { name = "", unit = "deg" }
 # te = { name = "", unit = "arcsec" }
 # time = { name = "", unit = "s" }
+
+# Of a table of orders write [orders] in place of [columns]:
+# [orders]
+# order = { name = "" }  # waves per output turn; of waves per input turn: scale = the ratio
+# amplitude = { name = "", unit = "arcsec" }  # of peak-to-peak: scale = 0.5; or cos and sin in place of both
+# phase = { name = "", unit = "deg" }  # of cos(order * theta + phase); of = "sin", sign = -1 for others
+# direction = { name = "", forward = "...", reverse = "..." }  # or in [header]
+# output_torque = { name = "", unit = "N*m" }
+# input_speed = { name = "", unit = "rpm" }
 
 [header]  # each as a value, or as where it stands in the file
 # output_torque = "20 N*m"  # or { name = "...", unit = "N*m" }, mean of a column, or { property = "...", unit = "N*m" }
@@ -113,30 +122,49 @@ def _encoding(raw: bytes) -> tuple[str, str]:
 
 
 def _table(path: str, lines: Sequence[str]) -> tuple[str, int]:
-    """Separator and first row of the widest table of numbers."""
-    found = []
-    for separator in SEPARATORS:
-        for i in range(min(len(lines), _LOOKED_AT)):
-            rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[i:]), _ROWS)]
-            widths = {len(trimmed(row)) for row in rows}
-            if lines[i].strip() and len(widths) == 1 and max(widths) > 1 and all(map(_is_numbers, rows)):
-                found.append((max(widths), separator, i))
-                break
+    """Separator and first row of the widest table of numbers, else of numbers beside words."""
+    found = _tables(lines, _is_numbers) or _tables(lines, _has_numbers)
     if not found:
         refuse(path, "no rows of two numbers or more are found in it; give the file that the bench records")
     _, separator, first = max(found, key=lambda each: each[0])  # the first of equals
     return separator, first
 
 
+def _tables(lines: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> list[tuple[int, str, int]]:
+    """Width, separator and first row of the first table of each separator."""
+    found = []
+    for separator in SEPARATORS:
+        for i in range(min(len(lines), _LOOKED_AT)):
+            rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[i:]), _ROWS)]
+            widths = {len(trimmed(row)) for row in rows}
+            if lines[i].strip() and len(widths) == 1 and max(widths) > 1 and all(map(fits, rows)):
+                found.append((max(widths), separator, i))
+                break
+    return found
+
+
+def _is_number(cell: str) -> bool:
+    return any(Numerals(sign).parse(cell) is not None for sign in ".,")
+
+
 def _is_numbers(row: Sequence[str]) -> bool:
-    return all(not cell or any(Numerals(sign).parse(cell) is not None for sign in ".,") for cell in row)
+    return all(not cell or _is_number(cell) for cell in row)
+
+
+def _has_numbers(row: Sequence[str]) -> bool:
+    """Tell a row of a report: numbers, and words such as those for the direction."""
+    return sum(map(_is_number, row)) > 1
 
 
 def _names_line(lines: Sequence[str], separator: str, first: int) -> int:
     """Line above the first row that names its cells, or the one above that where it holds units; -1 for none."""
     width = len(trimmed(split_cells(lines[first], separator)))
-    above = [i for i in (first - 1, first - 2) if i >= 0 and len(trimmed(split_cells(lines[i], separator))) == width]
-    if not above or above[0] != first - 1:
+    above = [i for i in (first - 1, first - 2) if i >= 0]
+    full = [i for i in above if len(trimmed(split_cells(lines[i], separator))) == width]
+    # a line of units may have none for the last column
+    units = bool(above) and all(
+        len(cell.strip("[]()")) <= _LONGEST_UNIT for cell in split_cells(lines[first - 1], separator)
+    )
+    if not full or (full[0] != first - 1 and not units):
         return -1
-    units = all(len(cell.strip("[]()")) <= _LONGEST_UNIT for cell in split_cells(lines[above[0]], separator))
-    return above[-1] if units and len(lines[above[-1]]) > len(lines[above[0]]) else above[0]
+    return full[-1] if units and len(lines[full[-1]]) > len(lines[first - 1]) else full[0]

@@ -72,12 +72,15 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     InputError
         If it cannot be used; one line that names file, line or data set, bound and remedy.
     """
+    if mapping.orders.columns:
+        refuse(str(path), f"{mapping.path} describes an order table by [orders], which holds no samples, and only "
+                          "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
     rules = dict(mapping.columns) or _standard_rules(file, mapping)
     check_needed(file.path, mapping.path or "columns", [*rules, *mapping.keep], _remedy(file, mapping))
     places = {key: rule.where for key, rule in rules.items()} | dict(mapping.keep)
-    entries = {key: _found(file, mapping, where) for key, where in places.items()}
-    averaged = {key: _found(file, mapping, where) for key, where in _averaged(mapping).items()}
+    entries = {key: found_entry(file, mapping, where) for key, where in places.items()}
+    averaged = {key: found_entry(file, mapping, where) for key, where in _averaged(mapping).items()}
     used = [*entries.values(), *averaged.values()]
     arrays = file.read(used)
     stored = dict(zip(entries, arrays, strict=False))
@@ -92,10 +95,7 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         for (key, entry), array in zip(averaged.items(), arrays[len(entries) :], strict=True)
     }
     header = read_header(file, mapping, means, notes)
-    unused = [entry.name for entry in file.entries if not any(entry is other for other in used) and entry.name]
-    if unused:
-        count = count_of(len(unused), "column")
-        notes.append(f"{count} of the file left out, not in the mapping: {some_names(unused)}")
+    notes += left_out_columns(file, used)
     size = next(iter(columns.values())).size
     return Reading(
         path=file.path,
@@ -106,6 +106,15 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         notes=tuple(notes),
         **vars(header),
     )
+
+
+def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
+    """What is to be noted of columns that no one asked for."""
+    unused = [entry.name for entry in file.entries if not any(entry is other for other in used) and entry.name]
+    if not unused:
+        return []
+    count = count_of(len(unused), "column")
+    return [f"{count} of the file left out, not in the mapping: {some_names(unused)}"]
 
 
 # --- which format -----------------------------------------------------------------------------------------------------
@@ -138,9 +147,10 @@ def _refuse_archive(path: PathLike) -> NoReturn:
 
 def _wanted(mapping: BenchMapping) -> list[str | int]:
     """Names or numbers of columns that a text file must have."""
-    if not mapping.columns:  # the names of a run file are looked for
+    if not mapping.columns and not mapping.orders.columns:  # the names of a run file are looked for
         return []
-    places = [*(rule.where for rule in mapping.columns.values()), *mapping.keep.values(), *_averaged(mapping).values()]
+    own = [rule.where for rule in mapping.columns.values()] + mapping.orders.places()
+    places = [*own, *mapping.keep.values(), *_averaged(mapping).values()]
     return [where.column or where.name for where in places]
 
 
@@ -193,8 +203,14 @@ def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
     )
 
 
-def _found(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
-    """The entry that a mapping means."""
+def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
+    """The entry that a mapping means.
+
+    Raises
+    ------
+    InputError
+        If there is none, it is one of several, or no column.
+    """
     at = f" ({where.stated_at})" if where.stated_at else ""
     if where.column:
         if file.kind != "text":

@@ -11,9 +11,8 @@ from rverror.base.arrays import Array
 from rverror.base.text import did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
 from rverror.runs.bench.mapping import BenchMapping, HeaderRule
-from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, Header, checked_value, refuse
+from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, ORDER_CONDITIONS, Header, checked_value, refuse
 
-_DIMENSIONS = {"output_torque": "torque", "temperature": "temperature"}
 _MOST_LISTED = 8
 
 
@@ -34,21 +33,7 @@ def read_header(
     InputError
         If a value is missing, has no unit or is none.
     """
-    texts: dict[str, str] = {}
-    places: dict[str, str] = {}
-    # Lines of a file whose columns have names of its own may say "Direction: CW" or "Index: 3": only a mapping tells.
-    own = {} if mapping.columns else {key.lower(): value for key, value in file.properties.items()}
-    for key in HEADER_KEYS:
-        rule = mapping.header.get(key)
-        if rule is None:
-            if key in own:
-                texts[key], places[key] = own[key], f"{key} in the file"
-            continue
-        places[key] = rule.where.stated_at
-        if key in measured:
-            texts[key] = _mean(file, key, rule, *measured[key], notes)
-        else:
-            texts[key] = rule.text or _property(file, key, rule)
+    texts, places = header_texts(file, mapping, measured, notes)
     direction = texts.get("direction", "").lower()
     if "direction" in texts and direction not in DIRECTIONS:
         refuse(
@@ -59,17 +44,66 @@ def read_header(
     return Header(
         stated=DIRECTIONS[direction] if direction else None,
         stated_at=f"{places['direction']}: " if direction else "",
-        torque=_quantity(file, "output_torque", texts, places),
-        temperature=_quantity(file, "temperature", texts, places),
+        torque=header_quantity(file, "output_torque", texts, places),
+        temperature=header_quantity(file, "temperature", texts, places),
         index=texts.get("index", ""),
         metadata=texts,
     )
 
 
-def _quantity(file: BenchFile, key: str, texts: Mapping[str, str], places: Mapping[str, str]) -> float | None:
+def header_texts(
+    file: BenchFile,
+    mapping: BenchMapping,
+    measured: Mapping[str, tuple[Entry, Array]],
+    notes: list[str],
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Values of the header as text, and the place that says each, by key.
+
+    Parameters
+    ----------
+    measured : mapping of str to (Entry, ndarray)
+        Columns whose mean is meant.
+    notes : list of str
+        Gets what was made of them.
+
+    Raises
+    ------
+    InputError
+        If a value is missing.
+    """
+    texts: dict[str, str] = {}
+    places: dict[str, str] = {}
+    # Lines of a file whose columns have names of its own may say "Direction: CW" or "Index: 3": only a mapping tells.
+    own = (
+        {}
+        if mapping.columns or mapping.orders.columns
+        else {key.lower(): value for key, value in file.properties.items()}
+    )
+    for key in dict.fromkeys((*HEADER_KEYS, *mapping.header)):
+        rule = mapping.header.get(key)
+        if rule is None:
+            if key in own:
+                texts[key], places[key] = own[key], f"{key} in the file"
+            continue
+        places[key] = rule.where.stated_at
+        if key in measured:
+            texts[key] = _mean(file, key, rule, *measured[key], notes)
+        else:
+            texts[key] = rule.text or _property(file, key, rule)
+    return texts, places
+
+
+def header_quantity(file: BenchFile, key: str, texts: Mapping[str, str], places: Mapping[str, str]) -> float | None:
+    """Value of a condition in its core unit; None where the header has none.
+
+    Raises
+    ------
+    InputError
+        If it has no unit or is none.
+    """
     if key not in texts:
         return None
-    dimension = _DIMENSIONS[key]
+    dimension = ORDER_CONDITIONS[key]
     try:
         number = units.parse(texts[key], dimension)
     except ValueError as error:
@@ -85,18 +119,33 @@ def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
         listed = ", ".join(shown(each, 60) for each in list(file.properties)[:_MOST_LISTED]) or "none"
         refuse(file.path, f"there is no property {shown(name, 60)} ({at});{hint} the file has {listed}")
     text = file.properties[name]
+    if rule.words:
+        if text.strip().lower() not in rule.words:
+            refuse(file.path, f"{key}: the property {shown(name, 60)} is {shown(text)}, {unknown_word(rule.words, at)}")
+        return rule.words[text.strip().lower()]
     number, _, word = text.partition(" ")
     value = file.parse(number)
-    if value is None or key not in _DIMENSIONS:
+    if value is None or key not in ORDER_CONDITIONS:
         return text
     unit = word.strip() or rule.unit
-    if rule.unit and word.strip() and not _same_unit(word.strip(), rule.unit, _DIMENSIONS[key]):
+    if rule.unit and word.strip() and not _same_unit(word.strip(), rule.unit, ORDER_CONDITIONS[key]):
         refuse(
             file.path,
             f"{key}: the property {shown(name, 60)} is {shown(text)}, the mapping says {rule.unit} ({at}); leave unit "
             "out, or correct it",
         )
     return f"{value!r} {rule.unit or unit}".strip()
+
+
+def unknown_word(words: Mapping[str, str], at: str) -> str:
+    """What a word that means no direction ought to be, for messages.
+
+    Examples
+    --------
+    >>> unknown_word({"cw": "forward", "ccw": "reverse"}, "mapping bench.toml, line 3")
+    "must be 'cw' or 'ccw' (mapping bench.toml, line 3); correct the words there"
+    """
+    return f"must be {' or '.join(shown(word) for word in words)}{f' ({at})' if at else ''}; correct the words there"
 
 
 def _same_unit(one: str, other: str, dimension: str) -> bool:

@@ -3,27 +3,49 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText, read_toml
 from rverror.runs.bench.numerals import THOUSANDS
-from rverror.runs.reading import COLUMN_NAME, COLUMNS, DIRECTIONS, EXAMPLES, HEADER_KEYS
+from rverror.runs.reading import (
+    COLUMN_NAME,
+    COLUMNS,
+    DIRECTIONS,
+    EXAMPLES,
+    HEADER_KEYS,
+    ORDER_COLUMNS,
+    ORDER_CONDITIONS,
+    ORDER_EXAMPLES,
+)
 
-_TOP = ("name", "file", "columns", "header", "keep")
+_TOP = ("name", "file", "columns", "orders", "header", "keep")
 _FILE = ("group", "encoding", "separator", "decimal", "thousands", "skip")
 _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_at")
 _VALUE = ("name", "column", "property", "unit")
+_ORDER_COLUMN = ("name", "column", "unit", "scale")
+_WAVES = ("amplitude", "phase", "cos", "sin")  # each may count the other way
+_UNITLESS = ("name", "column", "scale")
+_EVERY_EXAMPLE = EXAMPLES | ORDER_EXAMPLES
+#: What stands for the order in the names of a table with a column for each order.
+OF_ORDER = "{order}"
 _SEPARATORS = (";", ",", "\t", "|", " ")
-_HEADER_EXAMPLES = {"output_torque": "20 N*m", "temperature": "20 degC", "direction": "forward", "index": "A"}
-_DIMENSIONS = {"output_torque": "torque", "temperature": "temperature"}
+_HEADER_EXAMPLES = {
+    "output_torque": "20 N*m",
+    "temperature": "20 degC",
+    "input_speed": "100 rpm",
+    "direction": "forward",
+    "index": "A",
+}
 #: Words of the trade that pint reads as something else, or not at all.
 _SPELT = {
     "Grad": "deg", "Deg": "deg", "DEG": "deg", "Umdrehung": "turn", "U": "turn", "rev": "turn", "revs": "turn",
-    "Nm": "N*m", "Ncm": "N*cm", "Nmm": "N*mm", "Sek": "s", "Sekunden": "s",
+    "Nm": "N*m", "Ncm": "N*cm", "Nmm": "N*mm", "kNm": "kN*m", "Sek": "s", "Sekunden": "s",
+    "'": "arcmin", "′": "arcmin", "''": "arcsec", '"': "arcsec", "″": "arcsec",
+    "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "min^-1": "rpm",
 }  # fmt: skip
 _COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
 
@@ -63,7 +85,9 @@ class ColumnRule:
     unit : str
         pint's notation; empty where the file says it.
     factor : float
-        rad or s for one of the file's numbers, sign included; 0 where it waits for the file's unit.
+        Core units for one of the file's numbers, sign included; 0 where it waits for the file's unit.
+    zero : float
+        Zero of the unit, core units: of a temperature.
     scaled : bool
         Whether `factor` holds a scale, so that the file's own unit says nothing of it.
     sign : float
@@ -77,6 +101,7 @@ class ColumnRule:
     where: Where
     unit: str = ""
     factor: float = 0.0
+    zero: float = 0.0
     scaled: bool = False
     sign: float = 1.0
     counts: bool = False
@@ -93,11 +118,69 @@ class HeaderRule:
         As stated; empty where the file says it.
     unit : str
         Of a number without one.
+    words : mapping of str to str
+        The bench's words for forward and reverse, in lower case; empty where these are the words.
     """
 
     text: str = ""
     where: Where = field(default_factory=Where)
     unit: str = ""
+    words: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DirectionRule:
+    """Where the direction of each row of an order table stands, and in which words.
+
+    Attributes
+    ----------
+    sign : float
+        +1 or -1, of numbers whose sign tells the direction.
+    words : mapping of str to str
+        The bench's words for forward and reverse, in lower case; empty where these or signs tell.
+    """
+
+    where: Where
+    sign: float = 1.0
+    words: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderRules:
+    """Columns of an order table as a bench's report has it.
+
+    Attributes
+    ----------
+    columns : mapping of str to ColumnRule
+        By the names of an order table; `OF_ORDER` in a name stands for each of `orders`.
+    direction : DirectionRule, optional
+        None where the header states it.
+    orders : tuple of float
+        Of a table with columns for each order; empty where each row states its own.
+    sine : bool
+        Whether phases are those of a sine.
+    """
+
+    columns: Mapping[str, ColumnRule] = field(default_factory=dict)
+    direction: DirectionRule | None = None
+    orders: tuple[float, ...] = ()
+    sine: bool = False
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of the columns that the table has then."""
+        return (*self.columns, *(["order"] if self.orders else []))
+
+    def places(self) -> list[Where]:
+        """Every place that is read, as often as it is meant."""
+        own = [where for rule in self.columns.values() for where in self.of_orders(rule.where)]
+        return own + ([] if self.direction is None else [self.direction.where])
+
+    def of_orders(self, where: Where) -> list[Where]:
+        """A place of each order where its name is one of several, else it alone."""
+        if OF_ORDER not in where.name:
+            return [where]
+        return [replace(where, name=where.name.replace(OF_ORDER, f"{order:.15g}")) for order in self.orders]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +212,8 @@ class BenchMapping:
         Group of HDF5 and TDMS files, or structure of MAT files, in which the names stand.
     columns : mapping of str to ColumnRule
         By the names of a run file; empty where the bench uses these.
+    orders : OrderRules
+        Of an order table, in place of columns; without columns where the files are runs.
     keep : mapping of str to Where
         Other columns that are kept, by their name in the run.
     """
@@ -137,6 +222,7 @@ class BenchMapping:
     group: str = ""
     text: TextRules = field(default_factory=TextRules)
     columns: Mapping[str, ColumnRule] = field(default_factory=dict)
+    orders: OrderRules = field(default_factory=OrderRules)
     header: Mapping[str, HeaderRule] = field(default_factory=dict)
     keep: Mapping[str, Where] = field(default_factory=dict)
 
@@ -167,13 +253,22 @@ def load_mapping(path: PathLike) -> BenchMapping:
     tables = {name: _table(toml, (name,), toml.content.get(name, {})) for name in _TOP[1:]}
     toml.check_keys(("file",), tables["file"], _FILE, "key of [file]")
     toml.check_keys(("columns",), tables["columns"], tuple(COLUMNS), "column")
-    toml.check_keys(("header",), tables["header"], HEADER_KEYS, "key of [header]")
+    if "orders" in toml.content:
+        for key in ("columns", "keep"):
+            if key in toml.content:
+                toml.refuse((key,), f"[{key}] beside [orders]: a file is a run or a table; leave out one of them")
+    keys = HEADER_KEYS if "orders" not in toml.content else (*HEADER_KEYS, "input_speed")
+    toml.check_keys(("header",), tables["header"], keys, "key of [header]")
     return BenchMapping(
         path=str(path),
         group=toml.string(("file",), tables["file"], "group", "").strip("/"),
         text=_text_rules(toml, tables["file"]),
         columns={key: _column_rule(toml, key, value) for key, value in tables["columns"].items()},
-        header={key: _header_rule(toml, key, value) for key, value in tables["header"].items()},
+        orders=_order_rules(toml, tables["orders"], tables["header"]),
+        header={
+            key: _header_rule(toml, key, value, of_run="orders" not in toml.content)
+            for key, value in tables["header"].items()
+        },
         keep={key: _kept(toml, key, value) for key, value in tables["keep"].items()},
     )
 
@@ -186,7 +281,7 @@ def unit_factor(unit: str, dimension: str) -> float:
     unit : str
         pint's notation.
     dimension : str
-        ``angle``, ``time``, ``torque`` or ``temperature``.
+        ``angle``, ``time``, ``torque``, ``angular_speed`` or ``temperature``.
 
     Raises
     ------
@@ -202,11 +297,33 @@ def unit_factor(unit: str, dimension: str) -> float:
         raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
     if unit in _SPELT:
         raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
-    factor = units.unit_factor(unit, dimension)
+    factor, _ = units.unit_scale(unit, dimension)
     # pint takes every number without a dimension for rad: ratio, percent, bits.
     if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
         raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
     return factor
+
+
+def unit_zero(unit: str, dimension: str) -> float:
+    """Zero of a bench's unit, core units: other than 0 of temperatures alone.
+
+    Examples
+    --------
+    >>> unit_zero("degC", "temperature")
+    273.15
+    """
+    return units.unit_scale(unit, dimension)[1]
+
+
+def meant_unit(word: str) -> str:
+    """Unit in pint's notation that a word of the trade means.
+
+    Examples
+    --------
+    >>> meant_unit("Nm"), meant_unit("deg")
+    ('N*m', 'deg')
+    """
+    return _SPELT.get(word, word)
 
 
 def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
@@ -283,49 +400,159 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("columns", key)
     example = f'name = "...", unit = "{EXAMPLES[key]}"'
-    table = {"name": value} if isinstance(value, str) else value
-    if not isinstance(table, dict):
-        toml.refuse(place, f"{key} = {shown(value)}: must be a table; write {key} = {{ {example} }}")
+    table = _column_table(toml, place, value, example)
     toml.check_keys(place, table, _COLUMN, f"key of {key}")
-    where = _where(toml, place, table, ("name", "column"), example)
-    unit = toml.string(place, table, "unit", "").strip()
-    sign = table.get("sign", 1)
-    if isinstance(sign, bool) or sign not in (1, -1):
-        toml.refuse((*place, "sign"), f"sign = {shown(sign)}: must be 1 or -1; write -1 where it counts the other way")
-    scale = _number(toml, place, table, "scale")
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
-    if unit == "counts":
+    if toml.string(place, table, "unit", "").strip() == "counts":
         if COLUMNS[key] != "angle" or key == "te":
             toml.refuse((*place, "unit"), f"{key} in counts; only input_angle and output_angle may be counts")
         if per_turn is None:
             toml.refuse(place, f"{key} in counts lacks counts_per_turn; write counts_per_turn = 4 * lines of the disc")
-        if scale is not None:
+        if "scale" in table:
             toml.refuse((*place, "scale"), "counts have counts_per_turn and no scale; leave scale out")
-        factor = sign * units.unit_factor("turn", "angle") / per_turn
+        sign = _sign(toml, place, table)
         return ColumnRule(
-            where=where, unit=unit, factor=factor, scaled=True, sign=sign, counts=True, wraps_at=wraps_at or 0.0
+            where=_where(toml, place, table, ("name", "column"), example),
+            unit="counts",
+            factor=sign * units.unit_factor("turn", "angle") / per_turn,
+            scaled=True,
+            sign=sign,
+            counts=True,
+            wraps_at=wraps_at or 0.0,
         )
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')
+    return _scaled_rule(toml, place, table, example, COLUMNS[key])
+
+
+def _column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:
+    """Table of a column; its name alone stands for one that holds only this."""
+    table = {"name": value} if isinstance(value, str) else value
+    if not isinstance(table, dict):
+        toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write {place[-1]} = {{ {example} }}")
+    return table
+
+
+def _sign(toml: TomlText, place: Place, table: Mapping[str, Any]) -> float:
+    sign = table.get("sign", 1)
+    if isinstance(sign, bool) or sign not in (1, -1):
+        toml.refuse((*place, "sign"), f"sign = {shown(sign)}: must be 1 or -1; write -1 where it counts the other way")
+    return float(sign)
+
+
+def _scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
+    """Rule of a column with a unit, a sign and a scale."""
+    key = place[-1]
+    where = _where(toml, place, table, ("name", "column"), example)
+    unit = toml.string(place, table, "unit", "").strip()
+    sign, scale = _sign(toml, place, table), _number(toml, place, table, "scale")
+    if not dimension:
+        return ColumnRule(where=where, factor=scale or 1.0, scaled=True)
     if scale is not None and not unit:
-        toml.refuse(place, f'{key} has a scale but no unit; write unit = "{EXAMPLES[key]}", that of scaled numbers')
-    factor = 0.0
+        named = _EVERY_EXAMPLE[str(key)]
+        toml.refuse(place, f'{key} has a scale but no unit; write unit = "{named}", that of scaled numbers')
+    factor = zero = 0.0
     if unit:
         try:
-            factor = unit_factor(unit, COLUMNS[key]) * sign * (scale or 1.0)
+            factor, zero = unit_factor(unit, dimension) * sign * (scale or 1.0), unit_zero(unit, dimension)
         except ValueError as error:
             toml.refuse((*place, "unit"), f"{key}: {error}")
-    return ColumnRule(where=where, unit=unit, factor=factor, scaled=scale is not None, sign=float(sign))
+    return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
 
 
-def _header_rule(toml: TomlText, key: str, value: object) -> HeaderRule:
+def _direction_words(toml: TomlText, place: Place, table: Mapping[str, Any]) -> dict[str, str]:
+    """The bench's words for the directions, in lower case; empty where the table has none."""
+    given = {key: toml.string(place, table, key, "").strip().lower() for key in ("forward", "reverse") if key in table}
+    for one, other in (("forward", "reverse"), ("reverse", "forward")):
+        if one in given and not given.get(other):
+            toml.refuse(place, f'{place[-1]} has no word for {other}; write {other} = "..." as the file has it')
+    if len(set(given.values())) < len(given):
+        toml.refuse((*place, "reverse"), f"forward and reverse are both {shown(given['reverse'])}; correct one of them")
+    return {word: key for key, word in given.items()}
+
+
+def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> OrderRules:
+    names = ("direction", *ORDER_COLUMNS)
+    toml.check_keys(("orders",), table, names, "column")
+    for key in table:
+        if key in header:
+            toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
+    listed = table.get("order")
+    orders: tuple[float, ...] = ()
+    if isinstance(listed, list):
+        orders = _listed_orders(toml, listed)
+    columns = {
+        key: _order_column(toml, key, value)
+        for key, value in table.items()
+        if key != "direction" and not (key == "order" and orders)
+    }
+    for key, rule in columns.items():
+        several, wave = OF_ORDER in rule.where.name, key in (*_WAVES, "sigma")
+        if several and not (orders and wave):
+            reason = "order is a column" if wave else f"{key} is one for all orders"
+            remedy = "write order = [39, 78] with the orders of the columns" if wave else "give one column"
+            toml.refuse(("orders", key), f"{key}: {OF_ORDER} in the name, but {reason}; {remedy}")
+        if orders and key in _WAVES and not several:
+            toml.refuse(
+                ("orders", key), f"{key} is of several orders; write {OF_ORDER} in its name where the order stands"
+            )
+    phase = table.get("phase")
+    return OrderRules(
+        columns=columns,
+        direction=_direction_rule(toml, table["direction"]) if "direction" in table else None,
+        orders=orders,
+        sine=isinstance(phase, dict) and phase.get("of") == "sin",
+    )
+
+
+def _listed_orders(toml: TomlText, listed: Sequence[object]) -> tuple[float, ...]:
+    place: Place = ("orders", "order")
+    found: list[float] = []
+    for value in listed:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
+            toml.refuse(
+                place, f"order holds {shown(value)}: must be numbers above 0, waves per output turn; correct it"
+            )
+        if value in found:
+            toml.refuse(place, f"order holds {value:g} twice; write each order once")
+        found.append(float(value))
+    if not found:
+        toml.refuse(place, "order holds none; write order = [39, 78] with the orders of the columns")
+    return tuple(found)
+
+
+def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
+    place: Place = ("orders", key)
+    unit = f', unit = "{ORDER_EXAMPLES[key]}"' if ORDER_COLUMNS[key] else ""
+    keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if ORDER_COLUMNS[key] else _UNITLESS
+    table = _column_table(toml, place, value, f'name = "..."{unit}')
+    toml.check_keys(place, table, (*keys, "of") if key == "phase" else keys, f"key of {key}")
+    if table.get("of", "cos") not in ("cos", "sin"):
+        toml.refuse((*place, "of"), f'of = {shown(table["of"])}: must be "cos" or "sin", the wave whose phase it is')
+    return _scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
+
+
+def _direction_rule(toml: TomlText, value: object) -> DirectionRule:
+    place: Place = ("orders", "direction")
+    example = 'name = "...", forward = "...", reverse = "..."'
+    table = _column_table(toml, place, value, example)
+    toml.check_keys(place, table, ("name", "column", "sign", "forward", "reverse"), "key of direction")
+    where, words = _where(toml, place, table, ("name", "column"), example), _direction_words(toml, place, table)
+    if words and "sign" in table:
+        toml.refuse((*place, "sign"), "words have no sign; leave out sign, or forward and reverse")
+    return DirectionRule(where=where, sign=_sign(toml, place, table), words=words)
+
+
+def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
     place: Place = ("header", key)
     example = _HEADER_EXAMPLES[key]
-    dimension = _DIMENSIONS.get(key)
+    dimension = ORDER_CONDITIONS.get(key)
     if isinstance(value, dict):
-        toml.check_keys(place, value, _VALUE if dimension else ("property",), f"key of {key}")
-        kinds = _VALUE[:3] if dimension else ("property",)
+        # of a table the column of a condition is no mean: it stands in [orders]
+        kinds = _VALUE[:3] if dimension and of_run else ("property",)
+        more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
+        toml.check_keys(place, value, (*kinds, *more), f"key of {key}")
         where = _where(toml, place, value, kinds, 'property = "..."')
         unit = toml.string(place, value, "unit", "").strip()
         if unit and dimension:
@@ -335,7 +562,7 @@ def _header_rule(toml: TomlText, key: str, value: object) -> HeaderRule:
                 message = str(error).partition(";")[0].replace(f"1 {unit}", unit)
                 hint = f"did you mean {_SPELT[unit]!r}?" if unit in _SPELT else f"write one like {example!r}"
                 toml.refuse((*place, "unit"), f"{key}: {message}; {hint}")
-        return HeaderRule(where=where, unit=unit)
+        return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
     text = toml.string(("header",), toml.content["header"], key, "").strip()
     if dimension:
         toml.quantity(place, text, dimension, example)
@@ -343,6 +570,10 @@ def _header_rule(toml: TomlText, key: str, value: object) -> HeaderRule:
         hint = did_you_mean(text, DIRECTIONS)
         toml.refuse(place, f"direction = {shown(text)}: must be forward, reverse or mixed;{hint} without it the angles "
                            "tell")  # fmt: skip
+    elif key == "direction" and not of_run and text.lower() == "mixed":
+        toml.refuse(
+            place, "direction = 'mixed': waves are of one direction; write forward or reverse, or name a column"
+        )
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
     return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))

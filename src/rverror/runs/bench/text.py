@@ -77,6 +77,10 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
         places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
         return [_column(name, rows, table, place, cells[place], numerals) for place in places]
 
+    def words(chosen: Entry) -> list[str]:
+        place = next(i for i, entry in enumerate(entries) if entry is chosen)
+        return [row[place] if place < len(row) else "" for row in table]
+
     notes = []
     above = [line for line in lines[: max(names.line, 0)] if line.strip()]
     if names.line >= 0 and not rules.separator:
@@ -94,6 +98,7 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
         noun="line",
         labels=np.array(rows) + 1,
         parse=numerals.parse,
+        words=words,
     )
 
 

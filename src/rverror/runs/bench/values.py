@@ -8,9 +8,11 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
-from rverror.runs.bench.mapping import ColumnRule, unit_factor
-from rverror.runs.reading import COLUMNS, EXAMPLES, refuse
+from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_factor, unit_zero
+from rverror.runs.reading import COLUMNS, EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES, refuse
 
+_DIMENSIONS = COLUMNS | ORDER_COLUMNS
+_UNITS = EXAMPLES | ORDER_EXAMPLES
 # What counters of 16, 24 and 32 bits hold.
 _COUNTER_SIZES = (2.0**16, 2.0**24, 2.0**32)
 
@@ -21,7 +23,7 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     Parameters
     ----------
     key : str
-        ``input_angle``, ``output_angle``, ``te`` or ``time``.
+        Name of a column of a run, like ``te``, or of an order table, like ``phase``.
     array : ndarray
         As stored.
     notes : list of str
@@ -30,7 +32,7 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     Returns
     -------
     ndarray, shape (n,)
-        rad or s; NaN where there is no number.
+        Core units; NaN where there is no number.
 
     Raises
     ------
@@ -42,34 +44,37 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     if array.dtype.kind in "Mm":
         notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
         return samples
-    factor = rule.factor or _factor_of_file(file, key, rule, entry, what, notes)
+    factor, zero = (rule.factor, rule.zero) if rule.factor else _scale_of_file(file, key, rule, entry, what, notes)
     _check_unit(file, key, rule, entry, what)
     if rule.counts:
         samples = _unwrapped_counts(file, key, rule, samples, notes)
-        notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {EXAMPLES[key]}")
-    if array.dtype.kind == "f" and array.dtype.itemsize < 8:
+        notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {_UNITS[key]}")
+    if array.dtype.kind == "f" and array.dtype.itemsize < 8 and _DIMENSIONS[key]:
         largest = np.nanmax(np.abs(array.reshape(-1))) if np.isfinite(array).any() else array.dtype.type(0)
         if np.isfinite(largest):
-            step = f"{abs(float(np.spacing(largest)) * factor / _display(key)):.2g} {EXAMPLES[key]}"
+            step = f"{abs(float(np.spacing(largest)) * factor / _display(key)):.2g} {_UNITS[key]}"
             notes.append(f"{key} is stored with {8 * array.dtype.itemsize} bits: steps of {step} at its largest value")
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows or is no number is left out later
-        return samples * factor
+        return samples * factor + zero
 
 
 def _display(key: str) -> float:
-    return units.unit_factor(EXAMPLES[key], COLUMNS[key])
+    return units.unit_scale(_UNITS[key], _DIMENSIONS[key])[0]
 
 
-def _factor_of_file(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str, notes: list[str]) -> float:
+def _scale_of_file(
+    file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str, notes: list[str]
+) -> tuple[float, float]:
+    """Factor and zero of the unit that the file says."""
     at = f" ({rule.where.stated_at})" if rule.where.stated_at else ""
     if not entry.unit:
-        refuse(file.path, f'{what} has no unit{at}; write unit = "{EXAMPLES[key]}" or another beside its name')
+        refuse(file.path, f'{what} has no unit{at}; write unit = "{_UNITS[key]}" or another beside its name')
     try:
-        factor = unit_factor(entry.unit, COLUMNS[key]) * rule.sign
+        factor, zero = unit_factor(entry.unit, _DIMENSIONS[key]) * rule.sign, unit_zero(entry.unit, _DIMENSIONS[key])
     except ValueError as error:
         refuse(file.path, f"{what}{at}: {error}; state the unit beside its name in the mapping")
     notes.append(f"unit of {key} taken from the file: {entry.unit}")
-    return factor
+    return factor, zero
 
 
 def _check_unit(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str) -> None:
@@ -77,10 +82,11 @@ def _check_unit(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what:
     if rule.scaled or not rule.unit or not entry.unit:
         return
     try:
-        said = unit_factor(entry.unit, COLUMNS[key])
+        word = meant_unit(entry.unit)
+        said = (unit_factor(word, _DIMENSIONS[key]), unit_zero(word, _DIMENSIONS[key]))
     except ValueError:
         return  # a word that says nothing here, such as V of a sensor
-    if not np.isclose(abs(rule.factor), said, rtol=1e-9):
+    if not np.allclose((abs(rule.factor), rule.zero), said, rtol=1e-9):
         refuse(
             file.path,
             f"{what} is in {rule.unit} by the mapping, but the file says {shown(entry.unit)}; correct the unit, or "

@@ -35,6 +35,7 @@ from rverror.views.plots.figure import (
     shown_unit,
     signal_label,
 )
+from rverror.views.plots.passports import table_figure
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
 from rverror.views.set_aside import LABELS, marks
 
@@ -241,7 +242,9 @@ def _last_found(diagnosis: Diagnosis) -> float:
 
 
 def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
-    """Waveform of each run and the residual spectrum of the first, in one figure."""
+    """Waveform of each run and the residual spectrum of the first, in one figure; of tables passport and shares."""
+    if diagnosis.shares:
+        return table_figure(diagnosis)
     figure, axes = new_figure(len(diagnosis.traces) + 1)
     for trace, ax in zip(diagnosis.traces, axes[:-1], strict=True):
         waveform(trace, quantity=diagnosis.quantity, ax=ax)
@@ -251,6 +254,8 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
 
 def _trace(diagnosis: Diagnosis, run: int) -> Trace:
     count = len(diagnosis.traces)
+    if diagnosis.shares:
+        raise InputError("order tables have no waveform; draw the table with kind='passport', or use diagnosis_figure")
     if not 0 <= run < count:
         raise InputError(f"run = {run}: this diagnosis has {count} run{'s' if count != 1 else ''}, counted from 0")
     return diagnosis.traces[run]

@@ -39,6 +39,7 @@ from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
 from rverror.views.plots.order_tables import table_amplitudes
+from rverror.views.plots.passports import table_passport
 from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
 from rverror.views.plots.torsion_curves import torsion
 from rverror.views.plots.waveforms import (
@@ -84,7 +85,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
         Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},
-        OrderTable: {"amplitudes": table_amplitudes},
+        OrderTable: {"amplitudes": table_amplitudes, "passport": table_passport},
         Diagnosis: {
             "waveform": diagnosis_waveform,
             "spectrum": order_spectrum,

@@ -1,4 +1,4 @@
-"""Plot of passports of orders: amplitudes over the torque, as measured and by their laws."""
+"""Plots of passports of orders, amplitudes over the torque as measured and by their laws, and of diagnosed tables."""
 
 from __future__ import annotations
 
@@ -10,18 +10,42 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
-from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport
-from rverror.runs.order_table import OrderCase
-from rverror.views.plots.figure import DASHED, NOTHING, axes_for, in_shown_unit, legend_beside, line_style
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport, passport
+from rverror.diagnosis.result import Diagnosis
+from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.views.plots.figure import (
+    BLUE,
+    DASHED,
+    GREY,
+    NOTHING,
+    ORANGE,
+    axes_for,
+    in_shown_unit,
+    legend_beside,
+    line_style,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _MARKS = ("o", "s", "^", "D", "v", "P")  # as many orders as colours; marks tell them apart in grey
 _CURVE = 121  # points of a law
+_SHARES = {
+    "parts": "part errors",
+    "compliance": "compliance",
+    "measuring_chain": "measuring chain",
+    "empirical": "law only",
+    "left": "nothing",
+}
+_FACES = ((BLUE, ""), (ORANGE, "//"), (GREY, ".."), ("white", "xx"), ("white", ""))  # hatched, for grey print
 
 
-def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase], *, ax: Axes | None = None) -> Axes:
+def passport_plot(
+    passports: Sequence[OrderPassport], cases: Sequence[OrderCase] | None = None, *, ax: Axes | None = None
+) -> Axes:
     """Amplitude of the strongest orders over the size of the output torque, with constant and load part as lines.
 
     Forward is drawn with whole lines and filled marks, reverse with dashes and open ones.
@@ -30,8 +54,8 @@ def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase]
     ----------
     passports : sequence of OrderPassport
         The strongest first; six of them are drawn at the most.
-    cases : sequence of OrderCase
-        What they were made of.
+    cases : sequence of OrderCase, optional
+        What they were made of; where left out, what their laws were read from is drawn.
     ax : Axes, optional
         Where to draw; a new figure where left out.
 
@@ -44,7 +68,7 @@ def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase]
     InputError
         If no case holds a torque.
     """
-    if not any(case.condition.torque is not None for case in cases):
+    if not any(np.isfinite(law.torque).any() for one in passports for law in one.laws):
         raise InputError("no case holds a torque; a passport is drawn over the torque")
     ax = axes_for(ax, height=4.2)
     for number, one in enumerate(passports[: len(_MARKS)]):
@@ -63,7 +87,8 @@ def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase]
                 "ls": "none",
             }
             label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            ax.plot(*_points(one, law.direction, cases), color=colour, label=label, **look)
+            points = _shown(law.torque, np.abs(law.waves)) if cases is None else _points(one, law.direction, cases)
+            ax.plot(*points, color=colour, label=label, **look)
     sizes = np.concatenate([np.asarray(item.get_ydata()) for item in ax.get_lines() if item.get_linestyle() == "None"])
     ax.set(xlabel="size of the output torque, N*m", ylabel="amplitude, arcsec", title="orders over the load")
     if (sizes > NOTHING).any():
@@ -71,6 +96,60 @@ def passport_plot(passports: Sequence[OrderPassport], cases: Sequence[OrderCase]
         ax.set_ylim(bottom=0.7 * float(sizes[sizes > NOTHING].min()))
     legend_beside(ax, title="lines: constant and load part")
     return ax
+
+
+def table_passport(table: OrderTable, *, ax: Axes | None = None) -> Axes:
+    """Passports of a table's strongest orders, as `passport_plot` draws them.
+
+    Raises
+    ------
+    InputError
+        If no case holds a torque.
+    """
+    return passport_plot(passport(table.cases), table.cases, ax=ax)
+
+
+def order_shares(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """What accounts for the power of each order of diagnosed tables, as bars that make 100 % together.
+
+    A part that works against the others stands below zero.
+
+    Raises
+    ------
+    InputError
+        If no table was diagnosed.
+    """
+    if not diagnosis.shares:
+        raise InputError("no order table was diagnosed, so no order has shares; give order tables to diagnose")
+    ax = axes_for(ax, height=4.2)
+    at = np.arange(len(diagnosis.shares))
+    up, down = np.zeros(at.size), np.zeros(at.size)
+    for (name, label), (face, hatch) in zip(_SHARES.items(), _FACES, strict=True):
+        part = 100 * np.array([getattr(share, name) for share in diagnosis.shares])
+        look: dict[str, Any] = {"color": face, "hatch": hatch, "edgecolor": "black", "linewidth": 0.5}
+        ax.bar(at, part, bottom=np.where(part < 0, down, up), label=label, **look)
+        up, down = up + np.maximum(part, 0), down + np.minimum(part, 0)
+    ax.set_xticks(
+        at, [f"{brief(one.order, 6)}\n{one.amplitude / ARCSEC:.3g}" for one in diagnosis.shares], size="x-small"
+    )
+    ax.axhline(0, color="black", lw=0.8)
+    ax.set(
+        xlabel="order, per output turn, and its amplitude, arcsec",
+        ylabel="share of the power, %",
+        title="what accounts for each order",
+    )
+    legend_beside(ax)
+    return ax
+
+
+def table_figure(diagnosis: Diagnosis) -> Figure:
+    """Passport of diagnosed tables, where they tell loads, and what accounts for their orders."""
+    loads = any(np.isfinite(law.torque).any() for one in diagnosis.passport for law in one.laws)
+    figure, axes = new_figure(1 + loads, width=10.0, height=4.2)
+    if loads:
+        passport_plot(diagnosis.passport, ax=axes[0])
+    order_shares(diagnosis, ax=axes[-1])
+    return figure
 
 
 def _points(one: OrderPassport, direction: float, cases: Sequence[OrderCase]) -> tuple[Array, Array]:
@@ -81,5 +160,8 @@ def _points(one: OrderPassport, direction: float, cases: Sequence[OrderCase]) ->
         if case.condition.direction == direction and case.condition.torque is not None
         for place in np.flatnonzero(np.abs(case.orders - one.order) <= SAME_ORDER)
     ]
-    torque, size = np.array(held, dtype=np.float64).reshape(-1, 2).T
+    return _shown(*np.array(held, dtype=np.float64).reshape(-1, 2).T)
+
+
+def _shown(torque: Array, size: Array) -> tuple[Array, Array]:
     return in_shown_unit(torque, "torque"), in_shown_unit(size, "angle")
