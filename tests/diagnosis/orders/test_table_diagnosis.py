@@ -13,7 +13,7 @@ from scipy.stats import beta
 
 import rverror
 from gear_runs import OTHER, TURN, UNIT
-from order_tables import CAM, HEAD, LOADS, NOISE, ORDERS, table_of
+from order_tables import CAM, HEAD, LOADS, NOISE, ORDERS, table_of, with_wave
 from recordings import recording
 from rverror.app.command_line import main
 from rverror.base.arrays import Array
@@ -52,15 +52,46 @@ def test_missing_causes_are_named_and_their_sizes_held(found: rverror.Diagnosis)
     assert found.noise_rms == pytest.approx(NOISE * ARCSEC * math.sqrt(ORDERS.size), rel=0.03)
 
 
-def test_rivals_are_what_makes_the_same_order_and_no_others(found: rverror.Diagnosis) -> None:
-    """Nothing in the gear train makes order 1, so the encoder has none; a cam's order is that of a bore as well."""
+def test_rivals_of_a_set_that_accounts_for_everything_fit_as_well(found: rverror.Diagnosis) -> None:
+    """Nothing in the gear train makes order 1; half a turn on a cam of the other crank and disc is the same.
+
+    A bore makes a cam's order too, but over the loads not the same waves.
+    """
     rivals = {one.effect.key: {key for key, _ in one.indistinguishable} for one in found.added}
-    assert rivals.pop(HEAD.key) == set()
+    assert rivals == {HEAD.key: set(), CAM.key: {CAM.key}}
+
+
+def test_rivals_of_a_claim_make_as_much_of_its_order() -> None:
+    """Order 7 is no part's, so that no set accounts for everything: the cam is a claim."""
+    table = with_wave(table_of(Model(UNIT, (CAM, HEAD)), noise=0.3), 7, lambda d, t: 30.0)
+    keys = ("crank.eccentricity", "cycloid.disc_bore_position", "sensor.encoder_eccentricity")
+    told = rverror.diagnose(Model(UNIT), [table], policy=replace(POLICY, keys=keys))
+    rivals = {one.effect.key: one.indistinguishable for one in told.added if source(one.effect.key).is_cause}
+    assert rivals.pop(HEAD.key) == ()
     ((named, others),) = rivals.items()
-    assert {CAM.key, "cycloid.disc_bore_position"} <= {named, *others}
-    for addition in found.added:
-        for key, indices in addition.indistinguishable:
-            assert 16.0 in source(key).orders(UNIT, indices)
+    assert {CAM.key, "cycloid.disc_bore_position"} <= {named, *(key for key, _ in others)}
+    for key, indices in others:
+        assert 16.0 in source(key).orders(UNIT, indices)
+
+
+def test_of_two_bores_of_one_order_both_are_named() -> None:
+    """One after another the first claim is a cam between the two, and a wave of a disc makes up for it."""
+    sizes = ((20.0, -12.0), (5.0, 9.0))
+    lacking = tuple(
+        rverror.effect("cycloid.disc_bore_position", disc=disc, crank=0, radial=f"{-r} um", tangential=f"{-t} um")
+        for disc, (r, t) in enumerate(sizes)
+    )
+    keys = ("crank.eccentricity", "cycloid.disc_bore_position", "cycloid.disc_pitch", "cycloid.disc_profile")
+    table = table_of(Model(OTHER, lacking), loads=(60e3, 250e3), seed=2)
+    told = rverror.diagnose(Model(UNIT), [table], policy=replace(POLICY, keys=keys))
+    causes = [one for one in told.added if source(one.effect.key).is_cause]
+    assert [one.effect.key for one in causes] == ["cycloid.disc_bore_position"] * 2
+    assert len({(one.effect.indices["disc"]) for one in causes}) == 2
+    assert len({(one.effect.indices["crank"]) for one in causes}) == 1  # half a turn on both are the other crank's
+    for one in causes:
+        disc = int(one.effect.indices["disc"]) ^ int(one.effect.indices["crank"])
+        for estimate, true in zip(one.estimates, lacking[disc].values, strict=True):
+            assert estimate.low <= true <= estimate.high
 
 
 def test_rms_is_the_root_of_half_the_squared_amplitudes(found: rverror.Diagnosis) -> None:
