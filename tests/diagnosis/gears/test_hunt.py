@@ -110,6 +110,24 @@ def test_nothing_is_complete_without_the_cause_and_all_is_with_it(right: Node) -
     assert not hunt_of(without).complete(without)
 
 
+def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said_to_be_left() -> None:
+    """A pin that is pushed in takes load from others: fitted it lowers the objective by more than a step promises."""
+    pin = rverror.effect("cycloid.pin_position", pin=5, radial="0.6 um")
+    node = settled(Model(OTHER, (pin,)))
+    hunt = hunt_of(node)
+    others = tuple(c for c in hunt.candidates if c[0] != "cycloid.pin_radius")
+    (step,) = screened(node.fit, [(pin.key, pin.indices)])
+    start = tried(node.fit, step)
+    assert start is not None
+    promised = node.fit.objective - step.objective
+    fallen = node.fit.objective - fitted(start.fit, steps=30).objective
+    assert fallen > promised + 5
+    for share, complete in ((-0.5, False), (0.5, False), (1.5, True)):  # below the promise, between, above the fall
+        asked = promised + share * (fallen - promised) - inexact(node.fit)
+        policy = replace(POLICY, false_alarm=len(others) * math.exp(-asked / 2))  # chi-square of two sizes
+        assert replace(hunt, candidates=others, policy=policy, _ranked={}, _completed={}).complete(node) == complete
+
+
 def test_a_strained_fit_is_never_complete() -> None:
     """A declared size that is off by 8 of its uncertainties; with five times the uncertainty it is not."""
     wrong = replace(CAM, values=(CAM.values[0] - 8e-4, CAM.values[1]), uncertainty=1e-4)

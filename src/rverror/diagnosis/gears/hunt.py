@@ -269,9 +269,16 @@ class Hunt:
         fit = node.fit
         if strained(fit) or self._line_left(fit):
             return False
-        return not any(
-            self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in self.ranking(fit)[:5]
-        )
+        leading = self.ranking(fit)[:5]
+        if any(self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in leading):
+            return False
+        # a linear step promises too little where sizes have moved to make up for a cause: what comes near is fitted
+        near = [
+            one for one in leading[: self.policy.direct]
+            if fit.objective - one.objective > chi_square(self.policy.false_alarm, one.sizes.size)
+        ]  # fmt: skip
+        found = [(fitted(t.fit, steps=30, enough=0.3), one) for one in near if (t := tried(fit, one))]
+        return not any(self.significant(fit, fit.objective - more.objective, one.sizes.size) for more, one in found)
 
     def _line_left(self, fit: Fit) -> bool:
         return bool(best_lines(fit, self.policy, outside=False))
