@@ -28,6 +28,7 @@ SHOWN_BY = {
     "FrontPoint": "cost_front",
     "Influence": "influence",
     "Linearisation": "linearise",
+    "Modes": "modes",
     "OrderTable": "orders_from_arrays",
     "Run": "run_from_arrays",
     "Stack": "stack",

@@ -12,6 +12,7 @@ from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.natural_modes import Modes
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import ContactCorrection
@@ -22,6 +23,7 @@ from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagn
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
 from rverror.views.kinds import described
+from rverror.views.modes_report import modes_json
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, has_sheet, sheet
 
@@ -34,7 +36,7 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
-        TorsionCurve, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or
+        TorsionCurve, Modes, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or
         tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
@@ -166,3 +168,4 @@ for _kind, _text, _json in (
     to_text.register(_kind, _text)
     to_json.register(_kind, _json)
 to_html.register(Diagnosis, diagnosis_html)
+to_json.register(Modes, modes_json)

@@ -21,6 +21,7 @@ from rverror.base.numbers import brief, count_of, way, with_unit
 from rverror.base.text import describe, joined
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
@@ -409,6 +410,39 @@ def _of_torsion(thing: TorsionCurve) -> Sheet:
     rows = zip(found["torque"].shown(display=True).tolist(), angle.mean(axis=1).tolist(), spread, strict=True)
     where = count_of(angle.shape[1], "angle") + " of the output"
     return _title("Torsion curve", where) + _grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
+
+
+@sheet.register
+def _of_modes(thing: Modes) -> Sheet:
+    strain, kinetic = (_most_of(shares) for shares in (thing.strain_energy, thing.kinetic_energy))
+    columns_shown = {
+        "mode": range(thing.frequency.size),
+        "frequency, Hz": thing.frequency.tolist(),
+        "damping, %": (100 * thing.damping_ratio).tolist(),
+        "held by": [name for name, _ in strain],
+        "by, %": [share for _, share in strain],
+        "what moves": [name for name, _ in kinetic],
+        "of it, %": [share for _, share in kinetic],
+        "of the machine": ["no" if of else "yes" for of in thing.of_sun_support],
+    }
+    where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, at {math.degrees(thing.theta):.6g} deg"
+    notes = []
+    if thing.of_sun_support.any():
+        notes.append(
+            "a mode of the sun's support is none of the machine: that spring only gives a floating sun a place"
+        )
+    if thing.estimated:
+        notes.append(f"estimated from the geometry, to some 30 %: {', '.join(thing.estimated)}")
+    return _title("Modes", where) + _beside(columns_shown) + _notes(notes)
+
+
+def _most_of(shares: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """What has most of each mode's energy, and how many percent; a free motion is held by nothing."""
+    found = []
+    for of in zip(*(row.tolist() for row in shares.values()), strict=True):
+        share, name = max(zip(of, shares, strict=True))
+        found.append((name, round(100 * share, 1)) if share > 0 else ("nothing", math.nan))
+    return found
 
 
 @sheet.register
