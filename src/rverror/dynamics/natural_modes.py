@@ -13,18 +13,12 @@ import numpy.typing as npt
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
-from rverror.dynamics.train import Train, loaded_reducer
+from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Inertia
 from rverror.model.effects import Model
 from rverror.model.readings import stand
 from rverror.statics.loaded_state import statics_of
-
-#: Of the largest eigenvalue: a mode below it has no frequency.  Rounding leaves some 1e-16 of it for a free motion;
-#: one of a hundredth of a Hz beside 16 kHz has 4e-13.
-_FREE = 1e-14
-#: Share of the strain energy above which a mode is one of the sun's support.
-SUPPORTED = 0.5
 
 
 @dataclass(frozen=True)
@@ -117,7 +111,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     groups = {name: matrix[0] for name, matrix in train.stiffness(tangent).items()}
     root = np.sqrt(train.mass)
     value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))
-    value = np.where(value < _FREE * value[-1], 0.0, value)
+    value = np.where(value < FREE * value[-1], 0.0, value)
     phi = vector / root[:, None]
     phi *= np.where(phi[np.abs(phi * root[:, None]).argmax(axis=0), np.arange(phi.shape[1])] < 0, -1.0, 1.0)
     frequency = np.sqrt(value) / (2 * math.pi)

@@ -25,6 +25,12 @@ from rverror.model.ends import Bench
 from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Tangent
 
+#: Of the largest eigenvalue: a mode below it has no frequency.  Rounding leaves some 1e-16 of it for a free motion;
+#: one of a hundredth of a Hz beside 16 kHz has 4e-13.
+FREE = 1e-14
+#: Share of the strain energy above which a mode is one of the sun's support.
+SUPPORTED = 0.5
+
 
 def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
     """Reducer of a model and size of its torque, N*mm: the rated one where none is given.
