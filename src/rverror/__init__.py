@@ -20,6 +20,7 @@ from rverror.model.ends import Bench
 from rverror.model.model_file import append_effects, load_model, save_model
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
+from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
 from rverror.dynamics.natural_modes import Modes, modes
 
 # Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
@@ -84,6 +85,7 @@ __all__ = [
     "Conditions",
     "ContactCorrection",
     "ContactLaw",
+    "CriticalSpeed",
     "Diagnosis",
     "Drive",
     "Effect",
@@ -105,6 +107,7 @@ __all__ = [
     "Reducer",
     "Run",
     "Source",
+    "SpeedResponse",
     "Stack",
     "Stiffness",
     "StiffnessUncertainty",
@@ -163,6 +166,7 @@ __all__ = [
     "save_widths",
     "simulate",
     "simulate_runs",
+    "speed_response",
     "stack",
     "terms",
     "to_core",

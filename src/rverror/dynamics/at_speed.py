@@ -267,8 +267,9 @@ def speed_response(
 def _speeds(speeds: Any) -> Array:
     """Row of speeds, rad/s."""
     try:
-        if isinstance(speeds, Sequence) and not isinstance(speeds, str):
-            rows = np.array([units.to_core(one, "angular_speed") for one in speeds], dtype=np.float64)
+        if isinstance(speeds, Sequence):
+            listed = [speeds] if isinstance(speeds, str) else speeds
+            rows = np.array([units.to_core(one, "angular_speed") for one in listed], dtype=np.float64)
         else:
             rows = np.atleast_1d(units.to_core_array(speeds, "angular_speed"))
     except ValueError as error:

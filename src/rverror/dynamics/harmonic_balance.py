@@ -125,7 +125,11 @@ class Oscillator:
         if self.count % 2 == 0:
             rate[-1] = 0
         impedance = value[:, None] - (speed * self.orders) ** 2 + damped[:, None] * rate
-        free = np.abs(impedance) <= 1e-12 * value[-1]
+        free = (value == 0)[:, None] & (speed * self.orders == 0)
+        if not np.all(impedance[~free]):
+            raise InputError(
+                f"speed = {speed:.6g} rad/s: undamped at a natural frequency; give a damping ratio above 0"
+            )
         admittance = np.where(free, 0.0, 1 / np.where(free, 1.0, impedance))
 
         def answered(rows: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.dynamics.harmonic_balance import Oscillator, slope
+from rverror.dynamics.time_integration import Forced
 from rverror.dynamics.train import FREE, SUPPORTED, Train
 from rverror.geartrain.kinematics import frame_orders
 from rverror.statics.energy import Layout
@@ -64,6 +65,13 @@ class LoadedMotion:
         first, second = (slope(self.state, step, power) for power in (1, 2))
         acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * self.state
         return np.asarray(-self.train.mass[:, None] * (acceleration + _centripetal(self.train)[:, None]))
+
+    @cached_property
+    def swing_force(self) -> Array:
+        """Force of the parts' inertia per rad/s^2 of the output as the nominal motion is sped up, (size, n)."""
+        turns = self.train.turns[:, None]
+        swing = slope(self.state, 2 * math.pi / self.period) + turns * _ahead(self.train, self.state)
+        return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
     def reduced(self, kept: int) -> ReducedMotion:
         """With the motions alone in which the lowest modes of the mean stiffness have their inertia."""
@@ -130,6 +138,12 @@ class ReducedMotion:
     def _force(self) -> Array:
         """Force of inertia on the coordinates per speed squared, (m, n)."""
         return np.asarray(np.einsum("nci,cn->in", self.shapes, self.whole.inertia_force))
+
+    @cached_property
+    def forced(self) -> Forced:
+        """Its equations with what drives them at any course of the speed."""
+        by_acceleration = np.einsum("nci,cn->in", self.shapes, self.whole.swing_force)
+        return Forced(self.oscillator, self._force, np.asarray(by_acceleration))
 
     def response(self, speed: float) -> Array:
         """Motion about the loaded state at an output speed, rad/s, of either sign, in these coordinates, (m, n)."""
@@ -203,18 +217,31 @@ def _ahead(train: Train, rows: Array) -> Array:
     return made
 
 
-def _centripetal(train: Train) -> Array:
-    """Acceleration of the nominal motion per speed squared, mm, in the frames of the parts, (size,)."""
+def _centres(train: Train) -> Array:
+    """Where the parts' centres are in the nominal motion, mm, in the frames of the parts, (size,)."""
     reducer, made = train.reducer, np.zeros(train.size)
-    layout, crank = Layout(reducer), frame_orders(reducer)["crank"]
-    for circle, turns, places in (
-        (reducer.eccentricity, crank, layout.disc),
-        (reducer.crank_radius, 1.0, layout.crank),
-    ):
+    layout = Layout(reducer)
+    for circle, places in ((reducer.eccentricity, layout.disc), (reducer.crank_radius, layout.crank)):
         for number, at in enumerate(places):
             angle = 2 * math.pi * number / len(places)  # at theta = 0, and so in its frame
-            made[at : at + 2] = -circle * turns**2 * np.array([math.cos(angle), math.sin(angle)])
+            made[at : at + 2] = circle * math.cos(angle), circle * math.sin(angle)
     return made
+
+
+def _centripetal(train: Train) -> Array:
+    """Acceleration of the nominal motion per speed squared, in the frames of the parts, (size,)."""
+    return np.asarray(-(train.turns**2) * _centres(train))
+
+
+def _nominal_rate(train: Train) -> Array:
+    """Rate of the nominal motion per unit of speed, in the frames of the parts, (size,)."""
+    rate, turns = train.turns * _ahead(train, _centres(train)), frame_orders(train.reducer)
+    for part in train.parts:
+        if part.inertia:
+            kind = {"input": "sun", "load": "carrier"}.get(part.name, part.name.split()[0])
+            if len(part.at) != 2:  # a sun whose angle is held has none
+                rate[part.at[-1]] = turns[kind]
+    return np.asarray(rate)
 
 
 def _samples_last(matrix: Array) -> Array:
