@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rverror
 from rverror import Bench, Inertia, Model, Stiffness, effect, modes, speed_response
+from rverror.app.command_line import main
+from rverror.base.units import ARCSEC
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import LoadedMotion, loaded_motion
 from rverror.dynamics.train import Train
@@ -27,6 +32,7 @@ ERRORS = (
     effect("cycloid.pin_position", pin=3, radial="3 um"),
 )
 LOAD = Bench(load_inertia="50 kg*m^2")
+SWINGING = Bench(load_inertia="500 kg*m^2", damping_ratio=0.05)
 BOTH_ENDS = Bench(
     input_inertia="1e-4 kg*m^2",
     position_control_stiffness="200 N*m/rad",
@@ -82,7 +88,7 @@ def test_far_below_all_frequencies_it_departs_with_the_square_of_the_speed() -> 
 
 def test_a_heavy_load_on_the_train_is_the_textbooks_wavy_base() -> None:
     """Input held: J y'' + c y' + k y = -J e'', so the error is e (1 + r^2 / (1 - r^2 + 2 i zeta r))."""
-    model = Model(UNIT, ERRORS[:1], bench=Bench(load_inertia="500 kg*m^2", damping_ratio=0.05))
+    model = Model(UNIT, ERRORS[:1], bench=SWINGING)
     found = speed_response(model, ["20 rpm", "400 rpm", "900 rpm", "1500 rpm"])
     first = modes(model).frequency[0]
     at = found.order.tolist().index(40.0)
@@ -94,7 +100,7 @@ def test_a_heavy_load_on_the_train_is_the_textbooks_wavy_base() -> None:
 
 def test_the_peak_is_told_with_its_frequency_and_its_height() -> None:
     """Of the wavy base: at r = 1 the error is e (1 + 1 / (2 i zeta))."""
-    model = Model(UNIT, ERRORS[:1], bench=Bench(load_inertia="500 kg*m^2", damping_ratio=0.05))
+    model = Model(UNIT, ERRORS[:1], bench=SWINGING)
     first = modes(model).frequency[0]
     speed = 2 * math.pi * first * UNIT.ratio / 40
     found = speed_response(model, speed * np.linspace(0.8, 1.2, 41))
@@ -257,7 +263,7 @@ def test_an_integration_in_time_stays_on_the_harmonic_balance(direction: float) 
 
 def test_contacts_would_have_to_pull_where_the_load_swings_by_more_than_its_torque() -> None:
     """The torque of inertia, J (order Omega)^2 amplitude, against the load's."""
-    model = Model(UNIT, ERRORS[:1], bench=Bench(load_inertia="500 kg*m^2", damping_ratio=0.05))
+    model = Model(UNIT, ERRORS[:1], bench=SWINGING)
     speed = 2 * math.pi * modes(model).frequency[0] * UNIT.ratio / 40
     found = speed_response(model, [0.1 * speed, speed], torque="60 N*m")
     swing = 500e3 * (40 * found.speed / UNIT.ratio) ** 2 * np.abs(found.waves[:, found.order.tolist().index(40.0)])
@@ -280,3 +286,43 @@ def test_speeds_that_are_none_are_refused() -> None:
         speed_response(Model(rverror.Drive(ratio=14.0)), [1.0])
     stiff = Stiffness(pin_contact=1e6)
     assert speed_response(Model(variant(SMALL, stiffness=stiff)), "100 rpm", torque=1e5).speed == [100 * RPM]
+
+
+def test_speeds_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, path, out = Model(UNIT, ERRORS[:1], bench=SWINGING), tmp_path / "m.toml", tmp_path / "o.json"
+    rverror.save_model(path, model)
+    span = ["--from", "560 rpm", "--to", "760 rpm", "--count", "21"]
+    assert main(["speeds", str(path), *span, "--torque", "60 N*m", "--direction", "reverse", "--json", str(out)]) == 0
+    told, speeds = json.loads(out.read_text()), np.linspace(560, 760, 21) * RPM
+    found = speed_response(model, speeds, torque=60e3, direction=-1.0)
+    assert told["orders"] == found.order.tolist()
+    assert [row["input_speed_rpm"] for row in told["speeds"]] == pytest.approx((speeds / RPM).tolist())
+    for row, error in zip(told["speeds"], found.transmission_error, strict=True):
+        assert row["peak_to_peak_arcsec"] == pytest.approx(np.ptp(error) / ARCSEC)
+        # the waves make the error, but for what is below a hundredth of the largest
+        waves = np.array(row["amplitude_arcsec"]) * np.exp(1j * np.radians(row["phase_deg"]))
+        made = (waves[:, None] * np.exp(1j * np.outer(told["orders"], found.theta))).real.sum(axis=0)
+        left = error / ARCSEC - error.mean() / ARCSEC - made
+        assert np.abs(left).max() < 0.05 * np.abs(made).max()
+    top = told["critical_speeds"][0]
+    assert (top["order"], top["input_speed_rpm"]) == (40, pytest.approx(found.critical_speeds[0].speed / RPM))
+    printed = capsys.readouterr().out
+    assert printed.startswith("Error against speed: 60 N*m, reverse, 21 input speeds\n")
+    assert "critical speed, rpm" in printed
+    assert re.search(r"closed flanks would have to pull at \d+ speeds of [\d.]+ to [\d.]+ rpm", printed)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--from", "5 rpm", "--to", "5 rpm"], "speeds must grow"),
+        (["--from", "5", "--to", "9 rpm"], "--from: '5' has no unit; write it like '100 rpm'"),
+        (["--from", "5 rpm", "--to", "9 rpm", "--count", "1"], "give 2 speeds or more"),
+    ],
+)
+def test_spans_that_are_none_are_refused(
+    options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rverror.save_model(tmp_path / "m.toml", Model(UNIT))
+    assert main(["speeds", str(tmp_path / "m.toml"), *options]) == 2
+    assert said in capsys.readouterr().err

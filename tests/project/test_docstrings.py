@@ -31,6 +31,8 @@ SHOWN_BY = {
     "Modes": "modes",
     "OrderTable": "orders_from_arrays",
     "Run": "run_from_arrays",
+    "CriticalSpeed": "speed_response",
+    "SpeedResponse": "speed_response",
     "Stack": "stack",
     "Tolerance": "tolerance",
     "TorsionCurve": "torsion_curve",

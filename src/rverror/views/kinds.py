@@ -21,6 +21,7 @@ from rverror.base.numbers import way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.mechanism import DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
@@ -353,6 +354,7 @@ def _of_torsion(result: TorsionCurve, *, theta: Any | None = None) -> Table:
     return Table("TorsionCurve", "torque", variables, {}, frozenset({"theta"}))
 
 
+_HERTZ = Unit("Hz", "Hz")
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
 
@@ -368,7 +370,7 @@ def _of_modes(result: Modes) -> Table:
         **_along(
             "mode",
             mode=_integers(range(result.frequency.size)),
-            frequency=(result.frequency, Unit("Hz", "Hz")),
+            frequency=(result.frequency, _HERTZ),
             damping_ratio=(result.damping_ratio, NUMBER),
             of_sun_support=result.of_sun_support,
         ),
@@ -381,11 +383,48 @@ def _of_modes(result: Modes) -> Table:
         ),
         **_shares("spring", "strain_energy", result.strain_energy, NUMBER),
         **_shares("weight", "kinetic_energy", result.kinetic_energy, NUMBER),
-        **_shares("cause", "sensitivity", result.sensitivity, Unit("Hz", "Hz")),
+        **_shares("cause", "sensitivity", result.sensitivity, _HERTZ),
         **_single(torque=(result.torque, TORQUE), theta=(result.theta, POSITION)),
     }
     about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated)}
     return Table("Modes", "mode", variables, about)
+
+
+@_table.register
+def _of_speeds(result: SpeedResponse) -> Table:
+    critical, waves = result.critical_speeds, result.waves
+    variables = {
+        **_along(
+            "speed",
+            speed=(result.speed, SPEED),
+            peak_to_peak=(result.peak_to_peak, ANGLE),
+            rms=(result.rms, ANGLE),
+            **{f"pulled_{name}": (share, NUMBER) for name, share in result.pulled.items()},
+        ),
+        **_along(
+            "order",
+            order=(result.order, NUMBER),
+            crawl_amplitude=(np.abs(result.crawl_waves), ANGLE),
+            crawl_phase=(np.angle(result.crawl_waves), POSITION),
+        ),
+        "amplitude": Variable(("speed", "order"), np.abs(waves), ANGLE),
+        "phase": Variable(("speed", "order"), np.angle(waves), POSITION),
+        **_along(
+            "critical",
+            "critical_",
+            **_fields(critical, SPEED, "speed"),
+            **_fields(critical, NUMBER, "order"),
+            **_fields(critical, ANGLE, "amplitude"),
+            **_fields(critical, NUMBER, "growth"),
+            **_fields(critical, _HERTZ, "frequency"),
+            of_sun_support=np.array([one.of_sun_support for one in critical], dtype=bool),
+        ),
+        **_along("mode", "natural_", frequency=(result.frequency, _HERTZ), of_sun_support=result.of_sun_support),
+        **_along("theta", theta=(result.theta, POSITION), crawl=(result.crawl, ANGLE)),
+        "transmission_error": Variable(("speed", "theta"), result.transmission_error, ANGLE),
+        **_single(torque=(result.torque, TORQUE)),
+    }
+    return Table("SpeedResponse", "speed", variables, {"direction": way(result.direction)})
 
 
 def _shares(dim: str, name: str, rows: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:

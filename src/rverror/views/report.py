@@ -12,6 +12,7 @@ from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
@@ -20,10 +21,10 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
 from rverror.views.contact_report import contact_json, contact_text
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
+from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
 from rverror.views.kinds import described
-from rverror.views.modes_report import modes_json
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, has_sheet, sheet
 
@@ -36,8 +37,8 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
-        TorsionCurve, Modes, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or
-        tuple of Effect, Tolerance or FrontPoint.
+        TorsionCurve, Modes, SpeedResponse, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or
+        Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
         a Comparison how many orders are told, `most`.
@@ -169,3 +170,4 @@ for _kind, _text, _json in (
     to_json.register(_kind, _json)
 to_html.register(Diagnosis, diagnosis_html)
 to_json.register(Modes, modes_json)
+to_json.register(SpeedResponse, speeds_json)

@@ -21,6 +21,7 @@ from rverror.base.numbers import brief, count_of, way, with_unit
 from rverror.base.text import describe, joined
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
@@ -434,6 +435,65 @@ def _of_modes(thing: Modes) -> Sheet:
     if thing.estimated:
         notes.append(f"estimated from the geometry, to some 30 %: {', '.join(thing.estimated)}")
     return _title("Modes", where) + _beside(columns_shown) + _notes(notes)
+
+
+#: Speeds and orders that are shown of an error against speed: as many as stand on a page.
+_SPEEDS, _ORDERS = 20, 5
+
+
+@sheet.register
+def _of_speeds(thing: SpeedResponse) -> Sheet:
+    found, _ = _shown(thing)
+    chosen = np.unique(np.linspace(0, thing.speed.size - 1, _SPEEDS).round().astype(int))
+    size = np.abs(np.vstack([thing.crawl_waves, thing.waves])) / ARCSEC
+    leading = np.sort(np.argsort(-size.max(axis=0), kind="stable")[:_ORDERS])
+    columns_shown: dict[str, list[Any]] = {
+        "input speed, rpm": [0.0, *(found["speed"][at] for at in chosen)],
+        "peak-to-peak, arcsec": [float(np.ptp(thing.crawl)) / ARCSEC, *(found["peak_to_peak"][at] for at in chosen)],
+        **{f"order {thing.order[at]:g}": [size[0, at].item(), *size[1 + chosen, at].tolist()] for at in leading},
+    }
+    where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, {count_of(thing.speed.size, 'input speed')}"
+    return (
+        _title("Error against speed", where)
+        + _beside(columns_shown)
+        + _line("amplitudes by order in arcsec; the first line is the equilibrium's, at a crawl")
+        + _critical(thing)
+        + _notes(_cautions(thing))
+    )
+
+
+def _critical(thing: SpeedResponse) -> Sheet:
+    critical, _ = _shown(thing, "critical")
+    if not thing.critical_speeds:
+        return _line(f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl")
+    names = {
+        "speed": "critical speed, rpm",
+        "order": "order",
+        "amplitude": "amplitude, arcsec",
+        "growth": "times that at a crawl",
+        "frequency": "natural frequency, Hz",
+    }
+    return _beside({head: critical[name] for name, head in names.items()})
+
+
+def _cautions(thing: SpeedResponse) -> list[str]:
+    notes = []
+    for name, share in thing.pulled.items():
+        over = thing.speed[share > PULLED]
+        if over.size:
+            low, high = (units.to_display(end, "angular_speed") for end in (over.min(), over.max()))
+            between = (
+                f"at {brief(low)} rpm"
+                if over.size == 1
+                else f"at {over.size} speeds of {brief(low)} to {brief(high)} rpm"
+            )
+            notes.append(
+                f"closed {name} would have to pull {between}, by up to {brief(100 * float(share.max()))} % of their "
+                "force: they open, and the error there is no prediction"
+            )
+    if any(one.of_sun_support for one in thing.critical_speeds):
+        notes.append("a peak at a mode of the sun's support is none of the machine")
+    return notes
 
 
 def _most_of(shares: Mapping[str, Any]) -> list[tuple[str, float]]:
