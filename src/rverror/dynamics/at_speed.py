@@ -32,7 +32,7 @@ CRITICAL = 2.0
 _NEAR = 0.1
 #: Share of a contact's forces that would have to pull from which an error at speed is no prediction.
 PULLED = 0.01
-_EVERY = 8  # angle is looked at for contacts that pull
+_EVERY = 16  # angle is looked at for contacts that pull
 
 
 @dataclass(frozen=True)
@@ -243,9 +243,11 @@ def speed_response(
     pulling = _Pulling(moving, tangents)
     beyond = added(unread(model).effects, where.read)
     errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
+    per_square: Array | None = None  # what is driven grows with the square of the speed
     for at, speed in enumerate(rows):
         turn = direction * float(speed) / unit.ratio
-        moved = moving.response(turn)
+        moved = moving.response(turn, None if per_square is None else turn**2 * per_square)
+        per_square = moved / turn**2 if turn else None
         errors[at] = moving.error(moved, turn) + beyond
         for name, share in pulling.shares(moved, turn).items():
             pulled[name][at] = share

@@ -88,24 +88,29 @@ class Oscillator:
         return np.where(value < 1e-14 * value[-1], 0.0, value), vector
 
     @cached_property
-    def varying(self) -> tuple[Array, Array, Array]:
-        """In the modes of the mean stiffness: mean damping of each mode, and what stiffness and damping have more."""
+    def varying(self) -> tuple[Array, Array]:
+        """In the modes of the mean stiffness: mean damping of each mode, and what stiffness and damping have more.
+
+        Stiffness and damping stand side by side, (m, 2 m, n).
+        """
         value, vector = self.mean_modes
         stiffness = np.einsum("ai,abn,bj->ijn", vector, self.stiffness, vector, optimize=True)
         damping = np.einsum("ai,abn,bj->ijn", vector, self.damping, vector, optimize=True)
         mean = np.einsum("iin->i", damping) / self.count
         stiffness -= np.diag(value)[..., None]
         damping -= np.diag(mean)[..., None]
-        return mean, stiffness, damping
+        return mean, np.concatenate([stiffness, damping], axis=1)
 
-    def response(self, force: Array, *, speed: float) -> Array:
+    def response(self, force: Array, *, speed: float, near: Array | None = None) -> Array:
         """Periodic motion under a force that turns with the angle.
 
         Parameters
         ----------
         force : ndarray, shape (m, n)
         speed : float
-            dtheta/dt, rad/s, of either sign, not 0.
+            dtheta/dt, rad/s, of either sign.
+        near : ndarray, shape (m, n), optional
+            A motion that is likely near, such as that at a speed beside it.
 
         Returns
         -------
@@ -118,9 +123,9 @@ class Oscillator:
             If no answer was found: the speed is one at which the system swings up by itself.
         """
         value, vector = self.mean_modes
-        damped, stiffness, damping = self.varying
-        damping = damping + speed * (vector.T @ self.turning @ vector)[..., None]
-        stiffness = stiffness + speed**2 * (vector.T @ self.centrifugal @ vector)[..., None]
+        damped, varying = self.varying
+        steady = np.concatenate([speed**2 * self.centrifugal @ vector, speed * self.turning @ vector], axis=1)
+        varying = varying + (vector.T @ steady)[..., None]
         rate = 1j * speed * self.orders
         if self.count % 2 == 0:
             rate[-1] = 0
@@ -137,13 +142,14 @@ class Oscillator:
 
         def apply(packed: Array) -> Array:
             waves = packed.view(np.complex128).reshape(self.size, -1)
-            moved, rates = fft.irfft(waves, self.count), fft.irfft(rate * waves, self.count)
-            more = np.einsum("ijn,jn->in", stiffness, moved) + np.einsum("ijn,jn->in", damping, rates)
-            return np.asarray((waves + answered(more)).reshape(-1).view(np.float64))
+            moved = fft.irfft(np.concatenate([waves, rate * waves]), self.count)
+            more = answered(np.einsum("ijn,jn->in", varying, moved))
+            return np.asarray((waves + more).reshape(-1).view(np.float64))
 
         right = answered(vector.T @ force).reshape(-1).view(np.float64)
         operator = LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
-        found, failed = gmres(operator, right, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
+        begin = None if near is None else fft.rfft(vector.T @ near).reshape(-1).view(np.float64)
+        found, failed = gmres(operator, right, begin, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
         if failed:
             raise InputError(
                 f"speed = {speed:.6g} rad/s: no periodic motion was found; near this speed the varying stiffness may "

@@ -145,9 +145,17 @@ class ReducedMotion:
         by_acceleration = np.einsum("nci,cn->in", self.shapes, self.whole.swing_force)
         return Forced(self.oscillator, self._force, np.asarray(by_acceleration))
 
-    def response(self, speed: float) -> Array:
-        """Motion about the loaded state at an output speed, rad/s, of either sign, in these coordinates, (m, n)."""
-        return self.oscillator.response(speed**2 * self._force, speed=speed)
+    def response(self, speed: float, near: Array | None = None) -> Array:
+        """Motion about the loaded state in these coordinates, (m, n).
+
+        Parameters
+        ----------
+        speed : float
+            Of the output, rad/s, of either sign.
+        near : ndarray, shape (m, n), optional
+            A motion that is likely near.
+        """
+        return self.oscillator.response(speed**2 * self._force, speed=speed, near=near)
 
     def error(self, moved: Array, speed: float) -> Array:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
