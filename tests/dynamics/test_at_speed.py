@@ -197,6 +197,20 @@ def test_the_error_is_read_at_carrier_and_sun() -> None:
     np.testing.assert_allclose(reduced.error(moved, 2.0), expected, atol=1e-12 * np.ptp(expected))
 
 
+def test_waves_of_the_equilibrium_that_the_samples_do_not_hold_drive_nothing() -> None:
+    """Halfway poses tell a wave above half the samples from the one that it looks like."""
+    model, count = Model(SMALL, ERRORS), 128
+    fine, (tangent,) = moving(model, torque=1e5, count=8 * count)
+    coarse, tangents = moving(model, torque=1e5, count=count)
+    whole = loaded_motion(coarse.train, tangents, coarse.theta, coarse.period, tangent.x[4::8])
+    waves, folded, kept = (np.abs(np.fft.rfft(one)) / one.shape[-1] for one in (fine.state, coarse.state, whole.course))
+    # order 120 shows at 8 in 128 samples; only what is above 192 folds of 256
+    seen, left = (np.abs(one - waves[:, : count // 2 + 1])[:, 1:60] for one in (folded, kept))
+    beyond = waves[:, 193:].sum(axis=1, keepdims=True)
+    assert (left <= 1.01 * beyond).all()
+    assert left.max() < 0.3 * seen.max()
+
+
 # --- what must hold of any train --------------------------------------------------------------------------------------
 
 

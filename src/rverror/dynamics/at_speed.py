@@ -23,8 +23,8 @@ from rverror.model.readings import added, stand, unread
 from rverror.statics.loaded_state import Tangent, statics_of
 
 #: Times the highest frequency that the meshes drive: modes up to there keep their inertia.
-REACH = 5.0
-#: Share of the largest amplitude from which an order is told.
+REACH = 2.5
+#: Share of the largest amplitude at a speed from which an order is told.
 _TOLD = 0.01
 #: Growth over the amplitude at a crawl from which a peak is critical.
 CRITICAL = 2.0
@@ -114,7 +114,7 @@ class SpeedResponse(Viewed):
 
     @property
     def order(self) -> Array:
-        """Orders with a hundredth of the largest amplitude at some speed, (o,)."""
+        """Orders that have, at some speed, a hundredth of the largest amplitude there, (o,)."""
         return self._told / self.period
 
     @property
@@ -133,7 +133,8 @@ class SpeedResponse(Viewed):
     @cached_property
     def _told(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
         every = np.abs(_waves(np.vstack([self.crawl, self.transmission_error])))[:, 1:]
-        return 1 + np.flatnonzero(every.max(axis=0) >= max(_TOLD * every.max(), np.finfo(float).tiny))
+        largest = np.maximum(every.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        return 1 + np.flatnonzero((every >= _TOLD * largest).any(axis=0))
 
     @cached_property
     def critical_speeds(self) -> tuple[CriticalSpeed, ...]:
@@ -198,8 +199,8 @@ def speed_response(
     direction : float
         +1 forward, -1 reverse.
     kept : int, optional
-        How many modes of the mean stiffness keep their inertia; where left out those up to five times the highest
-        frequency that the meshes drive.
+        How many modes of the mean stiffness keep their inertia; where left out those up to two and a half times the
+        highest frequency that the meshes drive.
 
     Returns
     -------
@@ -231,10 +232,13 @@ def speed_response(
     period = true_period(unit)
     count = samples_needed(unit) * period
     theta = 2 * math.pi * period * np.arange(count) / count
-    where = stand(model, pose(unit, theta, torque=size, direction=direction))
+    where, halfway = (
+        stand(model, pose(unit, angle, torque=size, direction=direction)) for angle in (theta, theta + theta[1] / 2)
+    )
     train = Train(unit, model.bench)
     tangents = list(statics_of(unit, where.gears).tangents(model.effects))
-    whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period)
+    between = np.concatenate([one.x for one in statics_of(unit, halfway.gears).tangents(model.effects)])
+    whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period, between)
     frequency, on_support = whole.mean_modes()
     if kept is None:
         driven = max(fundamental_orders(unit).values()) * rows.max() / unit.ratio / (2 * math.pi)

@@ -19,7 +19,8 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 
 TOLERANCE = 1e-7  # of the answer that the mean system gives
-_AT_ONCE, _RESTARTS = 60, 20  # directions of GMRES, and how often it begins anew
+_ENOUGH = 1e-5  # where that takes too long: with many stiff modes steps grow small
+_AT_ONCE, _RESTARTS = 60, 5  # directions of GMRES, and how often it begins anew
 
 
 def slope(rows: Array, step: float, power: int = 1) -> Array:
@@ -150,7 +151,7 @@ class Oscillator:
         operator = LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
         begin = None if near is None else fft.rfft(vector.T @ near).reshape(-1).view(np.float64)
         found, failed = gmres(operator, right, begin, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
-        if failed:
+        if failed and not np.linalg.norm(apply(found) - right) <= _ENOUGH * np.linalg.norm(right):
             raise InputError(
                 f"speed = {speed:.6g} rad/s: no periodic motion was found; near this speed the varying stiffness may "
                 "swing the gear train up by itself: choose another speed, or more damping"

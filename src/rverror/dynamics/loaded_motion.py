@@ -7,6 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -35,6 +36,8 @@ class LoadedMotion:
         rad.
     state : ndarray, shape (size, n)
         Equilibrium.
+    course : ndarray, shape (size, n)
+        The waves of it that n samples hold, without those that would fold onto them: what inertia follows.
     stiffness : ndarray, shape (n, size, size)
     """
 
@@ -42,6 +45,7 @@ class LoadedMotion:
     theta: Array
     period: float
     state: Array
+    course: Array
     stiffness: Array
 
     @cached_property
@@ -62,15 +66,15 @@ class LoadedMotion:
     def inertia_force(self) -> Array:
         """Force of the parts' inertia against nominal motion and equilibrium per speed squared, (size, n)."""
         turns, step = self.train.turns[:, None], 2 * math.pi / self.period
-        first, second = (slope(self.state, step, power) for power in (1, 2))
-        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * self.state
+        first, second = (slope(self.course, step, power) for power in (1, 2))
+        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * self.course
         return np.asarray(-self.train.mass[:, None] * (acceleration + _centripetal(self.train)[:, None]))
 
     @cached_property
     def swing_force(self) -> Array:
         """Force of the parts' inertia per rad/s^2 of the output as the nominal motion is sped up, (size, n)."""
         turns = self.train.turns[:, None]
-        swing = slope(self.state, 2 * math.pi / self.period) + turns * _ahead(self.train, self.state)
+        swing = slope(self.course, 2 * math.pi / self.period) + turns * _ahead(self.train, self.course)
         return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
     def reduced(self, kept: int) -> ReducedMotion:
@@ -175,7 +179,9 @@ class ReducedMotion:
         return np.asarray(np.einsum("c,nci->in", self.whole.train.reading, self.shapes))
 
 
-def loaded_motion(train: Train, tangents: list[Tangent], theta: Array, period: float) -> LoadedMotion:
+def loaded_motion(
+    train: Train, tangents: list[Tangent], theta: Array, period: float, between: Array | None = None
+) -> LoadedMotion:
     """Loaded state and stiffness in the frames of the parts.
 
     Parameters
@@ -187,14 +193,34 @@ def loaded_motion(train: Train, tangents: list[Tangent], theta: Array, period: f
         Those angles, evenly over one period.
     period : float
         rad.
+    between : ndarray, shape (n, unknowns), optional
+        Poses half a step further on, so that waves above half the samples do not fold.
 
     Returns
     -------
     LoadedMotion
     """
-    x = np.concatenate([train.pose(one.x) for one in tangents])
-    stiffness = np.concatenate([sum(train.stiffness(one).values()) for one in tangents])
-    return LoadedMotion(train, theta, period, _in_frames(train, x.T, theta), _turned(train, stiffness, theta))
+    state = _in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
+    stops = np.cumsum([0, *(len(one.x) for one in tangents)])
+    parts = zip(tangents, np.split(theta, stops[1:-1]), strict=True)
+    stiffness = np.concatenate([_turned(train, _summed(train.stiffness(one)), angle) for one, angle in parts])
+    if between is None:
+        return LoadedMotion(train, theta, period, state, state, stiffness)
+    count = theta.size
+    fine = np.empty((train.size, 2 * count))
+    fine[:, ::2] = state
+    fine[:, 1::2] = _in_frames(train, train.pose(between).T, theta + period / (2 * count))
+    waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
+    waves[:, -1] = 0
+    return LoadedMotion(train, theta, period, state, np.fft.irfft(waves, count), stiffness)
+
+
+def _summed(groups: Mapping[str, Array]) -> Array:
+    """Stiffness of all contacts and springs."""
+    total = np.zeros_like(groups["pin_contact"])
+    for matrix in groups.values():
+        total += matrix
+    return total
 
 
 def _in_frames(train: Train, rows: Array, theta: Array) -> Array:
