@@ -272,6 +272,26 @@ def test_an_integration_in_time_stays_on_the_harmonic_balance(direction: float) 
     np.testing.assert_allclose(y, moved[:, (int(direction) * steps) % count], atol=1e-4 * np.abs(moved).max())
 
 
+@pytest.mark.parametrize(("key", "period"), [("involute.sun_eccentricity", 3), ("involute.sun_offset", 1)])
+def test_a_broken_ratio_takes_as_many_turns_as_its_errors_do(key: str, period: int) -> None:
+    """R = 1 + 28/9 * 12 = 38 1/3: the sun's error comes back after three turns, what is held after one."""
+    unit = variant(SMALL, planet_teeth=28)
+    model = Model(unit, (*ERRORS, effect(key, x="5 um", y="0 um")), bench=LOAD)
+    found = speed_response(model, ["100 rpm"], torque=1e5)
+    assert found.period == period
+    assert found.theta[-1] < 2 * math.pi * period < found.theta[-1] + 2 * found.theta[1]
+    further = found.theta + 2 * math.pi * period
+    again = rverror.equilibrium(model, further, torque=1e5, direction=1.0).transmission_error
+    np.testing.assert_allclose(again, found.crawl, atol=1e-9 * np.ptp(found.crawl))
+
+
+def test_errors_that_repeat_after_too_many_turns_are_refused() -> None:
+    unit = variant(UNIT, sun_teeth=29, planet_teeth=30)
+    model = Model(unit, (effect("involute.sun_eccentricity", x="5 um"),))
+    with pytest.raises(rverror.InputError, match=r"ratio = 42\.3793: the error repeats after 29 output turns only"):
+        speed_response(model, ["100 rpm"])
+
+
 # --- contacts that would have to pull ---------------------------------------------------------------------------------
 
 

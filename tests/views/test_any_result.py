@@ -79,6 +79,13 @@ def test_an_order_table_says_once_what_holds_for_all_rows() -> None:
     assert "\norder  amplitude, arcsec  phase, deg\n" in to_text(same)
 
 
+def test_a_model_tells_what_hangs_on_its_ends() -> None:
+    told = to_text(rverror.Model(MODEL.mechanism, bench=rverror.Bench(load_inertia="5 kg*m^2", damping_ratio=0.02)))
+    assert re.search(r"^bench: load inertia +5 kg\*m\^2$", told, re.M)
+    assert re.search(r"^bench: damping ratio +0.02$", told, re.M)
+    assert "bench" not in to_text(MODEL).replace(HOSTILE, "")
+
+
 def test_inputs_are_listed(tmp_path: Any) -> None:
     path = tmp_path / "model.toml"
     rverror.save_model(path, rverror.Model(rverror.reducer("RV-40E")))

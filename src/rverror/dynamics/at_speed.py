@@ -18,6 +18,8 @@ from rverror.dynamics.loaded_motion import ReducedMotion, loaded_motion
 from rverror.dynamics.train import Train, loaded_reducer
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed, true_period
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.model.readings import added, stand, unread
 from rverror.statics.loaded_state import Tangent, statics_of
@@ -32,6 +34,7 @@ CRITICAL = 2.0
 _NEAR = 0.1
 #: Share of a contact's forces that would have to pull from which an error at speed is no prediction.
 PULLED = 0.01
+_MOST_ANGLES = 2**16  # of one period: two gigabytes
 _EVERY = 16  # angle is looked at for contacts that pull
 
 
@@ -209,7 +212,8 @@ def speed_response(
     Raises
     ------
     InputError
-        If the model is no reducer, there is no torque, the speeds are none, or no periodic motion is found at one.
+        If the model is no reducer, there is no torque, the speeds are none, no periodic motion is found at one, or
+        errors of the sun repeat after too many turns.
     NotConvergedError
         If there is no equilibrium at some angle.
 
@@ -229,7 +233,7 @@ def speed_response(
     """
     unit, size = loaded_reducer(model, torque)
     rows = _speeds(speeds)
-    period = true_period(unit)
+    period = _period(model, unit)
     count = samples_needed(unit) * period
     theta = 2 * math.pi * period * np.arange(count) / count
     where, halfway = (
@@ -268,6 +272,21 @@ def speed_response(
         torque=size,
         direction=direction,
     )
+
+
+def _period(model: Model, unit: Reducer) -> int:
+    """Output turns after which the error repeats: one where nothing has a broken order, as the sun's may be."""
+    turning = [(source(one.key), one.indices) for one in unread(model).effects]
+    orders = [order for entry, indices in turning for order in entry.orders(unit, indices)]
+    # several planets hide some orders of the sun in what is told of it, and not in every error
+    whole = all(float(order).is_integer() for order in orders) and all(entry.frame != "sun" for entry, _ in turning)
+    period = 1 if whole else true_period(unit)
+    if period * samples_needed(unit) > _MOST_ANGLES:
+        raise InputError(
+            f"ratio = {unit.ratio:g}: the error repeats after {period} output turns only, too many for one balance; "
+            "leave out the errors that turn with the sun"
+        )
+    return period
 
 
 def _speeds(speeds: Any) -> Array:

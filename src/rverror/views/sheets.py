@@ -27,6 +27,7 @@ from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
+from rverror.model.ends import BENCH_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
@@ -302,7 +303,17 @@ def _of_effect(thing: Effect) -> Sheet:
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
     title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
-    return title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared"))
+    ends = {
+        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, BENCH_DIMENSIONS[name])
+        for name, value in thing.bench.given().items()
+    }
+    return (
+        title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared")) + (_facts(ends) if ends else ())
+    )
+
+
+def _told_of_bench(value: float, dimension: str) -> str:
+    return brief(value) if dimension == "number" else with_unit(value, dimension)
 
 
 def _sizes(thing: Model | Effect, first: int) -> Sheet:
