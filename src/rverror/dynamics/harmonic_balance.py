@@ -20,7 +20,7 @@ from rverror.base.errors import InputError
 
 TOLERANCE = 1e-7  # of the answer that the mean system gives
 _ENOUGH = 1e-5  # where that takes too long: with many stiff modes steps grow small
-_AT_ONCE, _RESTARTS = 60, 5  # directions of GMRES, and how often it begins anew
+_AT_ONCE, _RESTARTS = 200, 3  # directions of GMRES, and how often it begins anew
 
 
 def slope(rows: Array, step: float, power: int = 1) -> Array:
@@ -121,7 +121,7 @@ class Oscillator:
         Raises
         ------
         InputError
-            If no answer was found: the speed is one at which the system swings up by itself.
+            If no answer was found: the stiffness varies too much beside its mean.
         """
         value, vector = self.mean_modes
         damped, varying = self.varying
@@ -153,7 +153,7 @@ class Oscillator:
         found, failed = gmres(operator, right, begin, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
         if failed and not np.linalg.norm(apply(found) - right) <= _ENOUGH * np.linalg.norm(right):
             raise InputError(
-                f"speed = {speed:.6g} rad/s: no periodic motion was found; near this speed the varying stiffness may "
-                "swing the gear train up by itself: choose another speed, or more damping"
+                f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, since the stiffness varies too "
+                "much beside its mean; choose another speed, more damping, or fewer modes that keep their inertia"
             )
         return np.asarray(vector @ fft.irfft(found.view(np.complex128).reshape(self.size, -1), self.count))
