@@ -153,7 +153,7 @@ class Oscillator:
         found, failed = gmres(operator, right, begin, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
         if failed and not np.linalg.norm(apply(found) - right) <= _ENOUGH * np.linalg.norm(right):
             raise InputError(
-                f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, since the stiffness varies too "
+                f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, the stiffness varies too "
                 "much beside its mean; choose another speed, more damping, or fewer modes that keep their inertia"
             )
         return np.asarray(vector @ fft.irfft(found.view(np.complex128).reshape(self.size, -1), self.count))
