@@ -36,6 +36,8 @@ MODEL = rverror.Model(
     ),
     HOSTILE,
 )
+ENDS = rverror.Bench(position_control_stiffness=0, input_coupling_stiffness="300 N*m/rad", input_inertia="1 kg*cm^2")
+SWING = rverror.Bench(load_inertia="100 kg*m^2")
 DRIVE = rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, HOSTILE: 3.5}, name=HOSTILE)
 THETA = 2 * np.pi * np.arange(256) / 256
 TOLERANCES = (
@@ -180,6 +182,11 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "TorsionCurve": (
             rverror.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
             {"theta": few[:2]},
+        ),
+        "Modes": (rverror.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
+        "SpeedResponse": (
+            rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE),
+            {},
         ),
         "Tolerance": (TOLERANCES[0], {}),
         "Tolerances": (TOLERANCES, {}),

@@ -11,14 +11,17 @@ from rverror.base.units import ARCSEC, to_core, to_display
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import ErrorVector
 from rverror.geartrain.kinematics import Conditions, folded_order, frame_orders, fundamental_orders
-from rverror.geartrain.mechanism import ContactLaw, Drive, Reducer, Stiffness, StiffnessUncertainty, reducer
+from rverror.geartrain.mechanism import ContactLaw, Drive, Inertia, Reducer, Stiffness, StiffnessUncertainty, reducer
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
 from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, effect
+from rverror.model.ends import Bench
 from rverror.model.model_file import append_effects, load_model, save_model
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
+from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
+from rverror.dynamics.natural_modes import Modes, modes
 
 # Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
 from rverror.runs.bench.draft import draft_mapping
@@ -76,11 +79,13 @@ __all__ = [
     "ARCSEC",
     "CATALOGUE",
     "Allocation",
+    "Bench",
     "Budget",
     "Comparison",
     "Conditions",
     "ContactCorrection",
     "ContactLaw",
+    "CriticalSpeed",
     "Diagnosis",
     "Drive",
     "Effect",
@@ -89,10 +94,12 @@ __all__ = [
     "ErrorVector",
     "FrontPoint",
     "Index",
+    "Inertia",
     "Influence",
     "InputError",
     "Linearisation",
     "Model",
+    "Modes",
     "NotConvergedError",
     "OrderTable",
     "Parameter",
@@ -100,6 +107,7 @@ __all__ = [
     "Reducer",
     "Run",
     "Source",
+    "SpeedResponse",
     "Stack",
     "Stiffness",
     "StiffnessUncertainty",
@@ -143,6 +151,7 @@ __all__ = [
     "load_run",
     "load_tolerances",
     "lost_motion",
+    "modes",
     "mounting_choices",
     "new_figure",
     "order_map",
@@ -157,6 +166,7 @@ __all__ = [
     "save_widths",
     "simulate",
     "simulate_runs",
+    "speed_response",
     "stack",
     "terms",
     "to_core",

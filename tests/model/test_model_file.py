@@ -17,9 +17,11 @@ from hypothesis import strategies as st
 from recordings import bench, recording
 from rverror import (
     CATALOGUE,
+    Bench,
     ContactLaw,
     Drive,
     Effect,
+    Inertia,
     Model,
     Reducer,
     Stiffness,
@@ -233,9 +235,29 @@ compliance = "0.5 arcsec/(N*m)"
         assert words in text
 
 
+def test_inertia_and_bench(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(
+        '[reducer]\npreset = "RV-40E"\n[reducer.inertia]\ndisc_mass = "800 g"\ncrank_inertia = "0.9 kg*cm^2"\n'
+        '[bench]\nload_inertia = "2 kg*m^2"\nload_coupling_stiffness = "300 kN*m/rad"\n'
+        'position_control_stiffness = "50 N*m/rad"\ndamping_ratio = "4 %"\n'
+    )
+    model = load_model(path)
+    assert isinstance(model.mechanism, Reducer)
+    # a tonne is N*s^2/mm: 0.8 kg = 0.8e-3; 0.9 kg*cm^2 = 0.9e-3 t * 100 mm^2; 2 kg*m^2 = 2e-3 t * 1e6 mm^2
+    weights = model.mechanism.inertia
+    assert (weights.disc_mass, weights.crank_inertia) == pytest.approx((0.8e-3, 0.09), rel=1e-12)
+    assert weights.carrier_mass is None
+    expected = Bench(load_inertia=2e3, load_coupling_stiffness=3e8, position_control_stiffness=5e4, damping_ratio=0.04)
+    assert model.bench == expected
+    assert model.with_effects(effect("crank.index", crank=0, angle=1e-3)).bench == expected
+    save_model(tmp_path / "back.toml", model)
+    assert load_model(tmp_path / "back.toml") == model
+
+
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
-    assert {*COUNTS, *QUANTITIES, "stiffness", "stiffness_uncertainty", "contact_law", "name"} == names
+    assert {*COUNTS, *QUANTITIES, "stiffness", "stiffness_uncertainty", "contact_law", "inertia", "name"} == names
     for name, (dimension, example) in QUANTITIES.items():
         kind = "angle" if name == "pressure_angle" else "torque" if name == "rated_torque" else "length"
         assert dimension == kind
@@ -292,6 +314,22 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     "stiffness number": (FULL + "[reducer.stiffness]\npin_contact = 2e5\n", ["line 14", "no unit", "N/mm"]),
     "stiffness zero": (FULL + "[reducer.stiffness]\npin_contact = '0 N/mm'\n", ["line 14", "above 0"]),
     "stiffness text": (FULL + "stiffness = 'high'\n", ["line 13", "no table", "[reducer.stiffness]"]),
+    "inertia key": (FULL + "[reducer.inertia]\ndisk_mass = '1 kg'\n",
+                    ["line 14", "'disk_mass'", "did you mean 'disc_mass'", "[reducer.inertia]"]),
+    "mass without unit": (FULL + "[reducer.inertia]\ndisc_mass = 0.8\n", ["line 14", "no unit", "like '0.8 kg'"]),
+    "mass in mm": (FULL + "[reducer.inertia]\ndisc_mass = '1 mm'\n", ["line 14", "'mm'", "mass", "'0.8 kg'"]),
+    "inertia zero": (FULL + "[reducer.inertia]\nsun_inertia = '0 kg*m^2'\n",
+                     ["line 14", "sun_inertia = 0 kg*m^2", "above 0", "leave it out"]),
+    "bench key": (FULL + "[bench]\nload_inertai = '1 kg*m^2'\n", ["line 14", "'load_inertai'", "'load_inertia'"]),
+    "bench below 0": (FULL + "[bench]\ninput_inertia = '-1 kg*m^2'\n",
+                      ["line 14", "input_inertia = -1 kg*m^2", "0 or more"]),
+    "coupling zero": (FULL + "[bench]\ninput_coupling_stiffness = '0 N*m/rad'\n", ["line 14", "leave it out"]),
+    "coupling of no load": (FULL + "[bench]\nload_coupling_stiffness = '9 N*m/rad'\n",
+                            ["line 14", "give load_inertia too"]),
+    "damping": (FULL + "[bench]\ndamping_ratio = 3\n", ["line 14", "damping_ratio = 3", "below 1", "like '3 %'"]),
+    "damping is a text": (FULL + "[bench]\ndamping_ratio = 'low'\n", ["line 14", "a number or a percentage"]),
+    "bench of a drive": (DRIVE + "[bench]\nload_inertia = '1 kg*m^2'\n", ["[bench]", "[reducer]", "take it out"]),
+    "bench is a text": ("bench = 'old'\n" + FULL, ["line 1", "no table", "[bench]"]),
     "drive without ratio": ("name = 'x'\n[drive.shafts]\nmotor = 14\n", ["line 2", "lacks ratio", "ratio = -14.0"]),
     "drive key": (DRIVE.replace("ratio", "ratoi"), ["line 2", "'ratoi'", "did you mean 'ratio'"]),
     "ratio is a text": (swapped("-14.0", '"14:1"', DRIVE), ["line 2", "ratio = '14:1'", "bare number"]),
@@ -430,7 +468,19 @@ numbers = st.fixed_dictionaries(
     optional={
         "stiffness_uncertainty": st.builds(StiffnessUncertainty, pin_contact=st.floats(0, 10), gear_mesh=st.just(0.1)),
         "contact_law": st.builds(ContactLaw, pin_exponent=st.floats(1, 1.5), flank_exponent=st.floats(1, 1.5)),
+        "inertia": st.builds(Inertia, disc_mass=st.floats(1e-6, 1), sun_inertia=st.none() | st.floats(1e-6, 1e6)),
     },
+)
+
+
+benches = st.builds(
+    Bench,
+    input_inertia=st.floats(0, 1e6),
+    position_control_stiffness=st.none() | st.floats(0, 1e9),
+    input_coupling_stiffness=st.none() | st.floats(1e-3, 1e9),
+    load_inertia=st.floats(1e-3, 1e9),
+    load_coupling_stiffness=st.none() | st.floats(1e-3, 1e9),
+    damping_ratio=st.floats(0, 0.5),
 )
 
 
@@ -466,7 +516,8 @@ def models(draw: st.DrawFn) -> Model:
             shafts=draw(st.dictionaries(TEXTS, turns, max_size=3)),
             name=draw(st.just("drive") | TEXTS),
         )
-    return Model(mechanism, tuple(draw(st.lists(effects(mechanism), max_size=4))), draw(TEXTS))
+    hanging = draw(benches) if kind != "drive" else Bench()
+    return Model(mechanism, tuple(draw(st.lists(effects(mechanism), max_size=4))), draw(TEXTS), hanging)
 
 
 @given(models())

@@ -147,6 +147,7 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "stiffness",
         "stiffness_uncertainty",
         "contact_law",
+        "inertia",
         "rated_torque",
         "crank_circle_radius",
         "name",

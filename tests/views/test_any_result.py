@@ -15,8 +15,8 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Diagnosis",
-    "Diagnosis, nothing missing", "Diagnosis, torque",
+    "Modes", "SpeedResponse", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
+    "Front", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
 
@@ -77,6 +77,13 @@ def test_an_order_table_says_once_what_holds_for_all_rows() -> None:
     assert re.search(r"^reverse +20 +39 +1\.5 +0 +0\.1$", told, re.M)
     same = rverror.orders_from_arrays(direction=-1, torque=5e3, order=[1, 2], cos=[ARCSEC] * 2, sin=[0.0] * 2)
     assert "\norder  amplitude, arcsec  phase, deg\n" in to_text(same)
+
+
+def test_a_model_tells_what_hangs_on_its_ends() -> None:
+    told = to_text(rverror.Model(MODEL.mechanism, bench=rverror.Bench(load_inertia="5 kg*m^2", damping_ratio=0.02)))
+    assert re.search(r"^bench: load inertia +5 kg\*m\^2$", told, re.M)
+    assert re.search(r"^bench: damping ratio +0.02$", told, re.M)
+    assert "bench" not in to_text(MODEL).replace(HOSTILE, "")
 
 
 def test_inputs_are_listed(tmp_path: Any) -> None:

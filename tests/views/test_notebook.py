@@ -20,8 +20,8 @@ from rverror.views.notebook import page
 from rverror.views.sheets import MOST_ROWS
 
 PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-         "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Diagnosis",
-         "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+         "Modes", "SpeedResponse", "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
+         "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
 
 

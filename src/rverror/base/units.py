@@ -1,8 +1,8 @@
 """The units edge: the only module that knows pint.
 
-Inside rverror every number is a float in mm, rad, N, N*mm, s or K.  Here quantities and strings with a unit become
-such floats, and floats become numbers that people read.  pint is loaded for what `EVERYDAY` does not hold: making its
-registry takes longer than many a diagnosis.
+Inside rverror every number is a float in mm, rad, N, N*mm, s or K; masses are in tonnes, which are N*s^2/mm.  Here
+quantities and strings with a unit become such floats, and floats become numbers that people read.  pint is loaded for
+what `EVERYDAY` does not hold: making its registry takes longer than many a diagnosis.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ CORE_UNITS = {
     "angular_speed": "rad/s",
     "compliance": "rad/(N*mm)",
     "contact_compliance": "mm/N",
+    "mass": "tonne",
+    "inertia": "tonne*mm^2",
+    "torsional_stiffness": "N*mm/rad",
     "slope": "dimensionless",
     "number": "dimensionless",
 }
@@ -48,6 +51,9 @@ DISPLAY_UNITS = {
     "angular_speed": "rpm",
     "compliance": "arcsec/(N*m)",
     "contact_compliance": "um/kN",
+    "mass": "kg",
+    "inertia": "kg*m^2",
+    "torsional_stiffness": "N*m/rad",
     "slope": "arcsec/turn",
     "number": "dimensionless",
 }
@@ -73,6 +79,9 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "angular_speed": {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 180.0, 0.0), "rpm": (math.pi / 30.0, 0.0)},
     "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
     "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
+    "mass": {"tonne": (1.0, 0.0), "kg": (1e-3, 0.0), "g": (1e-6, 0.0)},
+    "inertia": {"tonne*mm^2": (1.0, 0.0), "kg*m^2": (1e3, 0.0), "kg*cm^2": (0.1, 0.0)},
+    "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
     "number": {"dimensionless": (1.0, 0.0)},
 }
@@ -237,6 +246,25 @@ def to_core(value: Any, dimension: str) -> float:
     if isinstance(value, bool) or np.ndim(getattr(value, "magnitude", value)) != 0:
         raise ValueError(f"{value!r} is no single number; give a number in {CORE_UNITS[dimension]} or a quantity")
     return float(to_core_array(value, dimension))
+
+
+def named_core(name: str, value: Any, dimension: str) -> float:
+    """`to_core` of a value whose name a refusal begins with.
+
+    Raises
+    ------
+    ValueError
+        As `to_core`.
+
+    Examples
+    --------
+    >>> named_core("module", "1.5 mm", "length")
+    1.5
+    """
+    try:
+        return to_core(value, dimension)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
 
 
 def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:

@@ -54,7 +54,7 @@ class Stiffness:
     def __post_init__(self) -> None:
         """Convert to N/mm and check that each value is positive."""
         for item in dataclasses.fields(self):
-            value = _core(item.name, getattr(self, item.name), "stiffness")
+            value = units.named_core(item.name, getattr(self, item.name), "stiffness")
             if not value > 0:
                 raise ValueError(f"{item.name} = {value:g} N/mm: a stiffness must be above 0")
             object.__setattr__(self, item.name, value)
@@ -164,6 +164,66 @@ class ContactLaw:
             object.__setattr__(self, name, _at_least(name, getattr(self, name), f"{low:g} ({is_low})", low, high))
 
 
+#: Dimension of each inertia of a reducer.
+INERTIA_DIMENSIONS = {
+    f"{part}_{what}": dimension
+    for part in ("carrier", "disc", "crank", "sun")
+    for what, dimension in (("mass", "mass"), ("inertia", "inertia"))
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inertia:
+    """Mass of each part, tonne, and its moment of inertia about its own axis, tonne*mm^2.
+
+    Parameters
+    ----------
+    carrier_mass, carrier_inertia : float, optional
+        With the output flange and what is fixed to it.
+    disc_mass, disc_inertia : float, optional
+        Of one disc.
+    crank_mass, crank_inertia : float, optional
+        Of one crankshaft with its planet gear.
+    sun_mass, sun_inertia : float, optional
+        With the shaft on the reducer's side of the input coupling.
+
+    Raises
+    ------
+    ValueError
+        If a value is not above 0.
+
+    Notes
+    -----
+    What is left out is estimated from the geometry, as of steel: `rverror.dynamics.inertias.whole_inertia`.  Quantities
+    and strings with a unit are converted.
+
+    Examples
+    --------
+    >>> Inertia(disc_mass="0.8 kg").disc_mass
+    0.0008
+    """
+
+    carrier_mass: float | None = None
+    carrier_inertia: float | None = None
+    disc_mass: float | None = None
+    disc_inertia: float | None = None
+    crank_mass: float | None = None
+    crank_inertia: float | None = None
+    sun_mass: float | None = None
+    sun_inertia: float | None = None
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check that each value is positive."""
+        for name, dimension in INERTIA_DIMENSIONS.items():
+            value = getattr(self, name)
+            if value is not None:
+                value = units.named_core(name, value, dimension)
+                if not value > 0:
+                    shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
+                    raise ValueError(f"{name} = {shown}: must be above 0; leave it out for an estimate")
+                object.__setattr__(self, name, value)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Reducer(Viewed):
     """Geometry of an RV reducer: an involute planetary stage that drives a cycloidal stage through cranks.
@@ -192,6 +252,8 @@ class Reducer(Viewed):
         How well they are known.
     contact_law : ContactLaw
         By which powers pins and flanks close; linear where left out.  The closed form does not use it.
+    inertia : Inertia
+        Of its parts, for the dynamics; estimated where left out.
     rated_torque : float, optional
         Rated output torque, N*mm.
     spline_radius : float, optional
@@ -233,6 +295,7 @@ class Reducer(Viewed):
     stiffness: Stiffness = field(default_factory=Stiffness)
     stiffness_uncertainty: StiffnessUncertainty = field(default_factory=StiffnessUncertainty)
     contact_law: ContactLaw = field(default_factory=ContactLaw)
+    inertia: Inertia = field(default_factory=Inertia)
     rated_torque: float | None = None
     spline_radius: float | None = None
     crank_circle_radius: float | None = None
@@ -243,7 +306,7 @@ class Reducer(Viewed):
         for key, dimension in DIMENSIONS.items():
             value = getattr(self, key)
             if value is not None or key not in _OPTIONAL:
-                object.__setattr__(self, key, _core(key, value, dimension))
+                object.__setattr__(self, key, units.named_core(key, value, dimension))
         for key, least in _COUNTS.items():
             _check_count(key, getattr(self, key), least)
         for key in ("module", "pin_circle_radius", "pin_radius", "eccentricity", *_OPTIONAL):
@@ -352,7 +415,7 @@ class Reducer(Viewed):
 
 
 #: Parameters of a reducer that leave its geometry as it is.
-ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law")
+ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law", "inertia")
 
 
 def check_same_geometry(one: Reducer, other: Reducer) -> None:
@@ -386,13 +449,6 @@ DIMENSIONS = {
 }
 _COUNTS = {"sun_teeth": 5, "planet_teeth": 5, "disc_lobes": 3, "pins": 4, "cranks": 2, "discs": 1}
 _OPTIONAL = ("rated_torque", "spline_radius", "crank_circle_radius")
-
-
-def _core(name: str, value: Any, dimension: str) -> float:
-    try:
-        return units.to_core(value, dimension)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
 
 
 def _check_count(name: str, value: object, least: int) -> None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 from rverror.base import units
 from rverror.base.viewed import Viewed
-from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
+from rverror.model.ends import Bench
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,13 @@ class Model(Viewed):
     mechanism : Reducer or Drive
     effects : tuple of Effect
     name : str
+    bench : Bench
+        What hangs on both ends of a reducer, for its dynamics.
 
     Raises
     ------
     ValueError
-        If an effect's index is not one of the mechanism's.
+        If an effect's index is not one of the mechanism's, or a drive has a bench.
 
     Examples
     --------
@@ -69,9 +72,12 @@ class Model(Viewed):
     mechanism: Mechanism
     effects: tuple[Effect, ...] = field(default=())
     name: str = ""
+    bench: Bench = field(default_factory=Bench)
 
     def __post_init__(self) -> None:
         """Check that each effect fits the mechanism."""
+        if isinstance(self.mechanism, Drive) and self.bench != Bench():
+            raise ValueError("[bench] is for the dynamics of a [reducer]; a [drive] has no parts that could move")
         for item in self.effects:
             source(item.key).check_indices(self.mechanism, item.indices)
 
@@ -82,7 +88,7 @@ class Model(Viewed):
 
     def with_effects(self, *effects: Effect) -> Model:
         """Copy of the model with effects appended."""
-        return Model(self.mechanism, (*self.effects, *effects), self.name)
+        return replace(self, effects=(*self.effects, *effects))
 
 
 def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **named: Any) -> Effect:
@@ -124,7 +130,7 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
         if name in index_names:
             indices[name] = value
         elif name in parameters:
-            values[name] = _core(f"{key}: {name}", value, parameters[name].dimension)
+            values[name] = units.named_core(f"{key}: {name}", value, parameters[name].dimension)
             if values[name] < parameters[name].least:
                 unit = units.DISPLAY_UNITS[parameters[name].dimension]
                 size = units.to_display(values[name], parameters[name].dimension)
@@ -138,14 +144,7 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
         raise ValueError(f"{key}: no parameter given; it takes {', '.join(parameters)}")
     sigma = None
     if uncertainty is not None:
-        sigma = _core(f"{key}: uncertainty", uncertainty, entry.parameters[0].dimension)
+        sigma = units.named_core(f"{key}: uncertainty", uncertainty, entry.parameters[0].dimension)
         if sigma < 0:
             raise ValueError(f"{key}: uncertainty = {uncertainty}: must be 0 or more")
     return Effect(key, MappingProxyType(indices), tuple(values.values()), sigma, origin)
-
-
-def _core(what: str, value: Any, dimension: str) -> float:
-    try:
-        return units.to_core(value, dimension)
-    except ValueError as error:
-        raise ValueError(f"{what}: {error}") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
 import sys
@@ -14,9 +15,11 @@ from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
 from rverror.geartrain.mechanism import (
+    INERTIA_DIMENSIONS,
     PRESETS,
     ContactLaw,
     Drive,
+    Inertia,
     Mechanism,
     Reducer,
     Stiffness,
@@ -26,6 +29,7 @@ from rverror.geartrain.mechanism import (
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, effect
+from rverror.model.ends import BENCH_DIMENSIONS, Bench
 
 # Dimension of each quantity of [reducer], and how people write it; then an example of each count.
 QUANTITIES = {
@@ -41,13 +45,26 @@ QUANTITIES = {
 }
 COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
-_STIFFNESS = tuple(f.name for f in dataclasses.fields(Stiffness))
-#: Tables of bare numbers below [reducer], and how people write one.
-_NUMBERS: Mapping[str, tuple[type[StiffnessUncertainty] | type[ContactLaw], str]] = {
-    "stiffness_uncertainty": (StiffnessUncertainty, "'25 %'"),
-    "contact_law": (ContactLaw, "1.11"),
+_MOMENT = "0.002 kg*m^2"
+_TORSION = "500 N*m/rad"
+#: Tables below [reducer], and dimension of each of their values and how people write it.
+_TABLES: Mapping[str, tuple[type[Any], Mapping[str, tuple[str, str]]]] = {
+    "stiffness": (Stiffness, {f.name: ("stiffness", "200000 N/mm") for f in dataclasses.fields(Stiffness)}),
+    "stiffness_uncertainty": (
+        StiffnessUncertainty,
+        {f.name: ("number", "'25 %'") for f in dataclasses.fields(StiffnessUncertainty)},
+    ),
+    "contact_law": (ContactLaw, {f.name: ("number", "1.11") for f in dataclasses.fields(ContactLaw)}),
+    "inertia": (
+        Inertia,
+        {name: (kind, "0.8 kg" if kind == "mass" else _MOMENT) for name, kind in INERTIA_DIMENSIONS.items()},
+    ),
 }
-_KEYS_OF_REDUCER = ("preset", "name", *COUNTS, *QUANTITIES, "stiffness", *_NUMBERS)
+_BENCH = {
+    name: (kind, {"inertia": _MOMENT, "torsional_stiffness": _TORSION, "number": "'3 %'"}[kind])
+    for name, kind in BENCH_DIMENSIONS.items()
+}
+_KEYS_OF_REDUCER = ("preset", "name", *COUNTS, *QUANTITIES, *_TABLES)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
@@ -114,6 +131,8 @@ def save_model(
     sections = ["\n".join(head)] if head else []
     mechanism = model.mechanism
     sections.append(_drive_text(mechanism) if isinstance(mechanism, Drive) else _reducer_text(mechanism))
+    if hanging := model.bench.given():
+        sections.append("\n".join(_table_lines("bench", hanging, _BENCH)))
     sections += [_effect_text(item) for item in model.effects]
     text = "\n\n".join(sections) + "\n"
     _check_equal(str(path), _model(str(path), text), model)
@@ -185,7 +204,7 @@ def _model(path: str, text: str) -> Model:
         raise InputError(f"{path}: the file is empty; write '[reducer]' and 'preset = \"RV-40E\"'")
     where = read_toml(path, text)
     content = where.content
-    where.check_keys((), content, ("name", "reducer", "drive", "effect"), "top-level key")
+    where.check_keys((), content, ("name", "reducer", "drive", "bench", "effect"), "top-level key")
     name = where.string((), content, "name", "")
     kinds = [kind for kind in ("reducer", "drive") if kind in content]
     if len(kinds) != 1:
@@ -197,8 +216,11 @@ def _model(path: str, text: str) -> Model:
     if not isinstance(listed, list):
         where.refuse(("effect",), "effect is a single table; write '[[effect]]', with two brackets, above each effect")
     effects = tuple(_effect(where, ("effect", i), item, mechanism) for i, item in enumerate(listed))
+    ends = _made(where, ("bench",), content["bench"], Bench, _BENCH) if "bench" in content else Bench()
+    if isinstance(mechanism, Drive) and "bench" in content:
+        where.refuse(("bench",), "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive]")
     try:
-        return Model(mechanism, effects, name)
+        return Model(mechanism, effects, name, ends)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -225,11 +247,9 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
             values[key] = value
     if "name" in table:
         values["name"] = where.string(place, table, "name", "")
-    if "stiffness" in table:
-        values["stiffness"] = _stiffness(where, table["stiffness"])
-    for key in _NUMBERS:
+    for key, (kind, keys) in _TABLES.items():
         if key in table:
-            values[key] = _numbers(where, key, table[key])
+            values[key] = _made(where, (*place, key), table[key], kind, keys)
     if "preset" in table:
         preset = where.string(place, table, "preset", "")
         if preset not in PRESETS:
@@ -252,30 +272,28 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _stiffness(where: TomlText, value: object) -> Stiffness:
-    place = ("reducer", "stiffness")
+def _made(where: TomlText, place: Place, value: object, kind: Any, keys: Mapping[str, tuple[str, str]]) -> Any:
+    """What a table of quantities and numbers describes."""
     table = _table(where, place, value)
-    where.check_keys(place, table, _STIFFNESS, "key of [reducer.stiffness]")
-    given = {key: where.quantity((*place, key), item, "stiffness", "200000 N/mm") for key, item in table.items()}
-    try:
-        return Stiffness(**given)
-    except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), str(error))
-
-
-def _numbers(where: TomlText, key: str, value: object) -> StiffnessUncertainty | ContactLaw:
-    kind, example = _NUMBERS[key]
-    place = ("reducer", key)
-    table = _table(where, place, value)
-    where.check_keys(place, table, [f.name for f in dataclasses.fields(kind)], f"key of [reducer.{key}]")
-    given = {name: _number(where, (*place, name), item, example) for name, item in table.items()}
+    where.check_keys(place, table, list(keys), f"key of [{'.'.join(map(str, place))}]")
+    given = {}
+    for key, item in table.items():
+        dimension, example = keys[key]
+        read = _number if dimension == "number" else functools.partial(_sized, dimension=dimension)
+        given[key] = read(where, (*place, key), item, example=example)
     try:
         return kind(**given)
     except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), f"{error}; write it like {example}")
+        at = _first_word(where, place, str(error))
+        dimension, example = keys.get(str(at[-1]), ("", ""))
+        where.refuse(at, f"{error}; write it like {example}" if dimension == "number" else str(error))
 
 
-def _number(where: TomlText, place: Place, value: object, example: str) -> float:
+def _sized(where: TomlText, place: Place, value: object, *, dimension: str, example: str) -> float:
+    return where.quantity(place, value, dimension, example)
+
+
+def _number(where: TomlText, place: Place, value: object, *, example: str) -> float:
     """A bare number, or a percentage where the example is one."""
     percent = "%" in example
     if isinstance(value, str) and percent and (match := _PERCENT.fullmatch(value.strip())):
@@ -414,17 +432,24 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
             lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
         elif key in COUNTS:
             lines.append(f"{key} = {value}")
-        elif key != "stiffness" and key not in _NUMBERS and (key, value) != ("name", "custom"):
+        elif key not in _TABLES and (key, value) != ("name", "custom"):
             lines.append(f"{key} = {_string(value)}")
-    if "stiffness" in values:
-        lines += ["", "[reducer.stiffness]"]
-        lines += [f"{key} = {_written(getattr(values['stiffness'], key), 'stiffness')}" for key in _STIFFNESS]
-    for key, (kind, _) in _NUMBERS.items():
-        plain, own = kind(), values.get(key, kind())
-        told = [f.name for f in dataclasses.fields(kind) if getattr(own, f.name) != getattr(plain, f.name)]
+    for key, (kind, keys) in _TABLES.items():
+        own, usual = values.get(key, kind()), kind()
+        # stiffnesses are written in full: who changes one wants to see the others
+        told = [name for name in keys if getattr(own, name) != getattr(usual, name)]
+        told = list(keys) if key == "stiffness" and key in values else told
         if told:
-            lines += ["", f"[reducer.{key}]", *(f"{name} = {getattr(own, name)!r}" for name in told)]
+            lines += ["", *_table_lines(f"reducer.{key}", {name: getattr(own, name) for name in told}, keys)]
     return "\n".join(lines)
+
+
+def _table_lines(head: str, values: Mapping[str, float], keys: Mapping[str, tuple[str, str]]) -> list[str]:
+    texts = {
+        name: repr(value) if keys[name][0] == "number" else _written(value, keys[name][0])
+        for name, value in values.items()
+    }
+    return [f"[{head}]", *(f"{name} = {text}" for name, text in texts.items())]
 
 
 def _drive_text(drive: Drive) -> str:

@@ -126,6 +126,34 @@ class Linearisation:
     forces: ContactForces
 
 
+@dataclass(frozen=True)
+class Tangent:
+    """Loaded state at n angles and how stiff each contact is there, the closed ones held closed.
+
+    Attributes
+    ----------
+    contacts : Geometry
+    x : ndarray, shape (n, unknowns)
+        Pose, in the layout of `energy.Layout`.
+    pin : ndarray, shape (n, discs, pins)
+        N/mm; 0 where open.
+    flank : ndarray, shape (n, 2 cranks)
+    joint : ndarray, shape (n, joints, 2, 2)
+        Cams (disc by crank), carrier bores, main bearing, sun support.
+    pin_force : ndarray, shape (n, discs, pins)
+        N.
+    flank_force : ndarray, shape (n, 2 cranks)
+    """
+
+    contacts: Geometry
+    x: Array
+    pin: Array
+    flank: Array
+    joint: Array
+    pin_force: Array
+    flank_force: Array
+
+
 def equilibrium(
     model: Model,
     theta: Any,
@@ -397,6 +425,10 @@ class Statics:
         """`equilibrium` for these errors."""
         return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
 
+    def tangents(self, effects: tuple[Effect, ...]) -> Iterator[Tangent]:
+        """Loaded state and stiffness of every contact, one stretch of angles after another."""
+        return (part.tangent() for part in self.solutions(effects))
+
     def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
         """`linearise` for these errors."""
         solved, forces = [], []
@@ -569,6 +601,24 @@ class _Solution:
             steps=self.steps,
             residual=residual,
             theta=self.contacts.motion.theta,
+        )
+
+    def tangent(self) -> Tangent:
+        """Stiffness of every contact."""
+        system, closed, where = self.energy, self.closed, self._journals()
+        n = len(self.x)
+        stiffness = np.broadcast_to(self.stretch.elasticity.joint, (n, where.size))
+        joint = stiffness[..., None, None] * np.eye(2)
+        if where.any():
+            joint[:, where] = system.journal_matrices(closed.journals)
+        return Tangent(
+            contacts=self.contacts,
+            x=self.x + self.unloading,
+            pin=system.pin_law.tangent(closed.pins, system.pin_stiffness),
+            flank=system.flank_law.tangent(closed.flanks, system.flank_stiffness),
+            joint=joint,
+            pin_force=self._pressed,
+            flank_force=system.flank_law.force(closed.flanks, system.flank_stiffness),
         )
 
     def _journals(self) -> npt.NDArray[np.bool_]:

@@ -21,7 +21,9 @@ from rverror.base.numbers import way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
-from rverror.geartrain.mechanism import DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.dynamics.at_speed import SpeedResponse
+from rverror.dynamics.natural_modes import Modes
+from rverror.geartrain.mechanism import DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
 from rverror.model.effects import Effect, Model
@@ -235,8 +237,8 @@ def _bracket(name: str) -> str:
     return name[name.rindex("[") + 1 : -1] if name.endswith("]") and "[" in name else ""
 
 
-#: What a reducer has one number of for each kind of contact.
-_BY_CONTACT = ("stiffness", "stiffness_uncertainty", "contact_law")
+#: What a reducer has one number of for each kind of contact or part.
+_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "inertia")
 
 
 @_table.register
@@ -244,13 +246,15 @@ def _of_reducer(result: Reducer) -> Table:
     rows: list[tuple[str, float, Unit]] = []
     for item in dataclasses.fields(result):
         value = getattr(result, item.name)
-        if item.name in ("name", *_BY_CONTACT) or value is None:
+        if item.name in ("name", *_BY_PART) or value is None:
             continue
         rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
     springs, law = dataclasses.asdict(result.stiffness), dataclasses.asdict(result.contact_law)
     usual = dataclasses.asdict(ContactLaw())
     rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
     rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
+    weights = {name: value for name, value in dataclasses.asdict(result.inertia).items() if value is not None}
+    rows += [(f"inertia.{name}", value, unit_of(INERTIA_DIMENSIONS[name])) for name, value in weights.items()]
     return _of_values(result, rows)
 
 
@@ -348,6 +352,84 @@ def _of_torsion(result: TorsionCurve, *, theta: Any | None = None) -> Table:
         "angle": Variable(("torque", "place"), result.angle, ANGLE),
     }
     return Table("TorsionCurve", "torque", variables, {}, frozenset({"theta"}))
+
+
+_HERTZ = Unit("Hz", "Hz")
+#: Units of a shape at a modal mass of 1 kg.
+_SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
+
+
+@_table.register
+def _of_modes(result: Modes) -> Table:
+    sheared = [
+        (part, motion, row)
+        for part, rows in result.shape.items()
+        for motion, row in zip(("angle",) if len(rows) == 1 else ("x", "y", "angle"), rows, strict=False)
+    ]
+    variables = {
+        **_along(
+            "mode",
+            mode=_integers(range(result.frequency.size)),
+            frequency=(result.frequency, _HERTZ),
+            damping_ratio=(result.damping_ratio, NUMBER),
+            of_sun_support=result.of_sun_support,
+        ),
+        **_along("motion", motion=[f"{part} {motion}" for part, motion, _ in sheared]),
+        "shape": Variable(
+            ("motion", "mode"),
+            np.array([row for *_, row in sheared]),
+            Each("shape_unit", tuple(_SHAPE[motion] for _, motion, _ in sheared)),
+            bare=True,
+        ),
+        **_shares("spring", "strain_energy", result.strain_energy, NUMBER),
+        **_shares("weight", "kinetic_energy", result.kinetic_energy, NUMBER),
+        **_shares("cause", "sensitivity", result.sensitivity, _HERTZ),
+        **_single(torque=(result.torque, TORQUE), theta=(result.theta, POSITION)),
+    }
+    about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated)}
+    return Table("Modes", "mode", variables, about)
+
+
+@_table.register
+def _of_speeds(result: SpeedResponse) -> Table:
+    critical, waves = result.critical_speeds, result.waves
+    variables = {
+        **_along(
+            "speed",
+            speed=(result.speed, SPEED),
+            peak_to_peak=(result.peak_to_peak, ANGLE),
+            rms=(result.rms, ANGLE),
+            **{f"pulled_{name}": (share, NUMBER) for name, share in result.pulled.items()},
+        ),
+        **_along(
+            "order",
+            order=(result.order, NUMBER),
+            crawl_amplitude=(np.abs(result.crawl_waves), ANGLE),
+            crawl_phase=(np.angle(result.crawl_waves), POSITION),
+        ),
+        "amplitude": Variable(("speed", "order"), np.abs(waves), ANGLE),
+        "phase": Variable(("speed", "order"), np.angle(waves), POSITION),
+        **_along(
+            "critical",
+            "critical_",
+            **_fields(critical, SPEED, "speed"),
+            **_fields(critical, NUMBER, "order"),
+            **_fields(critical, ANGLE, "amplitude"),
+            **_fields(critical, NUMBER, "growth"),
+            **_fields(critical, _HERTZ, "frequency"),
+            of_sun_support=np.array([one.of_sun_support for one in critical], dtype=bool),
+        ),
+        **_along("mode", "natural_", frequency=(result.frequency, _HERTZ), of_sun_support=result.of_sun_support),
+        **_along("theta", theta=(result.theta, POSITION), crawl=(result.crawl, ANGLE)),
+        "transmission_error": Variable(("speed", "theta"), result.transmission_error, ANGLE),
+        **_single(torque=(result.torque, TORQUE)),
+    }
+    return Table("SpeedResponse", "speed", variables, {"direction": way(result.direction)})
+
+
+def _shares(dim: str, name: str, rows: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:
+    """A row over the modes for each of some names."""
+    return {**_along(dim, **{dim: list(rows)}), name: Variable((dim, "mode"), np.array(list(rows.values())), unit)}
 
 
 @_table.register

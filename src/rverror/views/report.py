@@ -12,6 +12,8 @@ from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.at_speed import SpeedResponse
+from rverror.dynamics.natural_modes import Modes
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import ContactCorrection
@@ -19,6 +21,7 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
 from rverror.views.contact_report import contact_json, contact_text
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
+from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
 from rverror.views.kinds import described
@@ -34,8 +37,8 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
-        TorsionCurve, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or
-        tuple of Effect, Tolerance or FrontPoint.
+        TorsionCurve, Modes, SpeedResponse, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or
+        Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
         a Comparison how many orders are told, `most`.
@@ -166,3 +169,5 @@ for _kind, _text, _json in (
     to_text.register(_kind, _text)
     to_json.register(_kind, _json)
 to_html.register(Diagnosis, diagnosis_html)
+to_json.register(Modes, modes_json)
+to_json.register(SpeedResponse, speeds_json)

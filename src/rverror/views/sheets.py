@@ -21,10 +21,13 @@ from rverror.base.numbers import brief, count_of, way, with_unit
 from rverror.base.text import describe, joined
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
+from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
+from rverror.model.ends import BENCH_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
@@ -300,7 +303,17 @@ def _of_effect(thing: Effect) -> Sheet:
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
     title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
-    return title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared"))
+    ends = {
+        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, BENCH_DIMENSIONS[name])
+        for name, value in thing.bench.given().items()
+    }
+    return (
+        title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared")) + (_facts(ends) if ends else ())
+    )
+
+
+def _told_of_bench(value: float, dimension: str) -> str:
+    return brief(value) if dimension == "number" else with_unit(value, dimension)
 
 
 def _sizes(thing: Model | Effect, first: int) -> Sheet:
@@ -409,6 +422,98 @@ def _of_torsion(thing: TorsionCurve) -> Sheet:
     rows = zip(found["torque"].shown(display=True).tolist(), angle.mean(axis=1).tolist(), spread, strict=True)
     where = count_of(angle.shape[1], "angle") + " of the output"
     return _title("Torsion curve", where) + _grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
+
+
+@sheet.register
+def _of_modes(thing: Modes) -> Sheet:
+    strain, kinetic = (_most_of(shares) for shares in (thing.strain_energy, thing.kinetic_energy))
+    columns_shown = {
+        "mode": range(thing.frequency.size),
+        "frequency, Hz": thing.frequency.tolist(),
+        "damping, %": (100 * thing.damping_ratio).tolist(),
+        "held by": [name for name, _ in strain],
+        "by, %": [share for _, share in strain],
+        "what moves": [name for name, _ in kinetic],
+        "of it, %": [share for _, share in kinetic],
+        "of the machine": ["no" if of else "yes" for of in thing.of_sun_support],
+    }
+    where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, at {math.degrees(thing.theta):.6g} deg"
+    notes = []
+    if thing.of_sun_support.any():
+        notes.append(
+            "a mode of the sun's support is none of the machine: that spring only gives a floating sun a place"
+        )
+    if thing.estimated:
+        notes.append(f"estimated from the geometry, to some 30 %: {', '.join(thing.estimated)}")
+    return _title("Modes", where) + _beside(columns_shown) + _notes(notes)
+
+
+#: Speeds and orders that are shown of an error against speed: as many as stand on a page.
+_SPEEDS, _ORDERS = 20, 5
+
+
+@sheet.register
+def _of_speeds(thing: SpeedResponse) -> Sheet:
+    found, _ = _shown(thing)
+    chosen = np.unique(np.linspace(0, thing.speed.size - 1, _SPEEDS).round().astype(int))
+    size = np.abs(np.vstack([thing.crawl_waves, thing.waves])) / ARCSEC
+    leading = np.sort(np.argsort(-size.max(axis=0), kind="stable")[:_ORDERS])
+    columns_shown: dict[str, list[Any]] = {
+        "input speed, rpm": [0.0, *(found["speed"][at] for at in chosen)],
+        "peak-to-peak, arcsec": [float(np.ptp(thing.crawl)) / ARCSEC, *(found["peak_to_peak"][at] for at in chosen)],
+        **{f"order {thing.order[at]:g}": [size[0, at].item(), *size[1 + chosen, at].tolist()] for at in leading},
+    }
+    where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, {count_of(thing.speed.size, 'input speed')}"
+    return (
+        _title("Error against speed", where)
+        + _beside(columns_shown)
+        + _line("amplitudes by order in arcsec; the first line is the equilibrium's, at a crawl")
+        + _critical(thing)
+        + _notes(_cautions(thing))
+    )
+
+
+def _critical(thing: SpeedResponse) -> Sheet:
+    critical, _ = _shown(thing, "critical")
+    if not thing.critical_speeds:
+        return _line(f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl")
+    names = {
+        "speed": "critical speed, rpm",
+        "order": "order",
+        "amplitude": "amplitude, arcsec",
+        "growth": "times that at a crawl",
+        "frequency": "natural frequency, Hz",
+    }
+    return _beside({head: critical[name] for name, head in names.items()})
+
+
+def _cautions(thing: SpeedResponse) -> list[str]:
+    notes = []
+    for name, share in thing.pulled.items():
+        over = thing.speed[share > PULLED]
+        if over.size:
+            low, high = (units.to_display(end, "angular_speed") for end in (over.min(), over.max()))
+            between = (
+                f"at {brief(low)} rpm"
+                if over.size == 1
+                else f"at {over.size} speeds of {brief(low)} to {brief(high)} rpm"
+            )
+            notes.append(
+                f"closed {name} would have to pull {between}, by up to {brief(100 * float(share.max()))} % of their "
+                "force: they open, and the error there is no prediction"
+            )
+    if any(one.of_sun_support for one in thing.critical_speeds):
+        notes.append("a peak at a mode of the sun's support is none of the machine")
+    return notes
+
+
+def _most_of(shares: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """What has most of each mode's energy, and how many percent; a free motion is held by nothing."""
+    found = []
+    for of in zip(*(row.tolist() for row in shares.values()), strict=True):
+        share, name = max(zip(of, shares, strict=True))
+        found.append((name, round(100 * share, 1)) if share > 0 else ("nothing", math.nan))
+    return found
 
 
 @sheet.register

@@ -23,6 +23,7 @@ from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
 from pages import DOCS
 from rverror import (
+    Bench,
     Diagnosis,
     Drive,
     Equilibrium,
@@ -37,6 +38,7 @@ from rverror import (
     orders_from_arrays,
     reducer,
     run_from_arrays,
+    speed_response,
     stack,
     tolerance,
     torsion_curve,
@@ -58,6 +60,7 @@ from rverror.views.plots.drawing import (
     waveform,
 )
 
+SWING = Bench(load_inertia="100 kg*m^2")
 MODEL = Model(
     reducer("RV-40E"),
     (
@@ -376,6 +379,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
+        "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),
         "run": RUN,
         "torque run": TORQUES,
         "order table": ORDERS,
@@ -405,7 +409,7 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "run", "torque run",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "speeds", "run", "torque run",
     "order table", "bare order table", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
@@ -416,8 +420,8 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
-FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "run", "order table", "diagnosis",
-           "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run", "order table",
+           "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,139 @@
+"""Natural frequencies and shapes of a gear train about a loaded state, and what each of them hangs on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
+from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
+from rverror.geartrain.contacts import pose
+from rverror.geartrain.mechanism import Inertia
+from rverror.model.effects import Model
+from rverror.model.readings import stand
+from rverror.statics.loaded_state import statics_of
+
+
+@dataclass(frozen=True)
+class Modes(Viewed):
+    """Natural modes of a gear train about a loaded state, from the lowest frequency up.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (m,)
+        Undamped, Hz; 0 where nothing holds the motion.
+    damping_ratio : ndarray, shape (m,)
+        0 where nothing holds it.
+    shape : mapping of str to ndarray
+        Motion of each part at a modal mass of 1 kg: x and y (mm per mm) and angle (rad per mm), (3, m); of a sun whose
+        angle is held (2, m); of input and load the angle, (1, m).
+    strain_energy : mapping of str to ndarray, each of shape (m,)
+        Share that each group of contacts, by its name in ``[reducer.stiffness]``, and each spring of ``[bench]`` holds.
+    kinetic_energy : mapping of str to ndarray, each of shape (m,)
+        Share of each mass and inertia, by its name in ``[reducer.inertia]`` or ``[bench]``.
+    sensitivity : mapping of str to ndarray, each of shape (m,)
+        Change of the frequency with the logarithm of each stiffness and inertia, Hz: with 1 % more of it the frequency
+        grows by a hundredth of that.  The contacts that carry are taken as those that do.
+    of_sun_support : ndarray of bool, shape (m,)
+        Whether the sun's support holds more than half of the strain energy: no mode of the machine.
+    inertia : Inertia
+        What was reckoned with.
+    estimated : tuple of str
+        Which of it was estimated from the geometry.
+    torque, theta, direction : float
+        Where: N*mm, rad, +1 or -1.
+    """
+
+    frequency: Array
+    damping_ratio: Array
+    shape: Mapping[str, Array]
+    strain_energy: Mapping[str, Array]
+    kinetic_energy: Mapping[str, Array]
+    sensitivity: Mapping[str, Array]
+    of_sun_support: npt.NDArray[np.bool_]
+    inertia: Inertia
+    estimated: tuple[str, ...]
+    torque: float
+    theta: float
+    direction: float
+
+
+def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: float = 1.0) -> Modes:
+    """Natural modes of a reducer about its loaded state at one angle.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer; its effects, stiffness, inertia and bench count.
+    torque : float or quantity, optional
+        Size of the output torque, N*mm; the rated torque where left out.  0 is the limit of a vanishing load.
+    theta : float or quantity
+        Nominal output angle, rad.
+    direction : float
+        +1 forward, -1 reverse.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    InputError
+        If the model is no reducer, or there is no torque.
+    NotConvergedError
+        If there is no equilibrium.
+
+    Notes
+    -----
+    K phi = omega^2 M phi with the contacts that carry held closed; what the frequencies change with comes from
+    d omega^2 = phi^T (dK - omega^2 dM) phi / phi^T M phi.  Source 001 has the equation without the bench.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> bench = rverror.Bench(input_inertia="1e-4 kg*m^2", position_control_stiffness=0)
+    >>> found = modes(rverror.Model(rverror.reducer("RV-40E"), bench=bench))
+    >>> bool(found.frequency[0] == 0 and found.frequency[1] > 0)  # nothing holds the input: one free turn of the train
+    True
+    """
+    unit, size = loaded_reducer(model, torque)
+    angle = units.to_core(theta, "angle")
+    train = Train(unit, model.bench)
+    where = stand(model, pose(unit, [angle], torque=size, direction=direction)).gears
+    (tangent,) = statics_of(unit, where).tangents(model.effects)
+    groups = {name: matrix[0] for name, matrix in train.stiffness(tangent).items()}
+    root = np.sqrt(train.mass)
+    value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))
+    value = np.where(value < FREE * value[-1], 0.0, value)
+    phi = vector / root[:, None]
+    phi *= np.where(phi[np.abs(phi * root[:, None]).argmax(axis=0), np.arange(phi.shape[1])] < 0, -1.0, 1.0)
+    frequency = np.sqrt(value) / (2 * math.pi)
+    # phi has a modal mass of one tonne
+    strain = {
+        name: np.divide((phi * (matrix @ phi)).sum(axis=0), value, out=np.zeros_like(value), where=value > 0)
+        for name, matrix in groups.items()
+    }
+    kinetic = {name: (own[:, None] * phi**2).sum(axis=0) for name, own in train.inertias.items()}
+    changes = {name: frequency * share / 2 for name, share in strain.items()}
+    changes |= {name: -frequency * share / 2 for name, share in kinetic.items()}
+    return Modes(
+        frequency=frequency,
+        damping_ratio=np.where(value > 0, model.bench.damping_ratio, 0.0),
+        shape={part.name: phi[list(part.at)] * math.sqrt(units.unit_factor("kg", "mass")) for part in train.parts},
+        strain_energy=strain,
+        kinetic_energy=kinetic,
+        sensitivity=changes,
+        of_sun_support=strain["sun_support"] > SUPPORTED,
+        inertia=train.weights,
+        estimated=tuple(name for name in train.inertias if getattr(unit.inertia, name, 0.0) is None),
+        torque=size,
+        theta=angle,
+        direction=direction,
+    )

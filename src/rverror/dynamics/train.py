@@ -1,0 +1,266 @@
+"""Coordinates, inertias and springs of a gear train that moves about its loaded state.
+
+To the floating parts of the equilibrium come the angles of the sun, of the input side and of the load, as far as the
+bench lets them move.  `docs/theory/dynamics.md` has the equations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.dynamics.inertias import whole_inertia
+from rverror.geartrain.kinematics import frame_orders
+from rverror.geartrain.mechanism import Inertia, Reducer
+from rverror.model.effects import Model
+from rverror.model.ends import Bench
+from rverror.statics.energy import Layout
+from rverror.statics.loaded_state import Tangent
+
+#: Of the largest eigenvalue: a mode below it has no frequency.  Rounding leaves some 1e-16 of it for a free motion;
+#: one of a hundredth of a Hz beside 16 kHz has 4e-13.
+FREE = 1e-14
+#: Share of the strain energy above which a mode is one of the sun's support.
+SUPPORTED = 0.5
+
+
+def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
+    """Reducer of a model and size of its torque, N*mm: the rated one where none is given.
+
+    Raises
+    ------
+    InputError
+        If the model is no reducer, or there is no torque.
+    """
+    unit = model.mechanism
+    if not isinstance(unit, Reducer):
+        raise InputError("dynamics need a [reducer] model; a [drive] has no parts that could move")
+    if torque is None:
+        torque = unit.rated_torque
+    if torque is None:
+        raise InputError(f"torque: reducer {unit.name!r} has no rated_torque; give one of them, e.g. torque='20 N*m'")
+    try:
+        size = units.named_core("torque", torque, "torque")
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    if size < 0:
+        raise InputError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
+    return unit, size
+
+
+@dataclass(frozen=True)
+class Part:
+    """One moving part.
+
+    Attributes
+    ----------
+    name : str
+    at : tuple of int
+        Its coordinates: x, y, angle; x, y; or an angle alone.
+    mass, inertia : str
+        Names of what moves along and turns; empty for none.
+    """
+
+    name: str
+    at: tuple[int, ...]
+    mass: str = ""
+    inertia: str = ""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Torsional spring of the bench: its stiffness and how its twist follows the coordinates."""
+
+    stiffness: float
+    row: Array
+
+
+@dataclass(frozen=True)
+class Train:
+    """What moves of a reducer on its bench.
+
+    Attributes
+    ----------
+    reducer : Reducer
+    bench : Bench
+    """
+
+    reducer: Reducer
+    bench: Bench
+
+    @cached_property
+    def weights(self) -> Inertia:
+        """Mass and moment of inertia of every part, given or estimated."""
+        return whole_inertia(self.reducer)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Every part with its coordinates."""
+        layout, size = Layout(self.reducer), Layout(self.reducer).size
+        sun: tuple[int, ...] = (layout.sun, layout.sun + 1)
+        if self.sun_turns:
+            sun, size = (*sun, size), size + 1
+        found = [Part("carrier", (0, 1, 2), "carrier_mass", "carrier_inertia")]
+        found += [
+            Part(f"{kind} {number}", (at, at + 1, at + 2), f"{kind}_mass", f"{kind}_inertia")
+            for kind, places in (("disc", layout.disc), ("crank", layout.crank))
+            for number, at in enumerate(places)
+        ]
+        found.append(Part("sun", sun, "sun_mass", "sun_inertia"))
+        if self.input_turns:
+            found.append(Part("input", (size,), "", "input_inertia"))
+            size += 1
+        if self.bench.load_coupling_stiffness is not None:
+            found.append(Part("load", (size,), "", "load_inertia"))
+        return tuple(found)
+
+    @property
+    def sun_turns(self) -> bool:
+        """Whether the sun may turn against its nominal angle."""
+        return not self.bench.position_control_stiffness is self.bench.input_coupling_stiffness is None
+
+    @property
+    def input_turns(self) -> bool:
+        """Whether the input side is a part of its own."""
+        return None not in (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return 1 + max(at for part in self.parts for at in part.at)
+
+    def place(self, part: str) -> tuple[int, ...]:
+        """Coordinates of a part; none where it does not move."""
+        return next((one.at for one in self.parts if one.name == part), ())
+
+    @property
+    def sun_angle(self) -> tuple[int, ...]:
+        """Coordinate of the sun's angle, if any."""
+        return self.place("sun")[2:]
+
+    @cached_property
+    def inertias(self) -> Mapping[str, Array]:
+        """Diagonal of the mass matrix by what it comes from, each of shape (size,)."""
+        found: dict[str, Array] = {}
+
+        def put(name: str, value: float, at: tuple[int, ...]) -> None:
+            if name and value:
+                found.setdefault(name, np.zeros(self.size))[list(at)] += value
+
+        values = {f: getattr(self.weights, f) for f in self.weights.__dataclass_fields__}
+        values |= {"input_inertia": self.bench.input_inertia, "load_inertia": self.bench.load_inertia}
+        for part in self.parts:
+            if part.mass:
+                put(part.mass, values[part.mass], part.at[:2])
+            put(part.inertia, values[part.inertia], part.at[-1:] if len(part.at) != 2 else ())
+        # what is rigidly coupled turns with its neighbour
+        if self.sun_turns and self.bench.input_coupling_stiffness is None:
+            put("input_inertia", self.bench.input_inertia, self.sun_angle)
+        if self.bench.load_coupling_stiffness is None:
+            put("load_inertia", self.bench.load_inertia, self.place("carrier")[2:])
+        return found
+
+    @cached_property
+    def mass(self) -> Array:
+        """Diagonal of the mass matrix, tonne and tonne*mm^2."""
+        return np.asarray(np.sum(list(self.inertias.values()), axis=0))
+
+    @cached_property
+    def springs(self) -> Mapping[str, Spring]:
+        """Springs of the bench by their names in its table."""
+        bench, found = self.bench, {}
+        sun, motor = self.sun_angle, self.place("input")
+
+        def row(plus: tuple[int, ...], minus: tuple[int, ...] = ()) -> Array:
+            made = np.zeros(self.size)
+            made[list(plus)] = 1.0
+            made[list(minus)] = -1.0
+            return made
+
+        if bench.position_control_stiffness is not None:
+            held = motor or sun
+            found["position_control_stiffness"] = Spring(bench.position_control_stiffness, row(held))
+        if bench.input_coupling_stiffness is not None:
+            found["input_coupling_stiffness"] = Spring(bench.input_coupling_stiffness, row(sun, motor))
+        if bench.load_coupling_stiffness is not None:
+            load = self.place("load")
+            found["load_coupling_stiffness"] = Spring(
+                bench.load_coupling_stiffness, row(self.place("carrier")[2:], load)
+            )
+        return found
+
+    @cached_property
+    def reading(self) -> Array:
+        """How the output error follows the coordinates: the carrier's angle less the sun's over the ratio."""
+        made = np.zeros(self.size)
+        made[2] = 1.0
+        made[list(self.sun_angle)] = -1 / self.reducer.ratio
+        return made
+
+    @cached_property
+    def turns(self) -> Array:
+        """Turns per output turn of the frame in which each coordinate is written; 0 for angles."""
+        turns = frame_orders(self.reducer)
+        made = np.zeros(self.size)
+        for part in self.parts:
+            if part.mass:
+                # the discs' frames stand with their eccentric directions
+                made[list(part.at[:2])] = turns["crank" if part.name.startswith("disc") else "carrier"]
+        return made
+
+    def pose(self, x: Array) -> Array:
+        """Pose of the floating parts, (n, unknowns), in these coordinates; both ends at their nominal angle."""
+        made = np.zeros((len(x), self.size))
+        made[:, : x.shape[1]] = x
+        return made
+
+    def stiffness(self, tangent: Tangent) -> dict[str, Array]:
+        """Stiffness matrix of each group of contacts and springs, (n or 1, size, size), in the housing frame.
+
+        Groups have the names of `Stiffness` and of the springs of `Bench`.
+        """
+        where, reducer, floating = tangent.contacts, self.reducer, Layout(self.reducer)
+        n, cams = len(tangent.x), reducer.discs * reducer.cranks
+        pins = np.zeros((n, self.size, self.size))
+        blocks = np.einsum("nbki,ncki->nkbc", tangent.pin[:, None] * where.pin_rows, where.pin_rows)
+        for k, at in enumerate(floating.disc):
+            pins[:, at : at + 3, at : at + 3] = blocks[:, k]
+        flanks = self.flank_rows(tangent)
+        joints = np.zeros((*where.joint_rows.shape[:3], self.size))
+        joints[..., : floating.size] = where.joint_rows
+
+        def bearing(at: slice) -> Array:
+            rows = joints[:, at]
+            pressed = (tangent.joint[:, at] @ rows).reshape(n, -1, self.size)
+            return np.swapaxes(rows.reshape(n, -1, self.size), 1, 2) @ pressed
+
+        made = {
+            "pin_contact": pins,
+            "crank_bearing": bearing(slice(0, cams)),
+            "carrier_bearing": bearing(slice(cams, cams + reducer.cranks)),
+            "gear_mesh": np.swapaxes(flanks, 1, 2) @ (tangent.flank[..., None] * flanks),
+            "sun_support": bearing(slice(cams + reducer.cranks + 1, None)),
+            "main_bearing": bearing(slice(cams + reducer.cranks, cams + reducer.cranks + 1)),
+        }
+        return made | {
+            name: spring.stiffness * np.outer(spring.row, spring.row)[None] for name, spring in self.springs.items()
+        }
+
+    def flank_rows(self, tangent: Tangent) -> Array:
+        """How each flank closes with the coordinates, (n, 2 cranks, size): also with the sun's angle."""
+        rows = tangent.contacts.flank_rows
+        made = np.zeros((*rows.shape[:2], self.size))
+        made[..., : rows.shape[2]] = rows
+        # the flank that drives forwards closes as the sun turns counter-clockwise
+        lever = self.reducer.sun_pitch_radius * math.cos(self.reducer.pressure_angle)
+        for at in self.sun_angle:
+            made[..., at] = lever * np.tile([1.0, -1.0], self.reducer.cranks)
+        return made

@@ -1,0 +1,67 @@
+"""Plots of the error against speed: what is drawn is what was found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drawn import legend, line
+from rverror import Bench, InputError, Model, SpeedResponse, effect, reducer, speed_response
+from rverror.base.units import ARCSEC
+
+RPM = np.pi / 30
+MODEL = Model(
+    reducer("RV-40E"),
+    (
+        effect("crank.eccentricity", crank=0, disc=0, tangential="5 um"),
+        effect("cycloid.pin_position", pin=3, radial="3 um"),
+    ),
+    bench=Bench(load_inertia="100 kg*m^2"),
+)
+
+
+@pytest.fixture(scope="module")
+def found() -> SpeedResponse:
+    return speed_response(MODEL, np.linspace(1000, 2000, 21) * RPM, torque="100 N*m")
+
+
+def test_amplitudes_are_those_of_the_largest_orders() -> None:
+    found = speed_response(MODEL, np.linspace(600, 1000, 21) * RPM, torque="100 N*m")
+    ax = found.plot(most=2)
+    names = [name for name in legend(ax) if name != "critical"]
+    assert names == ["order 40", "order 78"]
+    for name in names:
+        x, y = line(ax, name)
+        at = found.order.tolist().index(float(name.split()[1]))
+        np.testing.assert_allclose(x, np.linspace(600, 1000, 21))
+        np.testing.assert_allclose(y, np.abs(found.waves[:, at]) / ARCSEC)
+    assert found.critical_speeds[0].order == 78
+    assert found.critical_speeds[0].speed / RPM in line(ax, "critical")[0]
+
+
+def test_lines_of_orders_meet_the_natural_frequency_at_the_critical_speed(found: SpeedResponse) -> None:
+    ax = found.plot(kind="campbell")
+    x, y = line(ax, "order 40")
+    assert x.tolist() == pytest.approx([0, 2000])
+    assert y.tolist() == pytest.approx([0, 40 * 2000 / 60 / 121])
+    (natural,) = [c for c in ax.collections if c.get_label() == "natural frequency"]
+    lowest = natural.get_segments()[0][0, 1]
+    assert lowest == pytest.approx(found.frequency[0])
+    top = found.critical_speeds[0]
+    assert top.order == 40
+    assert np.interp(top.speed / RPM, x, y) == pytest.approx(lowest, rel=0.02)
+
+
+def test_the_map_is_darkest_where_the_error_is_largest(found: SpeedResponse) -> None:
+    ax = found.plot(kind="order_map", highest=100)
+    (mesh,) = [c for c in ax.collections if hasattr(c, "get_coordinates")]
+    drawn = np.asarray(mesh.get_array()).reshape(100, 21)
+    order, speed = np.unravel_index(drawn.argmax(), drawn.shape)
+    assert order + 1 == 40
+    assert speed == np.abs(found.waves[:, found.order.tolist().index(40.0)]).argmax()
+    assert drawn.max() == pytest.approx(np.abs(found.waves).max() / ARCSEC)
+
+
+def test_too_many_orders_and_none_are_refused(found: SpeedResponse) -> None:
+    with pytest.raises(InputError, match="most = 13: must be 1 to 12 orders"):
+        found.plot(most=13)
