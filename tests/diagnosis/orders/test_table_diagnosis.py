@@ -75,8 +75,8 @@ def test_rivals_of_a_claim_make_as_much_of_its_order() -> None:
 
 
 def test_of_two_bores_of_one_order_both_are_named() -> None:
-    """One after another the first claim is a cam between the two, and a wave of a disc makes up for it."""
-    sizes = ((20.0, -12.0), (5.0, 9.0))
+    """Alike on both discs they nearly cancel: one bore is claimed, and no second one takes half of what it leaves."""
+    sizes = ((20.0, -12.0), (18.0, -9.0))
     lacking = tuple(
         rverror.effect("cycloid.disc_bore_position", disc=disc, crank=0, radial=f"{-r} um", tangential=f"{-t} um")
         for disc, (r, t) in enumerate(sizes)
@@ -87,11 +87,8 @@ def test_of_two_bores_of_one_order_both_are_named() -> None:
     causes = [one for one in told.added if source(one.effect.key).is_cause]
     assert [one.effect.key for one in causes] == ["cycloid.disc_bore_position"] * 2
     assert len({(one.effect.indices["disc"]) for one in causes}) == 2
-    assert len({(one.effect.indices["crank"]) for one in causes}) == 1  # half a turn on both are the other crank's
-    for one in causes:
-        disc = int(one.effect.indices["disc"]) ^ int(one.effect.indices["crank"])
-        for estimate, true in zip(one.estimates, lacking[disc].values, strict=True):
-            assert estimate.low <= true <= estimate.high
+    assert len({(one.effect.indices["crank"]) for one in causes}) == 1  # on the other one both do nearly the same
+    assert told.after.heldout_rms < 2 * told.noise_rms
 
 
 def test_rms_is_the_root_of_half_the_squared_amplitudes(found: rverror.Diagnosis) -> None:
