@@ -52,6 +52,14 @@ def test_lines_of_orders_meet_the_natural_frequency_at_the_critical_speed(found:
     assert np.interp(top.speed / RPM, x, y) == pytest.approx(lowest, rel=0.02)
 
 
+def test_a_diagram_without_crossings_shows_how_far_the_first_natural_frequency_is() -> None:
+    found = speed_response(MODEL, np.array([10.0, 20.0]) * RPM, torque="100 N*m")
+    ax = found.plot(kind="campbell", most=1)
+    (natural,) = [c for c in ax.collections if c.get_label() == "natural frequency"]
+    assert natural.get_segments()[0][0, 1] == pytest.approx(found.frequency[0])
+    assert ax.get_ylim()[1] > found.frequency[0] > 40 * 20 / 60 / 121
+
+
 def test_the_map_is_darkest_where_the_error_is_largest(found: SpeedResponse) -> None:
     ax = found.plot(kind="order_map", highest=100)
     (mesh,) = [c for c in ax.collections if hasattr(c, "get_coordinates")]

@@ -76,6 +76,9 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
     for number, at in enumerate(leading):
         ax.plot([0, last], [0, response.order[at] * hertz], label=_named(response.order[at]), **line_style(number))
     top = 1.15 * float(response.order[leading].max()) * hertz
+    natural = response.frequency[response.frequency > 0]
+    if natural.size:  # how far away the first one is, is what a diagram without crossings says
+        top = max(top, 1.1 * float(natural.min()))
     low = response.frequency <= top
     for of_sun, label, colour in ((False, "natural frequency", BLACK), (True, "of the sun's support", GREY)):
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
