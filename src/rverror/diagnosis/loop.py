@@ -12,7 +12,7 @@ from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
-from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.geartrain.mechanism import Drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -94,8 +94,6 @@ def diagnose(
         )
     if tables:
         return diagnose_tables(model, tables, tell, policy=policy)
-    if isinstance(model.mechanism, Drive):
-        return diagnose_drive(model, samples, tell, policy=policy)
-    assert isinstance(model.mechanism, Reducer)
-    found = diagnose_reducer(model, samples, tell, policy=policy)
+    diagnosed = diagnose_drive if isinstance(model.mechanism, Drive) else diagnose_reducer
+    found = diagnosed(model, samples, tell, policy=policy)
     return replace(found, passport=passport_of_runs(model.mechanism, samples))

@@ -13,6 +13,7 @@ from rverror.geartrain.kinematics import Conditions
 from rverror.model.effects import Model
 from rverror.statics.prediction import predict
 
+HEAD = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec", sin="-9 arcsec")
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
 LOADS = (40e3, 120e3, 240e3)
 
@@ -44,7 +45,24 @@ def test_a_diagnosis_of_runs_holds_their_passport() -> None:
     assert "per 1000 N*m of load" not in rverror.to_text(found)  # one load tells no slope
 
 
-@pytest.mark.parametrize("why", ["half a turn", "twice one condition"])
-def test_runs_that_cannot_tell_orders_apart_have_none(why: str) -> None:
-    turns, conditions = (0.5, [(1.0, 50e3)]) if why == "half a turn" else (1.0, [(1.0, 50e3)] * 2)
-    assert passport_of_runs(UNIT, runs_of(Model(OTHER, (CAM,)), conditions, turns=turns)) == ()
+def test_runs_of_one_condition_have_none() -> None:
+    assert passport_of_runs(UNIT, runs_of(Model(OTHER, (CAM,)), [(1.0, 50e3)] * 2)) == ()
+
+
+def test_over_half_a_turn_orders_that_are_half_a_wave_apart_are_not_told() -> None:
+    """Housing and crank, 15 and 16; what the cam makes at 16 would pass for 15's.  An order 1 is slow there."""
+    runs = runs_of(Model(OTHER, (CAM, HEAD)), [(1.0, 50e3)], points=2048, turns=0.5)
+    assert sorted(one.order for one in passport_of_runs(UNIT, runs)) == [30, 32, 48, 96]
+
+
+def test_a_drive_over_part_of_a_turn_has_its_shafts_orders() -> None:
+    """Beside an order 1 forty times as large, of which the encoder has not seen a turn."""
+    drive = rverror.Drive(ratio=14.0, shafts={"motor": 14.0, "planet": 42.0})
+    theta, rng = 0.6 * TURN * np.arange(3000) / 3000, np.random.default_rng(3)
+    error = (10 * np.cos(14 * theta + 0.5) + 400 * np.cos(theta) + 0.5 * rng.normal(size=3000)) * ARCSEC
+    run = rverror.run_from_arrays(input_angle=14 * theta, te=error)
+    found = {one.order: one for one in rverror.diagnose(Model(drive), [run]).passport}
+    assert set(found) == {14.0, 28.0, 42.0, 84.0}
+    assert found[14.0].low <= 10 * ARCSEC <= found[14.0].high
+    assert found[14.0].high - found[14.0].low < 0.5 * ARCSEC
+    assert all(found[order].amplitude < 0.15 * ARCSEC for order in (28.0, 42.0, 84.0))

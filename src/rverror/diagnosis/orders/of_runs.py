@@ -1,4 +1,4 @@
-"""The passport of a reducer's runs: waves of its frames' orders, as a table would hold them."""
+"""The passport of runs: waves of the orders of their frames or shafts, as a table would hold them."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.geartrain.kinematics import fundamental_orders
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.runs.measurement import Run
 from rverror.runs.order_fit import order_table_from_runs
 
 _FRAMES = ("output", "housing", "crank", "sun")  # one of each order: carrier and disc have the crank's
 _HARMONICS = (1, 2)
 _SAMPLES_A_WAVE = 5  # below it a wave is told by how the samples happen to lie
+#: Waves over the travel that an order needs on less than a turn: what is slow is then taken off by a polynomial of
+#: degree 4 or more, which of an order 1 over a third of a turn leaves less than a thousandth.
+_WAVES = 4
 
 
-def passport_of_runs(unit: Reducer, runs: Sequence[Run]) -> tuple[OrderPassport, ...]:
-    """Passport of the orders of the frames, once and twice; empty where the runs cannot tell them apart.
+def passport_of_runs(unit: Mechanism, runs: Sequence[Run]) -> tuple[OrderPassport, ...]:
+    """Passport of the orders of frames or shafts, once and twice; empty where the runs do not make an order table.
 
     Parameters
     ----------
-    unit : Reducer
+    unit : Reducer or Drive
     runs : sequence of Run
         Readings that were set aside by a diagnosis are in them: intervals are then wide.
 
@@ -32,11 +35,25 @@ def passport_of_runs(unit: Reducer, runs: Sequence[Run]) -> tuple[OrderPassport,
     tuple of OrderPassport
         The strongest first.
     """
-    of_frame = fundamental_orders(unit)
-    orders = sorted({h * of_frame[frame] for frame in _FRAMES for h in _HARMONICS})
     try:
-        samples = [run.size / max(float(np.ptp(run.nominal_angle(unit))) / (2 * np.pi), 1e-9) for run in runs]
-        told = [order for order in orders if order * _SAMPLES_A_WAVE < min(samples)]
+        steps = [max(float(np.ptp(run.nominal_angle(unit))) / max(run.size - 1, 1), 1e-12) for run in runs]
+        turns = [step * run.size / (2 * np.pi) for run, step in zip(runs, steps, strict=True)]
+        samples = 2 * np.pi / max(steps)  # a turn
+        travel, orders = min(turns), {h * order for order in _orders(unit) for h in _HARMONICS}
+        least = 1 if travel > 1 - 1e-9 else _WAVES
+        told = [
+            order for order in sorted(orders)
+            if order * travel >= least - 1e-9 and order * _SAMPLES_A_WAVE < samples
+            if all(abs(order - other) * travel >= 1 - 1e-9 for other in orders - {order})
+        ]  # fmt: skip
         return passport(order_table_from_runs(runs, unit, told).cases, ratio=unit.ratio)
-    except InputError:  # less than a turn, two runs of one condition, zeros of several labels
+    except InputError:  # runs that turn both ways, two of one condition, zeros of several labels
         return ()
+
+
+def _orders(unit: Mechanism) -> set[float]:
+    """Waves per output turn of what turns once."""
+    if isinstance(unit, Reducer):
+        of_frame = fundamental_orders(unit)
+        return {of_frame[frame] for frame in _FRAMES}
+    return {1.0, abs(unit.ratio), *map(abs, unit.shafts.values())}
