@@ -44,6 +44,12 @@ def of_runs(runs: tuple[rverror.Run, ...]) -> np.ndarray:
     return np.stack([run.error(UNIT)[:: int(run.direction[0])] for run in runs])
 
 
+def at_speed(model: rverror.Model) -> np.ndarray:
+    """Every so many of the angles that it solves."""
+    found = rverror.speed_response(model, [0.0, 100.0], torque=20e3)
+    return found.transmission_error[:, :: found.theta.size // N]
+
+
 def rolled_stack(model: rverror.Model) -> np.ndarray:
     made = rverror.stack(model, [rverror.tolerance("cycloid.disc_bore_position", "5 um")], THETA)
     return np.concatenate([made.nominal[None], made.influence])
@@ -62,9 +68,11 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "simulate": lambda model: of_runs((rverror.simulate(model, points=N, method="equilibrium", torque=20e3),)),
     "simulate_runs": lambda model: of_runs(rverror.simulate_runs(model, points=N)),
     "stack": rolled_stack,
+    "speed_response": at_speed,
 }
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {
+    "modes": "at one angle: below",
     "diagnose": "test_unknown_index: marks off are found again",
     "contact_correction": "units with contacts that open: below",
     "error_budget": "of a stack, which is above, and of units with contacts that open: below",
@@ -85,6 +93,12 @@ def test_the_gear_train_stands_at_its_marks(name: str) -> None:
     shifted, plain = ROWS[name](AHEAD_OF_ZERO), ROWS[name](ON_MARKS)
     assert np.ptp(plain, axis=-1).max() > 1e-3 * np.abs(plain).max()  # or no turn of it would show
     np.testing.assert_allclose(shifted, np.roll(plain, -STEPS, axis=-1), rtol=1e-6, atol=1e-9 * np.abs(plain).max())
+
+
+def test_modes_are_those_of_the_gear_train_at_its_marks() -> None:
+    at_zero, ahead = (rverror.modes(ON_MARKS, theta=angle, torque=20e3).frequency for angle in (0.0, AHEAD))
+    assert np.abs(ahead / at_zero - 1).max() > 1e-3
+    np.testing.assert_allclose(rverror.modes(AHEAD_OF_ZERO, theta=0.0, torque=20e3).frequency, ahead, rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["lost_motion", "backlash", "torsion_curve", "torsional_stiffness"])

@@ -90,6 +90,9 @@ class Policy:
     #: Chosen: less than half is no cause of that order, and any sizes explain half of little.
     claim_takes: float = 0.5
     claim_counts: float = 0.1
+    #: Times the squares that noise hardly exceeds, of what claims of a table may leave for whole sets to be searched.
+    #: Chosen: a wrong first claim leaves so much of what bends; what else a real table holds is many times that.
+    near_claims: float = 10.0
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0

@@ -180,7 +180,7 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
 def _colour(angle: Array, left: Array, orders: Array, *, turns: float, degree: int) -> Array:
     """Power of what is left beside each order, over that of white noise: 1 where it is not clearly more, shape (k,).
 
-    The power of a wave of white noise is distributed exponentially, so that its mean is the median over log 2.  The
+    The power of a wave of white noise has an exponential law, so that its mean is the median over log 2.  The
     median does not ask for orders that stand there and are not asked for.
     """
     highest = (angle.size - 1) / (2 * turns)

@@ -15,10 +15,6 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.search import Journal
 
-#: Times the squares that noise hardly exceeds, of what claims may leave for sets of three to be tried.  Chosen: a first
-#: claim that is wrong leaves so much of what bends; what other causes make of a real table is many times that.
-_NEAR = 10
-
 
 @dataclass(frozen=True, eq=False)
 class TableHunt(Hunt):
@@ -51,7 +47,7 @@ def complete_set(
         Of runs: what is not explained yet is of any size.
     journal : Journal
     """
-    if claims.data > _NEAR * claims.bound:
+    if claims.data > policy.near_claims * claims.bound:
         return None
     bench = replace(root.bench, policy=policy)
     nodes = [Node(fitted(evaluated(bench, fit.model, fit.declared, fit.waves))) for fit in (claims, root)]
