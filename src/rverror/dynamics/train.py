@@ -125,7 +125,7 @@ class Train:
     @property
     def sun_turns(self) -> bool:
         """Whether the sun may turn against its nominal angle."""
-        return not self.bench.position_control_stiffness is self.bench.input_coupling_stiffness is None
+        return (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness) != (None, None)
 
     @property
     def input_turns(self) -> bool:

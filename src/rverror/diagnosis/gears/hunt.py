@@ -199,8 +199,7 @@ class Hunt:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
         if node.fit.data > node.fit.bound:
             return []
-        trials = [t for one in self.ranking(node.fit)[: self.policy.direct] if (t := tried(node.fit, one))]
-        fits = [fitted(t.fit, steps=30, enough=0.3) for t in trials]
+        fits = each_fitted(node.fit, self.ranking(node.fit)[: self.policy.direct])
         return sorted((Node(fit, node.lines, node.slow) for fit in fits), key=lambda n: n.score)
 
     def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
@@ -277,8 +276,10 @@ class Hunt:
             one for one in leading[: self.policy.direct]
             if fit.objective - one.objective > chi_square(self.policy.false_alarm, one.sizes.size)
         ]  # fmt: skip
-        found = [(fitted(t.fit, steps=30, enough=0.3), one) for one in near if (t := tried(fit, one))]
-        return not any(self.significant(fit, fit.objective - more.objective, one.sizes.size) for more, one in found)
+        return not any(
+            self.significant(fit, fit.objective - more.objective, len(more.added[-1].values))
+            for more in each_fitted(fit, near)
+        )
 
     def _line_left(self, fit: Fit) -> bool:
         return bool(best_lines(fit, self.policy, outside=False))
@@ -635,6 +636,11 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
     except NotConvergedError:
         return None
     return Trial(state, state.objective - proposed(state)[1])
+
+
+def each_fitted(fit: Fit, leading: Sequence[Proposal]) -> list[Fit]:
+    """The fit with each of the candidates, everything refitted."""
+    return [fitted(t.fit, steps=30, enough=0.3) for one in leading if (t := tried(fit, one))]
 
 
 def stepped(trial: Trial, steps: int) -> Trial:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
-from rverror.dynamics.at_speed import SpeedResponse
+from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
 from rverror.views.plots.figure import (
     BLACK,
     GREY,
@@ -48,15 +49,22 @@ def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None 
     size = in_shown_unit(np.abs(response.waves), "angle")
     for number, at in enumerate(leading):
         ax.plot(speed, size[:, at], label=_named(response.order[at]), **line_style(number))
-    peaks = [one for one in response.critical_speeds if one.order in response.order[leading]]
-    if peaks:
-        places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
-        heights = in_shown_unit(np.array([one.amplitude for one in peaks]), "angle")
-        ax.plot(places, heights, "o", color=BLACK, markerfacecolor="none", label="critical")
+    _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
     ax.set(xlabel=_SPEED, ylabel=f"amplitude, {shown_unit('angle')}", title=_title("error by order", response, leading))
     ax.set_ylim(bottom=0)
     legend_beside(ax)
     return ax
+
+
+def _mark_critical(
+    ax: Axes, response: SpeedResponse, leading: npt.NDArray[np.intp], height: Callable[[CriticalSpeed], float]
+) -> None:
+    """Ring the critical speeds of the orders that are drawn."""
+    peaks = [one for one in response.critical_speeds if one.order in response.order[leading]]
+    if peaks:
+        places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
+        heights = [height(one) for one in peaks]
+        ax.plot(places, heights, "o", color=BLACK, markerfacecolor="none", label="critical")
 
 
 def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -84,11 +92,7 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
             ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=0.8)
-    peaks = [one for one in response.critical_speeds if one.order in response.order[leading]]
-    if peaks:
-        places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
-        heights = [one.order * one.speed / (2 * np.pi * response.ratio) for one in peaks]
-        ax.plot(places, heights, "o", color=BLACK, markerfacecolor="none", label="critical")
+    _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
     ax.set(xlabel=_SPEED, ylabel="frequency, Hz", title=_title("Campbell diagram", response, leading))
     ax.set(xlim=(0, max(last, 1e-9)), ylim=(0, max(top, 1e-9)))
     legend_beside(ax)
