@@ -150,6 +150,7 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "inertia",
         "rated_torque",
         "crank_circle_radius",
+        "output",
         "name",
     }  # words, not symbols
     for name in rverror.Reducer.__dataclass_fields__:

@@ -19,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.inertias import whole_inertia
 from rverror.geartrain.kinematics import frame_orders
-from rverror.geartrain.mechanism import Inertia, Reducer
+from rverror.geartrain.mechanism import OUTPUTS, Inertia, Reducer
 from rverror.model.effects import Model
 from rverror.model.ends import Bench
 from rverror.statics.energy import Layout
@@ -43,6 +43,11 @@ def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
     unit = model.mechanism
     if not isinstance(unit, Reducer):
         raise InputError("dynamics need a [reducer] model; a [drive] has no parts that could move")
+    if unit.output != OUTPUTS[0]:
+        raise InputError(
+            f"output = {unit.output!r}: dynamics know the {OUTPUTS[0]} as output only, the housing has no inertia "
+            f"there; take output = {OUTPUTS[0]!r} for the modes of the gear train alone"
+        )
     if torque is None:
         torque = unit.rated_torque
     if torque is None:

@@ -42,6 +42,11 @@ class Contacts(Pose):
     ----------
     reducer : Reducer
         Whose geometry it is.
+    turns : mapping of str to ndarray, shape (n,)
+        How far each part of `kinematics.frame_orders` has turned in the housing, rad.
+    sense : ndarray, shape (n,)
+        Direction in which the carrier turns in the housing: that of the motion, or the opposite where the housing is
+        the output.  Which flanks and pins carry follows it.
     eccentric : ndarray, shape (discs, n)
         Angle of the eccentric direction of each disc, rad.
     crank_position : ndarray, shape (cranks, n)
@@ -57,6 +62,8 @@ class Contacts(Pose):
     """
 
     reducer: Reducer
+    turns: Mapping[str, Array]
+    sense: Array
     eccentric: Array
     crank_position: Array
     pin_normal: Array

@@ -105,14 +105,16 @@ def _placed(mechanism: Mechanism, same: dict[str, Any]) -> Pose:
 
 
 def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
-    theta = same["theta"]
+    turns = {part: order * same["theta"] for part, order in frame_orders(reducer).items()}
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
-    eccentric = frame_orders(reducer)["crank"] * theta + phases[:, None]
-    position = theta + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
-    pins = pin_contacts(reducer, eccentric=eccentric, disc_angle=theta)
+    eccentric = turns["crank"] + phases[:, None]
+    position = turns["carrier"] + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
+    pins = pin_contacts(reducer, eccentric=eccentric, disc_angle=turns["disc"])
     return Contacts(
         ratio=reducer.ratio,
         reducer=reducer,
+        turns=turns,
+        sense=frame_orders(reducer)["carrier"] * same["direction"],
         eccentric=eccentric,
         crank_position=position,
         pin_normal=pins.normal,
@@ -153,6 +155,6 @@ def closed_form_forces(where: Pose) -> ContactForces:
         "carrier": bores,
         "carrier direction": unit_vectors(bores * where.direction),
         "mesh": meshes,
-        "spline": spline_torque(where.reducer, where.direction),
+        "spline": spline_torque(where.reducer, where.sense),
         "output": output,
     }

@@ -128,7 +128,7 @@ def carrier_runout(contacts: Contacts) -> ErrorVector:
     Source 001 (output wheel eccentricity).  The forces on all bores cancel while the discs balance, so with evenly
     spaced discs that mesh in phase nothing reaches the output.
     """
-    vector = -np.stack(radial_and_tangential(contacts.theta))
+    vector = -np.stack(radial_and_tangential(contacts.turns["carrier"]))
     return ErrorVector(contact="carrier", vector=vector[:, None])
 
 

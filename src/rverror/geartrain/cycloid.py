@@ -268,7 +268,7 @@ def pressure_angle(contacts: Contacts) -> Array:
     ndarray, shape (discs, pins, n)
         Acute angle, rad.
     """
-    _, motion = radial_and_tangential(contacts.pin_angle + contacts.theta)
+    _, motion = radial_and_tangential(contacts.pin_angle + contacts.turns["disc"])
     return np.asarray(np.arccos(np.clip(np.abs(dot(contacts.pin_normal, motion)), 0, 1)), dtype=np.float64)
 
 
@@ -294,8 +294,8 @@ def pin_forces(contacts: Contacts) -> Array:
     (F / n_discs) l_i / sum(l_i^2) over the pins of one disc is the same wherever the discs mesh in phase, as they do
     when n_discs divides z_p; this form is the rigid limit in every case.
     """
-    loaded = np.where(contacts.pin_arm * contacts.direction > 0, contacts.pin_arm, 0.0)
-    scale = feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
+    loaded = np.where(contacts.pin_arm * contacts.sense > 0, contacts.pin_arm, 0.0)
+    scale = contacts.reducer.output_turn * feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
     return np.asarray((scale * loaded)[..., None, :] * contacts.pin_normal, dtype=np.float64)
 
 
@@ -373,7 +373,7 @@ def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
     Sources 001 (cumulative pitch error) and 002 (e_Apd).
     """
     psi = contacts.pin_angle[only(disc)]
-    _, tangential = radial_and_tangential(psi + contacts.theta)
+    _, tangential = radial_and_tangential(psi + contacts.turns["disc"])
     waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
     return ErrorVector(contact="pin", vector=-waves[..., None, :] * tangential, at=(only(disc),))
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from rverror.base.arrays import Array, only, radial_and_tangential
 from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector
-from rverror.geartrain.kinematics import frame_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
     CRANK,
@@ -78,7 +77,7 @@ def mesh_forces(contacts: Contacts) -> Array:
     """
     reducer = contacts.reducer
     share = 1 / (reducer.ratio * reducer.cranks * reducer.sun_pitch_radius * math.cos(reducer.pressure_angle))
-    loaded = np.stack([contacts.direction > 0, contacts.direction <= 0]) * _FLANK_SIGN[:, None]
+    loaded = np.stack([contacts.sense > 0, contacts.sense <= 0]) * _FLANK_SIGN[:, None]
     return np.asarray(share * loaded[:, None] * contacts.mesh_normal, dtype=np.float64)
 
 
@@ -121,12 +120,12 @@ def sun_eccentricity(contacts: Contacts) -> ErrorVector:
     Source 004.  A sun that floats between evenly spaced planets gives way, and nothing reaches the output; source
     004's (Z_r / Z_s) e / r_s holds a fixed sun to one planet and takes the pins for a ring gear.
     """
-    angle = frame_orders(contacts.reducer)["sun"] * contacts.theta
+    angle = contacts.turns["sun"]
     return ErrorVector(contact="mesh", vector=np.stack(radial_and_tangential(angle))[:, None, None])
 
 
 def sun_offset(contacts: Contacts) -> ErrorVector:
-    """Offset of the sun's axis, fixed in the housing.
+    """Offset of the sun's axis, fixed in the part that is held: the housing, or the carrier where that stands still.
 
     Parameters
     ----------
@@ -135,13 +134,14 @@ def sun_offset(contacts: Contacts) -> ErrorVector:
     Returns
     -------
     ErrorVector
-        Terms x, y in the housing frame.
+        Terms x, y in the frame of the held part.
 
     Notes
     -----
     Source 004 (sun gear assembly error).
     """
-    return ErrorVector(contact="mesh", vector=np.eye(2)[:, None, None, :, None])
+    angle = contacts.turns[contacts.reducer.held]
+    return ErrorVector(contact="mesh", vector=np.stack(radial_and_tangential(angle))[:, None, None])
 
 
 def planet_eccentricity(contacts: Contacts, *, crank: int) -> ErrorVector:
@@ -162,7 +162,7 @@ def planet_eccentricity(contacts: Contacts, *, crank: int) -> ErrorVector:
     -----
     Source 004.
     """
-    angle = frame_orders(contacts.reducer)["planet"] * contacts.theta
+    angle = contacts.turns["planet"]
     vector = -np.stack(radial_and_tangential(angle))
     return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
 
@@ -187,7 +187,7 @@ def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorVector:
     no multiple of the number of planets cancel.
     """
     _, tangential = radial_and_tangential(contacts.crank_position)
-    chi = contacts.crank_position - frame_orders(contacts.reducer)["sun"] * contacts.theta
+    chi = contacts.crank_position - contacts.turns["sun"]
     return ErrorVector(contact="mesh", vector=_waves(harmonic, chi)[:, :, None, None] * tangential[:, None])
 
 
@@ -211,7 +211,7 @@ def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorVecto
     """
     position = contacts.crank_position[only(crank)]
     _, tangential = radial_and_tangential(position)
-    chi = position + np.pi - frame_orders(contacts.reducer)["planet"] * contacts.theta
+    chi = position + np.pi - contacts.turns["planet"]
     # at the pitch point the planet's counter-clockwise tangent is -t, and the planet is the driven part: +t
     return ErrorVector(
         contact="mesh",
@@ -316,7 +316,7 @@ def sun_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
     -----
     Taken at the pitch point, as in `sun_pitch`.
     """
-    chi = contacts.crank_position - contacts.ratio * contacts.theta
+    chi = contacts.crank_position - contacts.turns["sun"]
     return Compliance(contact="mesh", share=_waves(harmonic, chi)[:, :, None])
 
 
@@ -338,7 +338,7 @@ def planet_compliance_wave(contacts: Contacts, *, crank: int, harmonic: int) -> 
     -----
     Taken at the pitch point, as in `planet_pitch`.
     """
-    chi = contacts.crank_position[only(crank)] + np.pi - frame_orders(contacts.reducer)["planet"] * contacts.theta
+    chi = contacts.crank_position[only(crank)] + np.pi - contacts.turns["planet"]
     return Compliance(contact="mesh", share=_waves(harmonic, chi)[:, :, None], at=(only(crank),))
 
 

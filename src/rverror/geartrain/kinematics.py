@@ -139,6 +139,8 @@ def motion_direction(theta: Array) -> Array:
 def frame_orders(reducer: Reducer) -> dict[str, float]:
     """Turns of each part per output turn, seen from the housing (source 001's and 003's ratios).
 
+    Where the housing is the output it turns away under them: all signs are the opposite.
+
     Parameters
     ----------
     reducer : Reducer
@@ -155,14 +157,15 @@ def frame_orders(reducer: Reducer) -> dict[str, float]:
     >>> frame_orders(reducer("RV-40E"))["crank"]
     -39.0
     """
-    crank = -reducer.disc_lobes / (reducer.pins - reducer.disc_lobes)
+    carrier = 1.0 if reducer.output == "carrier" else -1.0
+    crank = -carrier * reducer.disc_lobes / (reducer.pins - reducer.disc_lobes)
     return {
         "housing": 0.0,
-        "carrier": 1.0,
-        "disc": 1.0,
+        "carrier": carrier,
+        "disc": carrier,
         "crank": crank,
         "planet": crank,
-        "sun": reducer.ratio,
+        "sun": carrier * float(reducer.exact_carrier_ratio),
     }
 
 
@@ -200,7 +203,7 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
         "crank": relative,
         "planet": relative,
         "bearing": relative,
-        "sun": turns["sun"] - turns["carrier"],
+        "sun": abs(turns["sun"] - turns["carrier"]),
         "gear mesh": reducer.planet_teeth * relative,
         "cycloid mesh": reducer.pins * abs(turns["crank"]),
     }

@@ -224,6 +224,10 @@ class Inertia:
                 object.__setattr__(self, name, value)
 
 
+#: Parts that can be the output of a reducer while the other one is held.
+OUTPUTS = ("carrier", "housing")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Reducer(Viewed):
     """Geometry of an RV reducer: an involute planetary stage that drives a cycloidal stage through cranks.
@@ -261,6 +265,8 @@ class Reducer(Viewed):
     crank_circle_radius : float, optional
         Radius of the circle through the crank axes, mm.  It is the centre distance module * (z1 + z2) / 2; a value
         that differs is refused.
+    output : str
+        ``"carrier"``, with the housing held, or ``"housing"``, with the carrier held.
     name : str
         For reports.
 
@@ -299,10 +305,13 @@ class Reducer(Viewed):
     rated_torque: float | None = None
     spline_radius: float | None = None
     crank_circle_radius: float | None = None
+    output: str = OUTPUTS[0]
     name: str = "custom"
 
     def __post_init__(self) -> None:
         """Convert to mm and rad, derive the crank circle, check the geometry."""
+        if self.output not in OUTPUTS:
+            raise ValueError(f"output = {self.output!r}: must be one of {', '.join(map(repr, OUTPUTS))}")
         for key, dimension in DIMENSIONS.items():
             value = getattr(self, key)
             if value is not None or key not in _OPTIONAL:
@@ -370,14 +379,29 @@ class Reducer(Viewed):
             )
 
     @property
-    def exact_ratio(self) -> Fraction:
-        """R = 1 + (z2/z1) z_p/(z_p - z_c), input turns per output turn with the housing fixed, as a fraction."""
+    def exact_carrier_ratio(self) -> Fraction:
+        """R = 1 + (z2/z1) z_p/(z_p - z_c), turns of the input per turn of the carrier, both seen from the housing."""
         return 1 + Fraction(self.planet_teeth, self.sun_teeth) * self.pins / (self.pins - self.disc_lobes)
 
     @property
+    def exact_ratio(self) -> Fraction:
+        """Input turns per output turn, as a fraction: R with the housing held, 1 - R with the carrier held."""
+        return self.exact_carrier_ratio if self.output == "carrier" else 1 - self.exact_carrier_ratio
+
+    @property
     def ratio(self) -> float:
-        """R, input turns per output turn with the housing fixed."""
+        """Input turns per output turn; below 0 where the housing is the output and turns against the input."""
         return float(self.exact_ratio)
+
+    @property
+    def held(self) -> str:
+        """Part that stands still while the output turns, and carries the motor and the reading head."""
+        return OUTPUTS[1 - OUTPUTS.index(self.output)]
+
+    @property
+    def output_turn(self) -> float:
+        """Turn of the output per turn of the carrier in the housing with the input held: 1, or -R/(R - 1)."""
+        return float(self.exact_carrier_ratio / self.exact_ratio)
 
     @property
     def crank_radius(self) -> float:

@@ -154,8 +154,9 @@ class Source:
         ):
             for word in given:
                 if word not in allowed:
-                    known = ", ".join(sorted(allowed - geometry))
-                    more = " or a parameter of a reducer" if name == "needs" else ""
+                    of_reducer = geometry if name == "needs" else set()
+                    known = ", ".join(sorted(allowed - of_reducer))
+                    more = " or a parameter of a reducer" if of_reducer else ""
                     raise ValueError(f"{self.key}: {name} = {word!r}; it must be one of {known}{more}")
 
     @property

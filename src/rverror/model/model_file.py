@@ -64,7 +64,7 @@ _BENCH = {
     name: (kind, {"inertia": _MOMENT, "torsional_stiffness": _TORSION, "number": "'3 %'"}[kind])
     for name, kind in BENCH_DIMENSIONS.items()
 }
-_KEYS_OF_REDUCER = ("preset", "name", *COUNTS, *QUANTITIES, *_TABLES)
+_KEYS_OF_REDUCER = ("preset", "name", "output", *COUNTS, *QUANTITIES, *_TABLES)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
@@ -245,8 +245,7 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
                     f"{key} = {shown(value)}: must be a whole number; write it bare, like {key} = {COUNTS[key]}",
                 )
             values[key] = value
-    if "name" in table:
-        values["name"] = where.string(place, table, "name", "")
+    values |= {key: where.string(place, table, key, "") for key in ("name", "output") if key in table}
     for key, (kind, keys) in _TABLES.items():
         if key in table:
             values[key] = _made(where, (*place, key), table[key], kind, keys)
@@ -432,7 +431,7 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
             lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
         elif key in COUNTS:
             lines.append(f"{key} = {value}")
-        elif key not in _TABLES and (key, value) != ("name", "custom"):
+        elif key not in _TABLES and (key, value) not in {("name", "custom"), ("output", "carrier")}:
             lines.append(f"{key} = {_string(value)}")
     for key, (kind, keys) in _TABLES.items():
         own, usual = values.get(key, kind()), kind()

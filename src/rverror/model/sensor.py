@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, dot, radial_and_tangential
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.cycloid import pin_forces
@@ -93,7 +93,7 @@ def output_tilt(pose: Pose) -> ErrorVector:
     Returns
     -------
     ErrorVector
-        Terms x, y, rad per N*mm: where in the housing the head stands, and how far the reading goes.
+        Terms x, y, rad per N*mm: where on the held part the head stands, and how far the reading goes.
 
     Raises
     ------
@@ -103,16 +103,18 @@ def output_tilt(pose: Pose) -> ErrorVector:
     Notes
     -----
     The pins push the first disc by Q for each unit of torque and the others back, at a distance along the axis: a
-    couple that turns in the housing as the cranks do, once in -z_c/(z_p - z_c) of an output turn, and tilts the output
-    in its main bearing.  One reading head takes the tilt towards it for an angle; two that stand opposite do not.  u is
-    the direction of Q, from the rigid closed form.  Reversed torque mirrors Q in the eccentric direction, so forward
-    and reverse differ in phase by twice its angle from there.  No source text has it.
+    couple that turns as the cranks do, seen from the held part, once in -z_c/(z_p - z_c) of an output turn where that
+    is the housing, and tilts the output in its main bearing.  One reading head takes the tilt towards it for an angle;
+    two that stand opposite do not.  u is the direction of Q, from the rigid closed form.  Reversed torque mirrors Q in
+    the eccentric direction, so forward and reverse differ in phase by twice its angle from there.  No source text has
+    it.
     """
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
     torque = stated_torque(pose, "sensor.output_tilt")
     push = (pin_forces(pose)[0] * pose.direction).sum(axis=0)
-    return _reading(-torque * pose.direction * push / np.hypot(*push))
+    seen = dot(np.stack(radial_and_tangential(pose.turns[pose.reducer.held])), push)
+    return _reading(-torque * pose.direction * seen / np.hypot(*push))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -275,7 +277,7 @@ def _fixed(*orders: float) -> Orders:
 
 
 def _eccentric_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (abs(fundamental_orders(rv(mechanism))["housing"]),)
+    return (fundamental_orders(rv(mechanism))[rv(mechanism).held],)
 
 
 MARKS = Source(

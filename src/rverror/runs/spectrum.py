@@ -164,7 +164,7 @@ def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: floa
             "sun": table["sun"],
             "gear mesh": table["gear mesh"],
             "cycloid mesh": table["cycloid mesh"],
-            "input shaft": mechanism.ratio,
+            "input shaft": abs(mechanism.ratio),
         }
     else:
         groups = {"input shaft": abs(mechanism.ratio)} | {n: abs(v) for n, v in mechanism.shafts.items()}

@@ -48,7 +48,7 @@ class Stretch(Elastic):
     Attributes
     ----------
     torque : float
-        Size of the output torque, N*mm, above 0.
+        Size of the torque on the carrier, N*mm, above 0.
     like : Stretch, optional
         The same without compliances beyond the nominal ones.
     """
@@ -372,9 +372,9 @@ def condensed(stretch: Stretch) -> Condensed:
 
 
 def common_flank_force(reducer: Reducer, torque: float) -> float:
-    """What each loaded flank carries under an output torque without errors, N."""
+    """What each loaded flank carries under a torque on the carrier without errors, N."""
     lever = reducer.sun_pitch_radius * math.cos(reducer.pressure_angle)
-    return torque / (reducer.ratio * reducer.cranks * lever)
+    return torque / (float(reducer.exact_carrier_ratio) * reducer.cranks * lever)
 
 
 def _with_pins(matrix: Array, on_pins: Array, stiffness: Array) -> Array:

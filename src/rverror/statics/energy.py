@@ -181,7 +181,9 @@ def joint_rows(motion: Contacts) -> Array:
         for j, crank in enumerate(layout.crank)
     ]
     parts += [[(crank, 1, None), (0, -1, bore[:, j])] for j, crank in enumerate(layout.crank)]
-    parts += [[(0, 1, None)], [(layout.sun, 1, None)]]
+    # the motor, whose bearings hold the sun, stands on what is held
+    held: list[tuple[int, float, Array | None]] = [(0, -1, None)] if reducer.held == "carrier" else []
+    parts += [[(0, 1, None)], [(layout.sun, 1, None), *held]]
     rows = np.zeros((n, len(parts), 2, layout.size))
     for q, sides in enumerate(parts):
         for at, sign, lever in sides:
@@ -528,24 +530,24 @@ def geometry(motion: Contacts) -> Geometry:
     """Rows of every contact along a motion."""
     # a pin closes as the disc moves against the normal
     pins = -np.stack([motion.pin_normal[:, :, 0], motion.pin_normal[:, :, 1], motion.pin_arm])
-    flank = np.stack([motion.direction > 0, motion.direction <= 0], axis=1)
+    flank = np.stack([motion.sense > 0, motion.sense <= 0], axis=1)
     return Geometry(
         motion=motion,
         pin_rows=samples_first(pins),
         flank_rows=flank_rows(motion),
         joint_rows=joint_rows(motion),
-        driving_pins=samples_first(motion.pin_arm * motion.direction) > 0,
+        driving_pins=samples_first(motion.pin_arm * motion.sense) > 0,
         driving_flanks=np.tile(flank, motion.reducer.cranks),
     )
 
 
 def loaded_system(elastic: Elastic, errors: Errors, torque: float) -> System:
-    """Energy of a gear train with errors, under a torque that resists its motion."""
+    """Energy of a gear train with errors, under a torque on the carrier that resists its motion in the housing."""
     contacts, reducer, stiff = elastic.contacts, elastic.reducer, elastic.elasticity
     n, cams, floats = contacts.motion.theta.size, reducer.discs * reducer.cranks, errors.clearance > 0
     springs = elastic.springs(floats)
     load = np.zeros((n, springs.rows.shape[-1]))
-    load[:, 2] = -contacts.motion.direction * torque
+    load[:, 2] = -contacts.motion.sense * torque
     along = np.zeros((len(floats), 2, n))
     if floats.any():
         forces = closed_form_forces(contacts.motion)

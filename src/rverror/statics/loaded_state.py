@@ -385,7 +385,8 @@ class Statics:
         return tuple(self._made())
 
     def _made(self) -> Iterator[Stretch]:
-        under = self.torque or _NO_LOAD * self.reducer.stiffness.pin_contact * self.reducer.pin_circle_radius**2
+        on_carrier = abs(self.reducer.output_turn) * self.torque
+        under = on_carrier or _NO_LOAD * self.reducer.stiffness.pin_contact * self.reducer.pin_circle_radius**2
         return (Stretch(where, self.reducer, under) for where in self.travel.geometries())
 
     def stretches(self) -> Iterable[Stretch]:
@@ -408,7 +409,7 @@ class Statics:
             first = last
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Solved:
-        """Turn of the carrier and its changes with all parameters, from one solution."""
+        """Turn of the output and its changes with all parameters, from one solution."""
         parts = [
             Solved(part.transmission_error, part.influences(effects), part.softening(), part.x)
             for part in self.solutions(effects, start, quick=True)
@@ -447,7 +448,7 @@ class Statics:
 
 @dataclass(frozen=True)
 class Solved:
-    """Turn of the carrier at n angles, and its change with all that it depends on.
+    """Turn of the output at n angles, and its change with all that it depends on.
 
     Attributes
     ----------
@@ -578,8 +579,8 @@ class _Solution:
 
     @property
     def transmission_error(self) -> Array:
-        """Turn of the carrier."""
-        return np.asarray((self.x + self.unloading)[:, 2], dtype=np.float64)
+        """Turn of the output."""
+        return np.asarray(self.stretch.reducer.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
 
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
@@ -690,7 +691,7 @@ class _Solution:
         """Change per unit of output torque, samples first: of the force of pins, flanks, joints, and along profiles."""
         closed, system = self.closed, self.energy
         unit = np.zeros_like(self.x)
-        unit[:, 2] = 1
+        unit[:, 2] = self.stretch.reducer.output_turn  # on the carrier
         answer = -self._answer(unit, quick=quick)
         pins = (system.pin_rows * system.discs(answer)).sum(axis=1)
         flanks = (system.flank_rows @ answer[..., None])[..., 0]

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.geartrain.action_line import ContactForces, Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion
-from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders, true_period
+from rverror.geartrain.kinematics import Conditions, Pose, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.geartrain.source import IndexValue
 from rverror.model import sensor
@@ -327,10 +327,10 @@ def _resampled(poses: Array, points: int) -> Array:
 
 
 def turned(reducer: Reducer, poses: Array, angle: Array) -> Array:
-    """Poses (n, unknowns) of a gear train that is turned as a whole about its axis by an angle (n,)."""
+    """Poses (n, unknowns) of a gear train that is turned as a whole about its axis with the output's angle (n,)."""
     layout, result = Layout(reducer), poses.copy()
     x = np.array([0, *layout.disc, *layout.crank, layout.sun])
-    place = (poses[:, x] + 1j * poses[:, x + 1]) * np.exp(1j * angle)[:, None]
+    place = (poses[:, x] + 1j * poses[:, x + 1]) * np.exp(1j * frame_orders(reducer)["carrier"] * angle)[:, None]
     result[:, x], result[:, x + 1] = place.real, place.imag
     return result
 

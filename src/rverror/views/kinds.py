@@ -246,7 +246,7 @@ def _of_reducer(result: Reducer) -> Table:
     rows: list[tuple[str, float, Unit]] = []
     for item in dataclasses.fields(result):
         value = getattr(result, item.name)
-        if item.name in ("name", *_BY_PART) or value is None:
+        if item.name in ("name", "output", *_BY_PART) or value is None:
             continue
         rows.append((item.name, value, _GEOMETRY[DIMENSIONS[item.name]] if item.name in DIMENSIONS else NUMBER))
     springs, law = dataclasses.asdict(result.stiffness), dataclasses.asdict(result.contact_law)
@@ -255,7 +255,8 @@ def _of_reducer(result: Reducer) -> Table:
     rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
     weights = {name: value for name, value in dataclasses.asdict(result.inertia).items() if value is not None}
     rows += [(f"inertia.{name}", value, unit_of(INERTIA_DIMENSIONS[name])) for name, value in weights.items()]
-    return _of_values(result, rows)
+    table = _of_values(result, rows)
+    return dataclasses.replace(table, about={**table.about, "output": result.output})
 
 
 @_table.register

@@ -23,7 +23,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
-from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
@@ -292,7 +292,8 @@ def _of_drive(thing: Drive) -> Sheet:
 
 
 def _ratio(unit: Reducer | Drive) -> str:
-    return f"ratio {unit.ratio:.8g}"
+    turned = f", {unit.output} as output" if isinstance(unit, Reducer) and unit.output != OUTPUTS[0] else ""
+    return f"ratio {unit.ratio:.8g}{turned}"
 
 
 @sheet.register

@@ -80,7 +80,7 @@ def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> st
 def _bases(mechanism: Mechanism) -> set[float]:
     if isinstance(mechanism, Drive):
         return {abs(mechanism.ratio), *map(abs, mechanism.shafts.values())}
-    return {*fundamental_orders(mechanism).values(), mechanism.ratio}
+    return {*fundamental_orders(mechanism).values(), abs(mechanism.ratio)}
 
 
 def strongest(size: Array, *, floor: float | Array, apart: int = 1, most: int = MOST) -> list[int]:
