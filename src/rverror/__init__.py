@@ -18,6 +18,7 @@ from rverror.model.compose import Influence, influence, transmission_error, tran
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
 from rverror.model.model_file import append_effects, load_model, save_model
+from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
@@ -85,6 +86,7 @@ __all__ = [
     "Conditions",
     "ContactCorrection",
     "ContactLaw",
+    "ContactPressure",
     "CriticalSpeed",
     "Diagnosis",
     "Drive",
@@ -104,7 +106,9 @@ __all__ = [
     "OrderTable",
     "Parameter",
     "Policy",
+    "PressurePeak",
     "Reducer",
+    "RollerBearing",
     "Run",
     "Source",
     "SpeedResponse",
@@ -126,6 +130,7 @@ __all__ = [
     "coloured_noise",
     "compare",
     "contact_correction",
+    "contact_pressure",
     "cost_front",
     "costs",
     "describe",

@@ -61,6 +61,9 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "transmission_error_by_effect": lambda model: rverror.transmission_error_by_effect(model, THETA)[: len(PARTS)],
     "equilibrium": lambda model: rverror.equilibrium(model, THETA, torque=20e3).transmission_error,
     "linearise": lambda model: rverror.linearise(model, THETA, torque=20e3).forces["pin"].sum(axis=0).reshape(-1, N),
+    "contact_pressure": lambda model: (
+        rverror.contact_pressure(model, THETA, torque=20e3, disc_width=9.0, gear_width=8.0).pressure["pin"].sum(axis=1)
+    ),
     "lost_motion": waveform(rverror.lost_motion),
     "backlash": waveform(rverror.backlash),
     "torsion_curve": lambda model: rverror.torsion_curve(model, THETA, torques=[-20e3, 20e3]).angle,

@@ -35,6 +35,7 @@ CORE_UNITS = {
     "mass": "tonne",
     "inertia": "tonne*mm^2",
     "torsional_stiffness": "N*mm/rad",
+    "pressure": "N/mm^2",
     "slope": "dimensionless",
     "number": "dimensionless",
 }
@@ -54,6 +55,7 @@ DISPLAY_UNITS = {
     "mass": "kg",
     "inertia": "kg*m^2",
     "torsional_stiffness": "N*m/rad",
+    "pressure": "MPa",
     "slope": "arcsec/turn",
     "number": "dimensionless",
 }
@@ -82,6 +84,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "mass": {"tonne": (1.0, 0.0), "kg": (1e-3, 0.0), "g": (1e-6, 0.0)},
     "inertia": {"tonne*mm^2": (1.0, 0.0), "kg*m^2": (1e3, 0.0), "kg*cm^2": (0.1, 0.0)},
     "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
+    "pressure": {"N/mm^2": (1.0, 0.0), "MPa": (1.0, 0.0), "GPa": (1e3, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
     "number": {"dimensionless": (1.0, 0.0)},
 }

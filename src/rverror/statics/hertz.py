@@ -1,0 +1,251 @@
+r"""How contacts share the load, and how hard they press: Hertz's line contact on the forces of the equilibrium.
+
+Two cylinders of equal steel that press with F over a length b, their radii R_1 and R_2 (below 0 where hollow), touch
+over a strip of half-width a with the largest pressure p:
+
+.. math::
+
+    \frac{1}{R} = \frac{1}{R_1} + \frac{1}{R_2},\quad
+    E' = \frac{E}{2 (1 - \nu^2)},\quad
+    p = \sqrt{\frac{F E'}{\pi b R}},\quad a = \frac{2 F}{\pi b p} .
+
+A pin of radius r on a disc whose pin centres draw a curve of curvature kappa there: the profile is that curve's offset,
+of radius 1/kappa - r, and R = r (1 - kappa r).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.geartrain.action_line import Contacts
+from rverror.geartrain.contacts import motion
+from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
+from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.effects import Model
+from rverror.statics.loaded_state import equilibrium
+
+#: F over Z times the force of the most loaded of Z rollers: without clearance or preload they close by cos(psi) over
+#: half the bearing and carry by the power 10/9 of a line contact (Stribeck; 4.08 F / Z on that roller).
+_STRIBECK = math.gamma(14 / 9) / math.gamma(37 / 18) / (2 * math.sqrt(math.pi))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollerBearing:
+    """Rollers between a cam, or a journal, and its bore.
+
+    Parameters
+    ----------
+    rollers : int
+        How many.
+    roller_diameter, roller_length : float or quantity
+        mm.
+    race_diameter : float or quantity
+        Of the inner race, on which they press hardest, mm.
+
+    Raises
+    ------
+    ValueError
+        If a value is not above 0, or there are fewer than three rollers.
+
+    Examples
+    --------
+    >>> RollerBearing(rollers=14, roller_diameter="5 mm", roller_length="8 mm", race_diameter="20 mm").race_diameter
+    20.0
+    """
+
+    rollers: int
+    roller_diameter: float
+    roller_length: float
+    race_diameter: float
+
+    def __post_init__(self) -> None:
+        """Convert to mm and check."""
+        if isinstance(self.rollers, bool) or not isinstance(self.rollers, int) or self.rollers < 3:
+            raise ValueError(f"rollers = {self.rollers!r}: must be a whole number, 3 or more")
+        for item in fields(self)[1:]:
+            object.__setattr__(self, item.name, _length(item.name, getattr(self, item.name)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressurePeak:
+    """Where contacts of one kind press hardest.
+
+    Attributes
+    ----------
+    contact : str
+        ``"pin"``, ``"mesh"``, ``"cam"`` or ``"carrier"``.
+    indices : mapping of str to int
+        Which of them.
+    theta : float
+        Output angle at which it does, rad.
+    pressure : float
+        N/mm^2.
+    force : float
+        N.
+    ripple : float
+        Largest less smallest over the angles, of the hardest pressed contact at each, as a share of the mean.
+    """
+
+    contact: str
+    indices: Mapping[str, int]
+    theta: float
+    pressure: float
+    force: float
+    ripple: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactPressure:
+    """Force and largest Hertz pressure of each contact along a motion.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,)
+        Output angle, rad.
+    force, pressure, half_width : mapping of str to ndarray
+        N, N/mm^2 and mm; ``"pin"`` (discs, pins, n), ``"mesh"`` (cranks, n), and where the bearings are known ``"cam"``
+        (discs, cranks, n) and ``"carrier"`` (cranks, n).  0 where open.
+    place : ndarray, shape (discs, pins, n)
+        Where on its disc each pin touches: angle about the disc's centre in the disc's frame, rad.
+    """
+
+    theta: Array
+    force: Mapping[str, Array]
+    pressure: Mapping[str, Array]
+    half_width: Mapping[str, Array]
+    place: Array
+
+    def peaks(self) -> tuple[PressurePeak, ...]:
+        """Hardest pressed contact of each kind, the hardest pressed kind first.
+
+        Returns
+        -------
+        tuple of PressurePeak
+        """
+        found = []
+        for contact, pressure in self.pressure.items():
+            *where, at = (int(i) for i in np.unravel_index(int(np.argmax(pressure)), pressure.shape))
+            hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
+            found.append(
+                PressurePeak(
+                    contact=contact,
+                    indices=dict(zip(_INDICES[contact], where, strict=True)),
+                    theta=float(self.theta[at]),
+                    pressure=float(pressure[*where, at]),
+                    force=float(self.force[contact][*where, at]),
+                    ripple=float(np.ptp(hardest) / hardest.mean()) if hardest.any() else 0.0,
+                )
+            )
+        return tuple(sorted(found, key=lambda one: -one.pressure))
+
+
+_INDICES = {"pin": ("disc", "pin"), "mesh": ("crank",), "cam": ("disc", "crank"), "carrier": ("crank",)}
+
+
+def contact_pressure(
+    model: Model,
+    theta: Any,
+    *,
+    torque: Any | None = None,
+    direction: Any | None = None,
+    disc_width: Any,
+    gear_width: Any,
+    cam_bearing: RollerBearing | None = None,
+    carrier_bearing: RollerBearing | None = None,
+    youngs_modulus: Any = 206e3,
+    poisson_ratio: float = 0.3,
+) -> ContactPressure:
+    """Load of each contact and the pressure under it.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer; its errors, stiffnesses and play share the load.
+    theta : array_like or quantity, shape (n,), or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of torque and direction.
+    torque, direction
+        As in `equilibrium`.
+    disc_width, gear_width : float or quantity
+        Length over which a pin touches one disc, and a planet the sun, mm.
+    cam_bearing, carrier_bearing : RollerBearing, optional
+        Rollers of the cranks in the discs and in the carrier; their forces alone do not tell a pressure.
+    youngs_modulus : float or quantity
+        Of all parts, N/mm^2; steel's where left out.
+    poisson_ratio : float
+        Of all parts.
+
+    Returns
+    -------
+    ContactPressure
+
+    Raises
+    ------
+    ValueError
+        If a width or the modulus is not above 0, or Poisson's ratio not between 0 and 0.5.
+    NotConvergedError
+        As in `equilibrium`.
+
+    Notes
+    -----
+    Straight contacts of equal materials: no crowning, no tilt, no edges, which press harder.  The gear mesh is taken at
+    the pitch point with one pair of teeth.  No source text has it; Hertz (1881), Stribeck (1901).
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> theta = np.linspace(0, 2 * np.pi / 40, 16)
+    >>> found = contact_pressure(unit, theta, torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
+    >>> found.peaks()[0].contact
+    'mesh'
+    """
+    widths = {name: _length(name, value) for name, value in (("disc_width", disc_width), ("gear_width", gear_width))}
+    modulus = units.named_core("youngs_modulus", youngs_modulus, "pressure")
+    if not modulus > 0:
+        raise ValueError(f"youngs_modulus = {modulus:g} MPa: must be above 0")
+    if not 0 <= poisson_ratio < 0.5:
+        raise ValueError(f"poisson_ratio = {poisson_ratio:g}: must lie between 0 and 0.5")
+    state = equilibrium(model, theta, torque=torque, direction=direction)
+    unit = model.mechanism
+    assert isinstance(unit, Reducer)  # or there were no equilibrium
+    stands = motion(unit, Conditions(state.theta + model.index_offset, 1.0))
+    assert isinstance(stands, Contacts)
+    size = {key: np.sqrt((state.contact_forces[key] ** 2).sum(axis=-2)) for key in _INDICES}
+    size["mesh"] = size["mesh"].sum(axis=1)  # of two flanks one carries, but for preload
+    lead = stands.eccentric[:, None] - pin_positions(unit)[:, None]
+    pin = unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, lead))
+    sine, sun, planet = math.sin(unit.pressure_angle), unit.sun_pitch_radius, unit.planet_pitch_radius
+    mesh = np.array(sine * sun * planet / (sun + planet))
+    pressed = {"pin": (size["pin"], widths["disc_width"], pin), "mesh": (size["mesh"], widths["gear_width"], mesh)}
+    for contact, bearing in (("cam", cam_bearing), ("carrier", carrier_bearing)):
+        if bearing is not None:
+            roller = np.array(0.5 / (1 / bearing.roller_diameter + 1 / bearing.race_diameter))
+            most = size[contact] / (_STRIBECK * bearing.rollers)
+            pressed[contact] = most, bearing.roller_length, roller
+    stiff = modulus / (2 * (1 - poisson_ratio**2))
+    pressure, half_width = {}, {}
+    for contact, (force, width, radius) in pressed.items():
+        pressure[contact] = np.sqrt(force * stiff / (math.pi * width * radius))
+        half_width[contact] = 2 * np.sqrt(force * radius / (math.pi * width * stiff))
+    return ContactPressure(
+        theta=state.theta,
+        force={contact: force for contact, (force, _, _) in pressed.items()},
+        pressure=pressure,
+        half_width=half_width,
+        place=stands.pin_angle,
+    )
+
+
+def _length(name: str, value: Any) -> float:
+    size = units.named_core(name, value, "length")
+    if not 0 < size < math.inf:
+        raise ValueError(f"{name} = {size:g} mm: must be above 0")
+    return size
