@@ -205,7 +205,7 @@ def contact_pressure(
     >>> theta = np.linspace(0, 2 * np.pi / 40, 16)
     >>> found = contact_pressure(unit, theta, torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
     >>> found.peaks()[0].contact
-    'mesh'
+    'pin'
     """
     widths = {name: _length(name, value) for name, value in (("disc_width", disc_width), ("gear_width", gear_width))}
     modulus = units.named_core("youngs_modulus", youngs_modulus, "pressure")
