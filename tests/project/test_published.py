@@ -190,6 +190,16 @@ def test_errors_add_up_under_load_alone(tables):
         assert row[2] < 1 < row[3]
 
 
+@pytest.mark.parametrize("draw", [0, 3])
+def test_no_term_of_second_order_makes_up_for_contacts_that_open(draw):
+    """Were the error smooth, D_jk would leave far less than the linear term at one of the steps."""
+    for step in (0.02, 0.1, 0.5):
+        light, rated = published.second_order(draw=draw, step=step)
+        assert light[1] > 0.9 * light[0] > 0.2
+        assert 0.9 < rated[1] / rated[0] < 1.1
+        assert rated[0] < 0.05
+
+
 def test_lag_and_lead_of_thin_pins():
     lag, lead, solved_lag, solved_lead = published.pin_radius_lag()
     assert lag.min() == pytest.approx(F * E / (1.25 * 39) / ARCSEC, rel=1e-4)  # a pin at the longest arm
