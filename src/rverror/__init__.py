@@ -27,6 +27,7 @@ from rverror.dynamics.natural_modes import Modes, modes
 # Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import load_mapping
+from rverror.runs.measuring_chain import BenchUncertainty, bench_uncertainty
 from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
 from rverror.runs.order_file import load_orders, orders_from_arrays, write_orders
 from rverror.runs.order_fit import order_table_from_runs
@@ -81,6 +82,7 @@ __all__ = [
     "CATALOGUE",
     "Allocation",
     "Bench",
+    "BenchUncertainty",
     "Budget",
     "Comparison",
     "Conditions",
@@ -124,6 +126,7 @@ __all__ = [
     "allocation_text",
     "append_effects",
     "backlash",
+    "bench_uncertainty",
     "budget",
     "budget_json",
     "budget_text",

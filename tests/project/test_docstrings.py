@@ -19,8 +19,10 @@ OF_THE_PACKAGE = {"PR01", "RT01"}
 #: Results are shown where they are made.
 SHOWN_BY = {
     "Allocation": "allocate",
+    "BenchUncertainty": "bench_uncertainty",
     "Budget": "budget",
     "ContactCorrection": "contact_correction",
+    "ContactPressure": "contact_pressure",
     "Diagnosis": "diagnose",
     "Effect": "effect",
     "Equilibrium": "equilibrium",
@@ -30,6 +32,7 @@ SHOWN_BY = {
     "Linearisation": "linearise",
     "Modes": "modes",
     "OrderTable": "orders_from_arrays",
+    "PressurePeak": "contact_pressure",
     "Run": "run_from_arrays",
     "CriticalSpeed": "speed_response",
     "SpeedResponse": "speed_response",
