@@ -21,7 +21,7 @@ from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders
-from rverror.geartrain.mechanism import Reducer, Stiffness, reducer
+from rverror.geartrain.mechanism import BearingPreload, Reducer, Stiffness, reducer
 from rverror.model.compose import influence, transmission_error
 from rverror.model.effects import Effect, Model, effect
 from rverror.statics.loaded_state import equilibrium
@@ -962,6 +962,58 @@ def error_shares(*, draws: int = 6) -> Table:
     )
 
 
+@functools.cache
+def preload_sweep(*, draws: int = 3) -> tuple[tuple[float, float, float, float, float], ...]:
+    """Source 004's error set under bearings pressed in by more and more, its clearance left out.
+
+    Returns
+    -------
+    tuple of tuple of float
+        Interference, um; median peak-to-peak, then lost motion without errors, both at `LIGHT` and `RATED`, arcsec.
+    """
+    fifty = 50 / rv40e().stiffness.crank_bearing  # mm that 50 N press a bearing in by
+    found = []
+    for size in (-0.012, 0.0, fifty, 0.002, 0.010):
+        unit = replace(
+            rv40e(), bearing_preload=BearingPreload(crank_bearing=max(size, 0), carrier_bearing=max(size, 0))
+        )
+        play = _clearance(-size) if size < 0 else NOTHING
+        waves = []
+        for torque in (LIGHT, RATED):
+            sizes = []
+            for draw in range(draws):
+                groups = dict(error_groups(np.random.default_rng((4, draw)), unit))
+                groups["bearing clearance, 12 um"] = play
+                sizes.append(float(np.ptp(wave_of(unit, sum(groups.values(), NOTHING), torque))))
+            waves.append(float(np.median(sizes)))
+        lost = (_lost_motion(unit, play, torque) for torque in (LIGHT, RATED))
+        found.append((1e3 * size, *waves, *lost))
+    return tuple(found)
+
+
+def bearing_preload() -> Table:
+    """Source 004's preload of 50 N."""
+    return Table(
+        key="004 preload",
+        printed="A controlled preload of 50 N on the bearings reduces the transmission error by 20 %.",
+        how="Cam and crank bearings of 300 kN/mm pressed in all around; 50 N are 0.17 um. The printed error set but "
+        "its clearance, median of three draws, peak-to-peak; lost motion is that without other errors, windup of both "
+        "directions included. Below 0: the printed clearance of 12 um.",
+        columns=(
+            "interference, um",
+            "p-p, 20 N m",
+            "p-p, 412 N m",
+            "lost motion, 20 N m",
+            "lost motion, 412 N m",
+        ),
+        rows=preload_sweep(),
+        verdict="not reproducible: taking away the clearance of 12 um lowers the ripple by 4 to 7 %, 50 N beyond "
+        "that by less than 1 %, and bearings twice as stiff, which share the load less evenly, raise it at light load. "
+        "What a preload takes is lost motion: nearly all that clearance makes, and part of the windup while both sides "
+        "of a bearing carry",
+    )
+
+
 def sensitivities() -> Table:
     """Source 004's table 4."""
     unit = rv40e()
@@ -1029,6 +1081,7 @@ TABLES: tuple[Callable[[], Table], ...] = (
     contact_force,
     error_band,
     error_shares,
+    bearing_preload,
     sensitivities,
 )
 

@@ -11,7 +11,16 @@ from rverror.base.units import ARCSEC, to_core, to_display
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import ErrorVector
 from rverror.geartrain.kinematics import Conditions, folded_order, frame_orders, fundamental_orders
-from rverror.geartrain.mechanism import ContactLaw, Drive, Inertia, Reducer, Stiffness, StiffnessUncertainty, reducer
+from rverror.geartrain.mechanism import (
+    BearingPreload,
+    ContactLaw,
+    Drive,
+    Inertia,
+    Reducer,
+    Stiffness,
+    StiffnessUncertainty,
+    reducer,
+)
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
 from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
@@ -81,6 +90,7 @@ __all__ = [
     "ARCSEC",
     "CATALOGUE",
     "Allocation",
+    "BearingPreload",
     "Bench",
     "BenchUncertainty",
     "Budget",

@@ -257,16 +257,8 @@ def test_inertia_and_bench(tmp_path: Path) -> None:
 
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
-    assert {
-        *COUNTS,
-        *QUANTITIES,
-        "stiffness",
-        "stiffness_uncertainty",
-        "contact_law",
-        "inertia",
-        "name",
-        "output",
-    } == names
+    tables = {"stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia"}
+    assert {*COUNTS, *QUANTITIES, *tables, "name", "output"} == names
     for name, (dimension, example) in QUANTITIES.items():
         kind = "angle" if name == "pressure_angle" else "torque" if name == "rated_torque" else "length"
         assert dimension == kind

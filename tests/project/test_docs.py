@@ -148,6 +148,7 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "stiffness_uncertainty",
         "contact_law",
         "inertia",
+        "bearing_preload",
         "rated_torque",
         "crank_circle_radius",
         "output",

@@ -389,3 +389,15 @@ def test_cells():
     assert [published.cell(v) for v in (None, "", "a", -1e-12, 5.46, 0.0712, 351.6)] == [
         "-", "-", "a", "0", "5.46", "0.07", "352",
     ]  # fmt: skip
+
+
+def test_a_preload_takes_lost_motion_and_not_ripple():
+    rows = np.array(published.preload_sweep())
+    loose, none, fifty, _, most = rows
+    for torque in (1, 2):
+        assert abs(fifty[torque] / none[torque] - 1) < 0.02  # printed: 0.2
+        assert loose[torque] > 0.98 * none[torque]
+    assert np.all(np.diff(rows[:, 3:], axis=0) < 1e-6)
+    # each of both bearings in series plays its clearance either way: 2 (c + c) r6-ward, through both directions
+    assert loose[3] - none[3] > 200 > 10 > none[3] - fifty[3] > 0
+    assert most[4] > 0.5 * none[4]

@@ -164,6 +164,46 @@ class ContactLaw:
             object.__setattr__(self, name, _at_least(name, getattr(self, name), f"{low:g} ({is_low})", low, high))
 
 
+@dataclass(frozen=True, kw_only=True)
+class BearingPreload:
+    """Interference of preloaded bearings: how far their rollers are pressed in all around, mm; 0 for none.
+
+    Parameters
+    ----------
+    crank_bearing : float
+        Of each cam bearing.
+    carrier_bearing : float
+        Of each crank bearing in the carrier.
+
+    Raises
+    ------
+    ValueError
+        If a value is below 0.
+
+    Notes
+    -----
+    A negative clearance.  Up to that displacement rollers on both sides carry, and the bearing is twice as stiff as
+    declared; a clearance that wear or an effect adds takes from it.  A spring that preloads by a force F makes F over
+    the bearing's stiffness.  Quantities and strings with a unit are converted.
+
+    Examples
+    --------
+    >>> BearingPreload(crank_bearing="2 um").crank_bearing
+    0.002
+    """
+
+    crank_bearing: float = 0.0
+    carrier_bearing: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Convert to mm and check that each value is a size."""
+        for item in dataclasses.fields(self):
+            value = units.named_core(item.name, getattr(self, item.name), "length")
+            if not 0 <= value < math.inf:
+                raise ValueError(f"{item.name} = {1e3 * value:g} um: must be 0 (none) or more; it is an interference")
+            object.__setattr__(self, item.name, value)
+
+
 #: Dimension of each inertia of a reducer.
 INERTIA_DIMENSIONS = {
     f"{part}_{what}": dimension
@@ -256,6 +296,8 @@ class Reducer(Viewed):
         How well they are known.
     contact_law : ContactLaw
         By which powers pins and flanks close; linear where left out.  The closed form does not use it.
+    bearing_preload : BearingPreload
+        Interference of cam and crank bearings; none where left out.  The closed form does not use it.
     inertia : Inertia
         Of its parts, for the dynamics; estimated where left out.
     rated_torque : float, optional
@@ -301,6 +343,7 @@ class Reducer(Viewed):
     stiffness: Stiffness = field(default_factory=Stiffness)
     stiffness_uncertainty: StiffnessUncertainty = field(default_factory=StiffnessUncertainty)
     contact_law: ContactLaw = field(default_factory=ContactLaw)
+    bearing_preload: BearingPreload = field(default_factory=BearingPreload)
     inertia: Inertia = field(default_factory=Inertia)
     rated_torque: float | None = None
     spline_radius: float | None = None
@@ -439,7 +482,7 @@ class Reducer(Viewed):
 
 
 #: Parameters of a reducer that leave its geometry as it is.
-ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law", "inertia")
+ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law", "bearing_preload", "inertia")
 
 
 def check_same_geometry(one: Reducer, other: Reducer) -> None:

@@ -17,6 +17,7 @@ from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
 from rverror.geartrain.mechanism import (
     INERTIA_DIMENSIONS,
     PRESETS,
+    BearingPreload,
     ContactLaw,
     Drive,
     Inertia,
@@ -55,6 +56,7 @@ _TABLES: Mapping[str, tuple[type[Any], Mapping[str, tuple[str, str]]]] = {
         {f.name: ("number", "'25 %'") for f in dataclasses.fields(StiffnessUncertainty)},
     ),
     "contact_law": (ContactLaw, {f.name: ("number", "1.11") for f in dataclasses.fields(ContactLaw)}),
+    "bearing_preload": (BearingPreload, {f.name: ("length", "2 um") for f in dataclasses.fields(BearingPreload)}),
     "inertia": (
         Inertia,
         {name: (kind, "0.8 kg" if kind == "mass" else _MOMENT) for name, kind in INERTIA_DIMENSIONS.items()},

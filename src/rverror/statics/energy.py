@@ -62,7 +62,7 @@ class Errors:
     along: Array  # (n, discs, pins), by which pins move along the discs' profiles
     flank: Array  # (n, 2 cranks)
     joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
-    clearance: Array  # (joints,)
+    clearance: Array  # (joints,); below 0 an interference
     compliance: Mapping[str, Array] = field(
         default_factory=dict
     )  # mm/N more than nominal, where any, as `elasticity` takes
@@ -331,7 +331,8 @@ class Layout:
 class System:
     """The energy at n angles.
 
-    Springs are the bearings without clearance: a matrix and a vector hold all of them.  Journals are those with one.
+    Springs are the bearings without clearance or preload: a matrix and a vector hold all of them.  Journals are those
+    with one.
     """
 
     reducer: Reducer
@@ -350,7 +351,7 @@ class System:
     flank_stiffness: Array  # (n, 2 cranks or 1)
     journal_rows: Array  # (n, journals, 2, size), of bearings with clearance
     journal_error: Array  # (n, journals, 2)
-    clearance: Array  # (n, journals)
+    clearance: Array  # (n, journals); below 0 an interference, where rollers on both sides carry
     journal_stiffness: Array  # (n, journals)
     driving_pins: Flags  # on the loaded side
     driving_flanks: Flags
@@ -402,9 +403,9 @@ class System:
         journals = self.journal_rows @ x[:, None, :, None]
         journals = journals[..., 0] + self.journal_error
         if journals.size:
-            closing, force = self.journal_forces(journals)
+            squares, force = self.journal_forces(journals)
             gradient += np.einsum("nqcd,nqc->nd", self.journal_rows, force)
-            terms.append(0.5 * (self.journal_stiffness * closing**2).sum(axis=1))
+            terms.append(0.5 * (self.journal_stiffness * squares).sum(axis=1))
         far = np.abs(x).max(axis=1)
         rounding = _ROUNDING * self.spring_scale * far
         return State(
@@ -418,22 +419,32 @@ class System:
         )
 
     def journal_forces(self, journals: Array) -> tuple[Array, Array]:
-        """Closing and force of each journal, which floats in its clearance."""
+        """Squares of the closings and force of each journal, which floats in its clearance or is pressed all around."""
         distance = np.sqrt((journals**2).sum(axis=-1))
         closing = np.maximum(distance - self.clearance, 0.0)
-        share = closing / np.where(distance > 0, distance, 1.0)
-        return closing, (self.journal_stiffness * share)[..., None] * journals
+        behind = np.maximum(-self.clearance - distance, 0.0)
+        share = self._journal_share(distance, closing)
+        return closing**2 + behind**2, (self.journal_stiffness * share)[..., None] * journals
+
+    def _journal_share(self, distance: Array, closing: Array) -> Array:
+        """Force of a journal over its stiffness and distance: 2 where rollers on both sides carry."""
+        return np.where(distance < -self.clearance, 2.0, closing / np.where(distance > 0, distance, 1.0))
+
+    def pressed_around(self, journals: Array) -> Flags:
+        """Journals whose rollers carry on both sides."""
+        return np.asarray(np.sqrt((journals**2).sum(axis=-1)) < -self.clearance)
 
     def journal_matrices(self, journals: Array) -> Array:
         """Stiffness (n, journals, 2, 2) of the journals: full along the force, F / distance across it."""
         distance = np.sqrt((journals**2).sum(axis=-1))
-        safe = np.where(distance > 0, distance, 1.0)
-        share = np.maximum(distance - self.clearance, 0.0) / safe
-        along = journals / safe[..., None]
+        closing = np.maximum(distance - self.clearance, 0.0)
+        share = self._journal_share(distance, closing)
+        sides = (closing > 0) + np.where(distance < -self.clearance, 1.0, 0.0)
+        along = journals / np.where(distance > 0, distance, 1.0)[..., None]
         radial = along[..., :, None] * along[..., None, :]
-        touching = (self.journal_stiffness * (share > 0))[..., None, None]
-        share = share[..., None, None]
-        return np.asarray(touching * (share * np.eye(2) + (1 - share) * radial), dtype=np.float64)
+        across = share[..., None, None] * np.eye(2)
+        matrix = across + (sides - share)[..., None, None] * radial
+        return np.asarray(self.journal_stiffness[..., None, None] * matrix, dtype=np.float64)
 
     def matrix(self, *, pins: Array, flanks: Array, journals: Array) -> Array:
         """Stiffness with that of each pin, of each flank and of each journal."""
@@ -544,7 +555,7 @@ def geometry(motion: Contacts) -> Geometry:
 def loaded_system(elastic: Elastic, errors: Errors, torque: float) -> System:
     """Energy of a gear train with errors, under a torque on the carrier that resists its motion in the housing."""
     contacts, reducer, stiff = elastic.contacts, elastic.reducer, elastic.elasticity
-    n, cams, floats = contacts.motion.theta.size, reducer.discs * reducer.cranks, errors.clearance > 0
+    n, cams, floats = contacts.motion.theta.size, reducer.discs * reducer.cranks, errors.clearance != 0
     springs = elastic.springs(floats)
     load = np.zeros((n, springs.rows.shape[-1]))
     load[:, 2] = -contacts.motion.sense * torque
@@ -576,6 +587,13 @@ def loaded_system(elastic: Elastic, errors: Errors, torque: float) -> System:
         driving_flanks=contacts.driving_flanks,
         driving_force=samples_first(along[floats]),
     )
+
+
+def preloaded(errors: Errors, reducer: Reducer) -> Errors:
+    """Errors whose clearances are less by the preload of a reducer's bearings."""
+    cams, preload = reducer.discs * reducer.cranks, reducer.bearing_preload
+    pressed = np.repeat([preload.crank_bearing, preload.carrier_bearing, 0.0], [cams, reducer.cranks, 2])
+    return replace(errors, clearance=errors.clearance - pressed) if pressed.any() else errors
 
 
 def _at_each(stiffness: Array, n: int) -> Array:

@@ -41,6 +41,7 @@ from rverror.statics.energy import (
     geometry,
     loaded_system,
     minimise,
+    preloaded,
     refined,
     samples_last,
     with_discs,
@@ -482,7 +483,7 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
 
 
 def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> _Solution:
-    errors = error_closing(stretch.contacts, effects)
+    errors = preloaded(error_closing(stretch.contacts, effects), stretch.reducer)
     try:
         stretch = stretch.softer(errors.compliance)
         stretch.elasticity  # noqa: B018 - refuses what is stiffer than rigid
@@ -623,7 +624,7 @@ class _Solution:
         )
 
     def _journals(self) -> npt.NDArray[np.bool_]:
-        return self.errors.clearance > 0
+        return np.asarray(self.errors.clearance != 0)
 
     def _joints(self) -> Array:
         """Closing of each bearing, (n, joints, 2)."""
@@ -680,8 +681,11 @@ class _Solution:
         }
 
     def _directions(self) -> dict[str, Array]:
-        """Unit vectors along which bearings carry."""
-        return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(self._joints()).items()}
+        """Unit vectors along which bearings carry; 0 where rollers on both sides do, and a clearance moves nothing."""
+        joints, floats = self._joints(), self._journals()
+        if floats.any():
+            joints[:, floats] *= ~self.energy.pressed_around(self.closed.journals)[..., None]
+        return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(joints).items()}
 
     @cached_property
     def _quick_per_torque(self) -> tuple[Array, Array, Array, Array]:
@@ -718,7 +722,10 @@ class _Solution:
         pins, flanks, joints, turning = self._quick_per_torque
         system, closed, reducer = self.energy, self.closed, self.stretch.reducer
         stiffness, cams = reducer.stiffness, reducer.discs * reducer.cranks
-        work = (joints * self._joint_forces()).sum(axis=2)
+        forces, floats = self._joint_forces(), self._journals()
+        if floats.any():  # rollers on both sides give way half as far
+            forces[:, floats] /= 1 + system.pressed_around(closed.journals)[..., None]
+        work = (joints * forces).sum(axis=2)
         yielded = pins * np.maximum(closed.pins, 0.0) * system.pin_stiffness
         shut = flanks * np.maximum(closed.flanks, 0.0) * system.flank_stiffness
         by_pin_exponent = pins * system.pin_law.change_with_exponent(closed.pins, system.pin_stiffness)

@@ -238,7 +238,7 @@ def _bracket(name: str) -> str:
 
 
 #: What a reducer has one number of for each kind of contact or part.
-_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "inertia")
+_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia")
 
 
 @_table.register
@@ -253,6 +253,8 @@ def _of_reducer(result: Reducer) -> Table:
     usual = dataclasses.asdict(ContactLaw())
     rows += [(f"stiffness.{name}", value, STIFFNESS) for name, value in springs.items()]
     rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
+    pressed = dataclasses.asdict(result.bearing_preload)
+    rows += [(f"bearing_preload.{name}", value, _GEOMETRY["length"]) for name, value in pressed.items() if value]
     weights = {name: value for name, value in dataclasses.asdict(result.inertia).items() if value is not None}
     rows += [(f"inertia.{name}", value, unit_of(INERTIA_DIMENSIONS[name])) for name, value in weights.items()]
     table = _of_values(result, rows)
