@@ -31,6 +31,7 @@ SHOWN_BY = {
     "Modes": "modes",
     "OrderTable": "orders_from_arrays",
     "Run": "run_from_arrays",
+    "RunUp": "run_up",
     "CriticalSpeed": "speed_response",
     "SpeedResponse": "speed_response",
     "Stack": "stack",

@@ -1,14 +1,17 @@
 """Motion in time of the same equations, at any course of the speed: for checks, and for running up.
 
-As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up,
+As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up; and
+the load may change by T,
 
-    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta).
+    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta) + T h(theta).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -20,6 +23,32 @@ from rverror.dynamics.harmonic_balance import Oscillator
 
 #: Of angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
 Course = Callable[[float], tuple[float, float, float]]
+#: So many points between two samples: the shortest wave that the samples hold has eight.
+_FINER = 4
+
+
+def periodic(rows: Array, period: float) -> CubicSpline:
+    """Rows between their angles: a cubic spline through many more points of their Fourier series.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (r, n)
+        At even angles of one period.
+    period : float
+        rad.
+
+    Returns
+    -------
+    scipy.interpolate.CubicSpline
+        Takes angles within the period, (k,), gives (r, k).
+    """
+    count = rows.shape[-1]
+    waves = np.fft.rfft(rows) * _FINER
+    if count % 2 == 0:
+        waves[..., -1] /= 2  # the shortest wave stands for itself and its mirror
+    fine = np.fft.irfft(waves, _FINER * count)
+    angle = period * np.arange(_FINER * count + 1) / (_FINER * count)
+    return CubicSpline(angle, np.concatenate([fine, fine[:, :1]], axis=1), axis=1, bc_type="periodic")
 
 
 @dataclass(frozen=True)
@@ -31,14 +60,38 @@ class Forced:
     oscillator : Oscillator
     by_speed, by_acceleration : ndarray, shape (m, n)
         Force per speed squared, and per rad/s^2, at the angles of the oscillator.
+    by_load : ndarray, shape (m, n), optional
+        Force per unit of load; none where left out.
     """
 
     oscillator: Oscillator
     by_speed: Array
     by_acceleration: Array
+    by_load: Array | None = None
+
+    @cached_property
+    def _rows(self) -> CubicSpline:
+        """Stiffness, damping and forces over the angle, below one another."""
+        system, m = self.oscillator, self.oscillator.size
+        load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
+        matrices = (system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1))
+        return periodic(np.concatenate([*matrices, self.by_speed, self.by_acceleration, load]), system.period)
+
+    def at(self, theta: Any) -> tuple[Array, Array]:
+        """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
+        m = self.oscillator.size
+        now = np.moveaxis(self._rows(np.asarray(theta) % self.oscillator.period), 0, -1)
+        lead = now.shape[:-1]
+        return now[..., : 2 * m * m].reshape(*lead, 2, m, m), now[..., 2 * m * m :].reshape(*lead, 3, m)
 
     def in_time(
-        self, course: Course, times: Array, *, start: tuple[Array, Array] | None = None, tolerance: float = 1e-8
+        self,
+        course: Course,
+        times: Array,
+        *,
+        load: Callable[[float], float] = lambda _: 0.0,
+        start: tuple[Array, Array] | None = None,
+        tolerance: float = 1e-8,
     ) -> tuple[Array, Array]:
         """Motion from a start on.
 
@@ -48,6 +101,8 @@ class Forced:
             Angle, speed and acceleration at a time.
         times : ndarray, shape (k,)
             s, growing; the motion starts at the first.
+        load : callable
+            Load at a time; none where left out.
         start : tuple of ndarray, optional
             Coordinates and their rates then, (m,) each; at rest about the equilibrium where left out.
         tolerance : float
@@ -64,26 +119,22 @@ class Forced:
 
         Notes
         -----
-        Stiffness, damping and forces between their angles are periodic cubic splines; scipy's DOP853 takes the steps.
+        Stiffness, damping and forces between their angles are those of their Fourier series; scipy's DOP853 takes the
+        steps.
         """
         system, m = self.oscillator, self.oscillator.size
-        parts = (system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1))
-        rows = np.concatenate([*parts, self.by_speed, self.by_acceleration])
-        angle = system.period * np.arange(system.count + 1) / system.count
-        spline = CubicSpline(angle, np.concatenate([rows, rows[:, :1]], axis=1), axis=1, bc_type="periodic")
 
         def rates(time: float, state: Array) -> Array:
             theta, speed, acceleration = course(time)
-            now = spline(theta % system.period)
-            stiffness, damping = now[: 2 * m * m].reshape(2, m, m)
+            (stiffness, damping), (by_speed, by_acceleration, by_load) = self.at(theta)
             stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            force = speed**2 * now[-2 * m : -m] + acceleration * now[-m:]
+            force = speed**2 * by_speed + acceleration * by_acceleration + load(time) * by_load
             force = force - stiffness @ state[:m] - (damping + speed * system.turning) @ state[m:]
             return np.concatenate([state[m:], force])
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
-        scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
+        scale = max(float(np.abs(first).max()), self._size(course, load, times), np.finfo(np.float64).tiny)
         found = solve_ivp(
             rates, (times[0], times[-1]), first, "DOP853", t_eval=times, rtol=tolerance, atol=tolerance * scale
         )
@@ -91,10 +142,12 @@ class Forced:
             raise InputError(f"the motion in time could not be followed ({found.message}); take a shorter time")
         return found.y[:m], found.y[m:]
 
-    def _size(self, course: Course, times: Array) -> float:
+    def _size(self, course: Course, load: Callable[[float], float], times: Array) -> float:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
-        states = [course(float(time)) for time in np.linspace(times[0], times[-1], 9)]
-        speed, acceleration = (max(abs(one[at]) for one in states) for at in (1, 2))
+        moments = np.linspace(times[0], times[-1], 9).tolist()
+        speed, acceleration = (max(abs(course(time)[at]) for time in moments) for at in (1, 2))
         force = speed**2 * np.abs(self.by_speed).max() + acceleration * np.abs(self.by_acceleration).max()
+        if self.by_load is not None:
+            force += max(abs(load(time)) for time in moments) * np.abs(self.by_load).max()
         return float(force / value[value > 0].max()) if (value > 0).any() else float(force)
