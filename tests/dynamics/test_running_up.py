@@ -73,7 +73,7 @@ def test_an_undamped_sweep_is_lewiss() -> None:
     force = np.cos(ANGLE)[None]
     times = np.linspace(0, 1.2 * frequency / rate, 30001)
     swept = Forced(single(frequency, 0.0), np.zeros((1, COUNT)), np.zeros((1, COUNT)), force)
-    y, _ = swept.in_time(lambda t: (rate * t**2 / 2, rate * t, rate), times, load=lambda _: 1.0)
+    y, _ = swept.in_time(lambda t: (rate * t**2 / 2, rate * t, rate, 1.0), times)
     sine, cosine = fresnel(np.linspace(-40, 3, 43001))
     most = frequency / 2 * math.sqrt(math.pi / rate) * np.hypot(cosine + 0.5, sine + 0.5).max()
     assert most == pytest.approx(3.67 * frequency / math.sqrt(2 * math.pi * rate), rel=0.005)
@@ -87,7 +87,7 @@ def test_a_slow_sweep_has_the_amplitude_of_constant_speed() -> None:
     for rate in (2e-4, 2e-2):
         times = np.linspace(0, 1.5 / rate, 20001)
         swept = Forced(single(1.0, ratio), none, none, np.cos(ANGLE)[None])
-        y, _ = swept.in_time(lambda t, rate=rate: (rate * t**2 / 2, rate * t, rate), times, load=lambda _: 1.0)
+        y, _ = swept.in_time(lambda t, rate=rate: (rate * t**2 / 2, rate * t, rate, 1.0), times)
         tops.append(np.abs(y).max())
         at.append(rate * times[np.abs(y[0]).argmax()])
     still = 1 / (2 * ratio * math.sqrt(1 - ratio**2))
@@ -171,7 +171,7 @@ def test_energy_is_what_was_put_in_less_what_was_lost(seed: int) -> None:
     forced = Forced(system, *forces)
     times = np.linspace(0, 6, 6001)
     theta, speed, load = 0.2 * times**2, 0.4 * times, np.sin(times)
-    y, rate = forced.in_time(lambda t: (0.2 * t**2, 0.4 * t, 0.4), times, load=math.sin)
+    y, rate = forced.in_time(lambda t: (0.2 * t**2, 0.4 * t, 0.4, math.sin(t)), times)
     (now, lost), (by_speed, by_acceleration, by_load) = (np.moveaxis(one, 1, 0) for one in forced.at(theta))
     force = (speed**2 * by_speed.T) + 0.4 * by_acceleration.T + load * by_load.T
     turns = periodic(slope(stiffness.reshape(9, -1), 1.0), 2 * math.pi)(theta % (2 * math.pi)).reshape(3, 3, -1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -197,24 +197,28 @@ class _Profile:
     reference: float
     smooth: bool
 
-    @property
+    @cached_property
     def angle(self) -> Array:
         """At the times, rad: between two the speed is their mean on average."""
         travelled = np.diff(self.time) * (self.turn[1:] + self.turn[:-1]) / 2
         return np.concatenate([[0.0], np.cumsum(travelled)])
 
-    def between(self, piece: int, time: Any) -> _Course:
-        """Course at times from one on to the next."""
-        ends = slice(piece, piece + 2)
-        begin, long = self.time[piece], np.diff(self.time[ends])[0]
-        (first, more), (load, more_load) = ((row[piece], np.diff(row[ends])[0]) for row in (self.turn, self.load))
-        share = (np.asarray(time) - begin) / long
-        if self.smooth:
-            whole, gone, steep = share**3 - share**4 / 2, share**2 * (3 - 2 * share), 6 * share * (1 - share)
-        else:
-            whole, gone, steep = share**2 / 2, share, np.ones_like(share)
-        angle = self.angle[piece] + long * (first * share + more * whole)
-        return angle, first + more * gone, more / long * steep, load + more_load * gone
+    def piece(self, number: int) -> Callable[[Any], tuple[Any, Any, Any, Any]]:
+        """Course from one time on to the next, at a time or at several."""
+        begin, end = self.time[number : number + 2].tolist()
+        (first, last), (load, last_load) = (row[number : number + 2].tolist() for row in (self.turn, self.load))
+        start, long, more, more_load = float(self.angle[number]), end - begin, last - first, last_load - load
+
+        def course(time: Any) -> tuple[Any, Any, Any, Any]:
+            share = (time - begin) / long
+            if self.smooth:
+                whole, gone, steep = share**3 - share**4 / 2, share**2 * (3 - 2 * share), 6 * share * (1 - share)
+            else:
+                whole, gone, steep = share**2 / 2, share, 1.0 + 0 * share
+            angle = start + long * (first * share + more * whole)
+            return angle, first + more * gone, more / long * steep, load + more_load * gone
+
+        return course
 
 
 def _profile(model: Model, times: Any, speeds: Any, *, torque: Any, direction: float, smooth: bool) -> _Profile:
@@ -266,17 +270,11 @@ def _followed(moving: ReducedMotion, profile: _Profile, time: Array) -> tuple[Ar
         stops = np.concatenate([[begin], time[own][time[own] > begin], [end]])
         stops = stops[: -1 if stops[-2] == end else None]
 
-        def course(at: float, piece: int = piece) -> tuple[float, float, float]:
-            angle, speed, acceleration, _ = profile.between(piece, at)
-            return float(angle), float(speed), float(acceleration)
-
-        def load(at: float, piece: int = piece) -> float:
-            return float(profile.between(piece, at)[3])
-
-        moved, rates = forced.in_time(course, stops, load=load, start=(y, rate), tolerance=_TOLERANCE)
+        course = profile.piece(piece)
+        moved, rates = forced.in_time(course, stops, start=(y, rate), tolerance=_TOLERANCE)
         y, rate = moved[:, -1], rates[:, -1]
         found[:, own] = np.concatenate([moved, rates])[:, np.searchsorted(stops, time[own])]
-        courses[:, own] = profile.between(piece, time[own])
+        courses[:, own] = course(time[own])
     theta, turn, acceleration, beside = courses
     return found[:m], found[m:], (theta, turn, acceleration, beside)
 

@@ -15,16 +15,17 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator
 
-#: Of angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
-Course = Callable[[float], tuple[float, float, float]]
+#: Of angle, speed, acceleration and load at a time: rad, rad/s, rad/s^2.
+Course = Callable[[float], tuple[float, float, float, float]]
 #: So many points between two samples: the shortest wave that the samples hold has eight.
 _FINER = 4
+_SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
 
 
 def periodic(rows: Array, period: float) -> CubicSpline:
@@ -70,26 +71,41 @@ class Forced:
     by_load: Array | None = None
 
     @cached_property
-    def _rows(self) -> CubicSpline:
-        """Stiffness, damping and forces over the angle, below one another."""
-        system, m = self.oscillator, self.oscillator.size
+    def _forces(self) -> CubicSpline:
         load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
-        matrices = (system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1))
-        return periodic(np.concatenate([*matrices, self.by_speed, self.by_acceleration, load]), system.period)
+        return periodic(np.concatenate([self.by_speed, self.by_acceleration, load]), self.oscillator.period)
+
+    @cached_property
+    def _matrices(self) -> CubicSpline | BSpline:
+        """Stiffness and damping over the angle, below one another.
+
+        Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then it goes
+        straight from sample to sample.
+        """
+        system, m = self.oscillator, self.oscillator.size
+        rows = np.concatenate([system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1)])
+        smooth = periodic(rows, system.period)
+        between = system.period * (np.arange(_FINER * system.count) + 0.5) / (_FINER * system.count)
+        least, told = (
+            np.linalg.eigvalsh(np.moveaxis(matrix.reshape(m, m, -1), -1, 0)).min()
+            for matrix in (smooth(between)[: m * m], system.stiffness)
+        )
+        if least >= told - _SWING * abs(told):
+            return smooth
+        angle = system.period * np.arange(system.count + 1) / system.count
+        return make_interp_spline(angle, np.concatenate([rows, rows[:, :1]], axis=1), k=1, axis=1)
 
     def at(self, theta: Any) -> tuple[Array, Array]:
         """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
-        m = self.oscillator.size
-        now = np.moveaxis(self._rows(np.asarray(theta) % self.oscillator.period), 0, -1)
-        lead = now.shape[:-1]
-        return now[..., : 2 * m * m].reshape(*lead, 2, m, m), now[..., 2 * m * m :].reshape(*lead, 3, m)
+        m, angle = self.oscillator.size, np.asarray(theta) % self.oscillator.period
+        matrices, forces = (one(angle).T for one in (self._matrices, self._forces))
+        return matrices.reshape(*angle.shape, 2, m, m), forces.reshape(*angle.shape, 3, m)
 
     def in_time(
         self,
         course: Course,
         times: Array,
         *,
-        load: Callable[[float], float] = lambda _: 0.0,
         start: tuple[Array, Array] | None = None,
         tolerance: float = 1e-8,
     ) -> tuple[Array, Array]:
@@ -98,11 +114,9 @@ class Forced:
         Parameters
         ----------
         course : callable
-            Angle, speed and acceleration at a time.
+            Angle, speed, acceleration and load at a time.
         times : ndarray, shape (k,)
             s, growing; the motion starts at the first.
-        load : callable
-            Load at a time; none where left out.
         start : tuple of ndarray, optional
             Coordinates and their rates then, (m,) each; at rest about the equilibrium where left out.
         tolerance : float
@@ -119,22 +133,22 @@ class Forced:
 
         Notes
         -----
-        Stiffness, damping and forces between their angles are those of their Fourier series; scipy's DOP853 takes the
-        steps.
+        Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
+        the stiffness above nothing; scipy's DOP853 takes the steps.
         """
         system, m = self.oscillator, self.oscillator.size
 
         def rates(time: float, state: Array) -> Array:
-            theta, speed, acceleration = course(time)
+            theta, speed, acceleration, load = course(time)
             (stiffness, damping), (by_speed, by_acceleration, by_load) = self.at(theta)
             stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            force = speed**2 * by_speed + acceleration * by_acceleration + load(time) * by_load
+            force = speed**2 * by_speed + acceleration * by_acceleration + load * by_load
             force = force - stiffness @ state[:m] - (damping + speed * system.turning) @ state[m:]
             return np.concatenate([state[m:], force])
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
-        scale = max(float(np.abs(first).max()), self._size(course, load, times), np.finfo(np.float64).tiny)
+        scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
         found = solve_ivp(
             rates, (times[0], times[-1]), first, "DOP853", t_eval=times, rtol=tolerance, atol=tolerance * scale
         )
@@ -142,12 +156,12 @@ class Forced:
             raise InputError(f"the motion in time could not be followed ({found.message}); take a shorter time")
         return found.y[:m], found.y[m:]
 
-    def _size(self, course: Course, load: Callable[[float], float], times: Array) -> float:
+    def _size(self, course: Course, times: Array) -> float:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
         moments = np.linspace(times[0], times[-1], 9).tolist()
-        speed, acceleration = (max(abs(course(time)[at]) for time in moments) for at in (1, 2))
+        speed, acceleration, load = (max(abs(course(time)[at]) for time in moments) for at in (1, 2, 3))
         force = speed**2 * np.abs(self.by_speed).max() + acceleration * np.abs(self.by_acceleration).max()
         if self.by_load is not None:
-            force += max(abs(load(time)) for time in moments) * np.abs(self.by_load).max()
-        return float(force / value[value > 0].max()) if (value > 0).any() else float(force)
+            force += load * np.abs(self.by_load).max()
+        return float(force / value[value > 0].min()) if (value > 0).any() else float(force)
