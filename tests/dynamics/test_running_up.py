@@ -139,6 +139,19 @@ def test_a_step_of_the_load_begins_at_its_equilibrium_and_ends_at_the_other() ->
     assert found.output_torque.min() == pytest.approx(100e3 - 200e3 * over, abs=2e3)
 
 
+def test_without_inertia_a_load_is_followed_at_once() -> None:
+    """Modes that do not keep their inertia twist as springs, under the load and under what accelerates."""
+    found = run_up(
+        Model(UNIT), [0, 0.01, 0.01, 0.02], [0, 0, 0, 0], torque=["300 N*m", "200 N*m", "250 N*m", "100 N*m"], samples=9
+    )
+    for at in (0, 2, 6, 8):
+        still = rverror.equilibrium(Model(UNIT), [0.0], torque=float(found.load[at]), direction=1.0)
+        assert found.transmission_error[at] == pytest.approx(still.transmission_error[0], rel=1e-6)
+    np.testing.assert_allclose(
+        found.load, 1e3 * np.array([300, 284.375, 250, 215.625, 250, 226.5625, 175, 123.4375, 100])
+    )
+
+
 def test_a_step_of_the_speed_leaves_the_load_behind() -> None:
     """At first it lags by the speed times the time: -(dOmega / w_d) exp(-zeta w t) sin(w_d t)."""
     model = Model(UNIT, bench=Bench(load_inertia="500 kg*m^2", damping_ratio=0.05))
@@ -187,6 +200,19 @@ def test_waves_between_the_samples_are_those_of_the_series() -> None:
     angle = np.random.default_rng(0).uniform(0, 2 * math.pi, 99)
     found = periodic(wave[None], 2 * math.pi)(angle)[0]
     np.testing.assert_allclose(found, np.cos(5 * angle) + 0.3 * np.sin(24 * angle), atol=3e-3)
+
+
+def test_stiffness_that_jumps_stays_above_nothing_between_the_samples() -> None:
+    """As flanks close; its series alone would fall to -0.07 of the jump."""
+    stiffness = np.where(ANGLE < 2, 400.0, 1.0)[None, None]
+    none = np.zeros((1, 1))
+    jumping = Forced(Oscillator(stiffness, 0.1 * stiffness, none, none, 2 * math.pi), *np.zeros((2, 1, COUNT)))
+    series = periodic(stiffness[0], 2 * math.pi)
+    angle = np.linspace(0, 2 * math.pi, 5001)
+    assert series(angle).min() < -10
+    found = jumping.at(angle)[0]
+    assert 1 - 1e-9 <= found[:, 0].min() <= found[:, 0].max() <= 400 + 1e-9
+    np.testing.assert_allclose(jumping.at(ANGLE)[0][:, 0, 0, 0], stiffness[0, 0])
 
 
 # --- a train beside its harmonic balance ------------------------------------------------------------------------------
