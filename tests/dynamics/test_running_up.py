@@ -82,9 +82,9 @@ def test_an_undamped_sweep_is_lewiss() -> None:
 
 def test_a_slow_sweep_has_the_amplitude_of_constant_speed() -> None:
     """Static sag over 2 zeta sqrt(1 - zeta^2) where the rate is far below (zeta w)^2, less and later else."""
-    ratio, none = 0.1, np.zeros((1, COUNT))
+    ratio, none = 0.2, np.zeros((1, COUNT))
     tops, at = [], []
-    for rate in (2e-4, 2e-2):
+    for rate in (8e-4, 8e-2):
         times = np.linspace(0, 1.5 / rate, 20001)
         swept = Forced(single(1.0, ratio), none, none, np.cos(ANGLE)[None])
         y, _ = swept.in_time(lambda t, rate=rate: (rate * t**2 / 2, rate * t, rate, 1.0), times)
@@ -93,7 +93,7 @@ def test_a_slow_sweep_has_the_amplitude_of_constant_speed() -> None:
     still = 1 / (2 * ratio * math.sqrt(1 - ratio**2))
     assert tops[0] == pytest.approx(still, rel=0.01)
     assert tops[1] < 0.85 * still
-    assert at[0] == pytest.approx(1, abs=0.03)
+    assert at[0] == pytest.approx(math.sqrt(1 - 2 * ratio**2), abs=0.02)
     assert at[1] > 1.05
 
 
@@ -253,7 +253,7 @@ def test_a_slow_run_up_passes_a_resonance_as_constant_speeds_do_and_a_fast_one_b
     # mesh and ramp shake the load, with errors or without
     resonant = np.abs((still.transmission_error - still.crawl) - (calm.transmission_error - calm.crawl)).max()
     pole, tops = first * complex(-ratio, math.sqrt(1 - ratio**2)), []
-    for long in (4.0, 0.4):
+    for long in (2.0, 0.4):
         course, same = ([0, long], [0.6 * peak, 1.4 * peak]), {"smooth": False, "kept": 1, "samples": 4001}
         found, shaken = (run_up(one, *course, torque="3000 N*m", **same) for one in (model, bare))
         tops.append(np.abs(found.vibration - shaken.vibration).max() / resonant)
@@ -267,7 +267,7 @@ def test_a_slow_run_up_passes_a_resonance_as_constant_speeds_do_and_a_fast_one_b
         free = complex((rate_then - pole.real * begin) / pole.imag, begin)
         moved = (np.exp(pole * time) * (free + np.cumsum(np.exp(-pole * time) * force) * time[1] / pole.imag)).imag
         assert tops[-1] == pytest.approx(np.abs(moved).max() * 2 * ratio * math.sqrt(1 - ratio**2), rel=0.02), long
-    assert tops[0] > 0.9
+    assert tops[0] > 0.8
     assert tops[1] < 0.75
 
 

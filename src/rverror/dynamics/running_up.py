@@ -121,7 +121,8 @@ def run_up(
     ------
     InputError
         If the model is no reducer, there is no torque, times, speeds and torques are no course, nothing holds the input
-        (``position_control_stiffness`` of 0), or errors of the sun repeat after too many turns.
+        (``position_control_stiffness`` of 0), errors of the sun repeat after too many turns, no periodic motion is
+        found at the first speed, or the motion grows without bound.
     NotConvergedError
         If there is no equilibrium at some angle.
 
