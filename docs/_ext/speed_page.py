@@ -200,6 +200,7 @@ def markdown() -> str:
         "last": arcsec(float(found.peak_to_peak[-1])),
         "mesh": f"{60 * low[0] * 121 / 1560:.0f}",
         "softer": f"{(bare_81 / MEASURED_FREQUENCY) ** 2:.1f}",
+        "heavier": f"{round(ARM.load_inertia / (bare.inertia.carrier_inertia or math.inf), -3):.0f}",
         "forty": f"{60 * first_frequency(ARM) * 121 / 40:.0f}",
         "pulled": f"{100 * closed:.1f}",
         "remedies": _remedy_rows(),
@@ -353,7 +354,7 @@ Cranks, pin radius and stiffness of that unit are guesses; scaled to the measure
 
 ## How far to trust it
 
-- Estimated inertia matters little where a load leads: the arm has a thousand times the carrier's.
+- Estimated inertia matters little where a load leads: the arm has {heavier} times the carrier's.
 - Stiffness is known to a quarter, so frequencies and critical speeds to some 12 %: look for a peak in a range, not
   at a number.
 - Damping is a guess until a run at several speeds tells it; heights of peaks are in inverse proportion to it.
