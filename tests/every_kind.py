@@ -188,6 +188,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
             rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE),
             {},
         ),
+        "RunUp": (rverror.run_up(replace(MODEL, bench=SWING), [0, 0.01], [0, 40], torque=TORQUE, samples=9), {}),
         "Tolerance": (TOLERANCES[0], {}),
         "Tolerances": (TOLERANCES, {}),
         "Stack": (stack, {}),

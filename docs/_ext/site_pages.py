@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import catalogue_pictures
 import catalogue_tables
+import speed_page
 from docutils import nodes
 from docutils.utils.math import latex2mathml
 from sphinx.pycode import ModuleAnalyzer
@@ -32,6 +33,8 @@ DOCS = Path(__file__).parents[1]
 EXAMPLES = DOCS.parent / "examples"
 #: Ending of notebooks among the pages; a plain .py is a file to link to.
 NOTEBOOK = ".nb.py"
+#: Pages with pictures that the code draws.
+WRITTEN = ("catalogue", "theory/error-at-speed")
 _LONG = 45  # characters of a formula that may not fit into a line on a phone
 
 
@@ -177,6 +180,7 @@ def write_out(app: Sphinx, docname: str, source: list[str]) -> None:
     text = catalogue() if docname == "catalogue" else source[0]
     text = re.sub(r"<!-- modules: (.+) -->", lambda found: modules_of(found[1]), text)
     text = re.sub(r"<!-- public names -->", lambda _: public_names(), text)
+    text = re.sub(r"<!-- picture: (.+) -->", lambda found: raw(speed_page.picture(found[1])), text)
     # notebooks are pages here; other examples are files
     text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/notebooks/([\w-]+)\.py\)", rf"](\1notebooks/\2{NOTEBOOK})", text)
     text = re.sub(r"\]\(((?:\.\./)+(?:examples/[\w-]+\.ipynb|[A-Z]+\.md))\)", r"](<path:\1>)", text)
@@ -187,7 +191,7 @@ def write_out(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def always_new(app: Sphinx, env: BuildEnvironment, *changes: Any) -> list[str]:
     """Pages that depend on the code, so on more than their own text."""
-    return [name for name in env.found_docs if name == "catalogue" or name.startswith("api/")]
+    return [name for name in env.found_docs if name in WRITTEN or name.startswith("api/")]
 
 
 # --- notebooks --------------------------------------------------------------------------------------------------------

@@ -32,6 +32,7 @@ from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConverge
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
 from rverror.dynamics.natural_modes import Modes, modes
+from rverror.dynamics.running_up import RunUp, run_up
 
 # Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
 from rverror.runs.bench.draft import draft_mapping
@@ -122,6 +123,7 @@ __all__ = [
     "Reducer",
     "RollerBearing",
     "Run",
+    "RunUp",
     "Source",
     "SpeedResponse",
     "Stack",
@@ -180,6 +182,7 @@ __all__ = [
     "read_case",
     "reducer",
     "run_from_arrays",
+    "run_up",
     "save_model",
     "save_widths",
     "simulate",

@@ -50,6 +50,12 @@ def at_speed(model: rverror.Model) -> np.ndarray:
     return found.transmission_error[:, :: found.theta.size // N]
 
 
+def in_time(model: rverror.Model) -> np.ndarray:
+    """One output turn at an even speed, which begins on the periodic motion."""
+    turn = 2 * np.pi * 121 / 500.0
+    return rverror.run_up(model, [0, turn], [500.0] * 2, torque=20e3, kept=1, samples=N + 1).transmission_error[:-1]
+
+
 def rolled_stack(model: rverror.Model) -> np.ndarray:
     made = rverror.stack(model, [rverror.tolerance("cycloid.disc_bore_position", "5 um")], THETA)
     return np.concatenate([made.nominal[None], made.influence])
@@ -72,6 +78,7 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "simulate_runs": lambda model: of_runs(rverror.simulate_runs(model, points=N)),
     "stack": rolled_stack,
     "speed_response": at_speed,
+    "run_up": in_time,
 }
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {

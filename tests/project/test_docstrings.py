@@ -34,6 +34,7 @@ SHOWN_BY = {
     "OrderTable": "orders_from_arrays",
     "PressurePeak": "contact_pressure",
     "Run": "run_from_arrays",
+    "RunUp": "run_up",
     "CriticalSpeed": "speed_response",
     "SpeedResponse": "speed_response",
     "Stack": "stack",

@@ -32,6 +32,10 @@ def numbers(table):
     return {row[0]: [None if v is None else float(v) for v in row[1:]] for row in table.rows}
 
 
+def numbers_with_text(table):
+    return {row[0]: list(row[1:]) for row in table.rows}
+
+
 def column(table, name):
     return np.array([float(row[table.columns.index(name)]) for row in table.rows])
 
@@ -224,6 +228,21 @@ def test_load_lessens_the_error_where_there_is_clearance(tables):
         assert 0.94 < ratio < 0.975
 
 
+def test_speed_widens_the_range_where_a_load_has_inertia(tables):
+    got = numbers(tables["002 speed"])
+    assert got["printed"][2] == pytest.approx(84 / 78)
+    assert got["printed"][4] == pytest.approx(88 / 80)
+    light, brake = (got[f"load of {inertia:g} kg m^2"] for inertia in published.BRAKES)
+    # the load on the train's windup: f^2 (J + J_c) stays, the carrier and what turns with it having 0.004
+    assert light[0] / brake[0] == pytest.approx(math.sqrt(0.104 / 0.054), rel=0.02)
+    assert 1 < light[2] < brake[2] < 1.15
+    assert 1 < light[1] < brake[1]
+    assert brake[2] - 1 == pytest.approx(0.10, abs=0.02)
+    # what the output carries: contacts stay closed with the lighter alone
+    assert light[3] > 0 > brake[3]
+    assert max(light[5], brake[5]) < 0
+
+
 def test_sensitivity_to_clearance(tables):
     got = numbers(tables["002 sensitivity"])
     beside = got["peak-to-peak beside part errors, mean over 0 to 30 um"]
@@ -306,6 +325,25 @@ def test_force_and_frequency(tables):
     assert abs(rows["by either of two discs"] / 22 - 1) < 0.06
 
 
+def test_a_start_winds_up_by_inertia_times_acceleration(tables):
+    """3 s^2 - 2 s^3 is 1.5 times as steep as a straight ramp at most; up and down again."""
+    got = numbers_with_text(tables["003 start and stop"])
+    acceleration = 1.5 * 1800 * math.pi / 30 / 101 / 0.03
+    unit = reducer("RV-003")
+    low, high = (published.wave_of(unit, (), torque, angles=41).mean() for torque in (20e3, 20e3 + 1e3 * acceleration))
+    for inertia in published.LOADS_003[1:]:
+        row = got[f"load of {inertia:g} kg m^2"]
+        assert row[1] == pytest.approx(2 * inertia * (low - high), rel=0.04)  # and the carrier's own
+        assert row[3] - row[2] > 2 * inertia * acceleration
+    assert 20 / acceleration == pytest.approx(0.21, abs=0.01)  # from there on braking asks more than the load
+    assert got["load of 0.1 kg m^2"][2] > 0 > got["load of 0.5 kg m^2"][2]
+    reached = [float(np.ptp(published.start_and_stop(j).transmission_error)) / ARCSEC for j in (0.8, 0.9)]
+    assert reached[0] < 42.6 < reached[1]
+    ratios = [float(text) for name, row in got.items() if name != "printed" for text in row[4:]]
+    assert max(abs(one - 101) for one in ratios) == pytest.approx(0.05, abs=0.005)
+    assert 101 - float(got["printed"][4]) == pytest.approx(0.4, abs=0.01)
+
+
 # --- source 004 --------------------------------------------------------------------------------------------------
 
 
@@ -378,6 +416,53 @@ def test_sensitivities(tables):
         assert got[name][:2].max() < 0.1
     assert got["lobes of one disc"][1] == max(row[:2].max() for row in got.values())
     assert got["lobes of one disc"][0] == pytest.approx(2 * 9.90, rel=0.1)  # closed form, rigid bearings
+
+
+def test_a_load_brings_the_printed_range_and_a_bare_train_does_not(tables):
+    got = numbers(tables["004 run-up"])
+    bare, *loaded = (got[f"load of {inertia:g} kg m^2"] for inertia in published.LOADS_004)
+    assert bare[3] == pytest.approx(bare[1], rel=0.01)
+    assert bare[4] < 65.52 == pytest.approx(got["printed, simulated"][3])
+    for row in loaded[:2]:
+        assert row[3] == pytest.approx(65.52, rel=0.05)
+    # windup: inertia times the largest acceleration over the train's stiffness
+    acceleration = 1.5 * math.radians(10890) / 121
+    unit = reducer("RV-40E")
+    errors = sum(published.error_groups(np.random.default_rng((4, 0)), unit).values(), ())
+    low, high = (published.wave_of(unit, errors, torque, angles=41).mean() for torque in (412e3, 442e3))
+    for inertia, row in zip(published.LOADS_004[1:], loaded, strict=True):
+        assert row[6] == pytest.approx((low - high) / 30 * inertia * acceleration, rel=0.03)
+        assert row[6] / inertia == pytest.approx(1.93, abs=0.02)
+        assert row[7] > 412 + inertia * acceleration
+    less, more = (got[f"load of 1 kg m^2, damping {ratio:g}"][3] for ratio in (0.01, 0.1))
+    assert more < loaded[0][3] < less
+
+
+@pytest.mark.parametrize(("inertia", "order"), [(1.0, 320), (5.0, 160)])
+def test_waves_of_clearance_meet_the_load(inertia, order):
+    """The last half second of the run: what it has beyond a crawl."""
+    found = published.run_of_004(inertia)
+    steady = found.time > 1.1
+    theta, moved = found.theta[steady], found.vibration[steady]
+    size = {k: abs(np.exp(-1j * k * theta) @ moved) for k in (39, 40, 78, 80, 120, 160, 240, 320, 400, 1080)}
+    assert max(size, key=size.get) == order
+
+
+def test_rigid_parts_in_a_plane_have_none_of_the_printed_modes(tables):
+    got = numbers_with_text(tables["004 modes"])
+    for shape, times in (("cycloid gear torsion", 10), ("crankshaft whirling", 14)):
+        printed, _, low, high, least, most = got[shape]
+        assert printed < least < low <= high < most
+        assert low / printed == pytest.approx(times, abs=0.8)
+    assert [row[0] for row in got.values() if row[0] is not None] == [245, 312, 498, 567, 689]
+    assert sum(row[1].startswith("none") for row in got.values()) == 3
+    low, high = got["cranks turn apart"][2:4]
+    assert (round(low, -1), round(high, -1)) == (490, 780)
+    # carrier and load on one spring: f^2 (J_c + J) stays
+    carrier = published.bare_modes()[0].inertia.carrier_inertia / 1e3
+    bare = got["carrier turns on the train"][2]
+    assert published.load_for(312.0) == pytest.approx(carrier * ((bare / 312) ** 2 - 1), rel=0.05)
+    assert published.load_for(312.0) == pytest.approx(0.064, abs=5e-4)
 
 
 def test_angles_meet_every_wave_anew():

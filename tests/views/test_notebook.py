@@ -20,7 +20,7 @@ from rverror.views.notebook import page
 from rverror.views.sheets import MOST_ROWS
 
 PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-         "Modes", "SpeedResponse", "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
+         "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
          "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
 

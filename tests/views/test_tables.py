@@ -23,8 +23,8 @@ from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
 KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
-         "TorsionCurve", "Modes", "SpeedResponse", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits",
-         "ErrorBudget", "Allocation", "Front",
+         "TorsionCurve", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
+         "VirtualUnits", "ErrorBudget", "Allocation", "Front",
          "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 

@@ -15,12 +15,20 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator, slope
 from rverror.dynamics.time_integration import Forced
 from rverror.dynamics.train import FREE, SUPPORTED, Train
-from rverror.geartrain.kinematics import frame_orders
+from rverror.geartrain.contacts import pose
+from rverror.geartrain.kinematics import frame_orders, samples_needed, true_period
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Model
+from rverror.model.readings import added, stand, unread
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Tangent
+from rverror.statics.loaded_state import Tangent, statics_of
+
+_MOST_ANGLES = 2**16  # of one period: two gigabytes
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,13 @@ class LoadedMotion:
         swing = slope(self.course, 2 * math.pi / self.period) + turns * _ahead(self.train, self.course)
         return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
+    @cached_property
+    def load_force(self) -> Array:
+        """Force of a load's torque against the angles, per unit, (size, n)."""
+        made = np.zeros_like(self.state)
+        made[list(self.train.place("load") or self.train.place("carrier")[2:])] = -1.0
+        return made
+
     def reduced(self, kept: int) -> ReducedMotion:
         """With the motions alone in which the lowest modes of the mean stiffness have their inertia."""
         value, vector = self._mean
@@ -84,18 +99,18 @@ class LoadedMotion:
         basis = vector[:, :kept]
         if kept == self.train.size:
             shapes = np.broadcast_to(basis, (self.theta.size, *basis.shape))
-            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, np.zeros_like(self.state))
+            none = np.zeros_like(self.state)
+            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, none, none, none)
         # a free motion has no flexibility: it is held meanwhile
         inertia, hold = self.train.mass[:, None] * basis, value[kept]
-        right = np.concatenate(
-            [np.broadcast_to(inertia, (self.theta.size, *inertia.shape)), self.inertia_force.T[..., None]], axis=2
-        )
+        forces = np.stack([self.inertia_force.T, self.swing_force.T, self.load_force.T], axis=2)
+        right = np.concatenate([np.broadcast_to(inertia, (self.theta.size, *inertia.shape)), forces], axis=2)
         yielded = np.linalg.solve(self.stiffness + hold * inertia @ inertia.T, right)
-        flexible, rest = yielded[..., :kept], yielded[..., kept]
+        flexible, rest = yielded[..., :kept], yielded[..., kept:]
         stiff = np.linalg.inv(inertia.T @ flexible)
         shapes = flexible @ stiff
-        rest = rest - (shapes @ (rest @ inertia)[..., None])[..., 0]
-        return ReducedMotion(self, basis, shapes, stiff - hold * np.eye(kept), rest.T)
+        rest = rest - shapes @ (inertia.T @ rest)
+        return ReducedMotion(self, basis, shapes, stiff - hold * np.eye(kept), *np.moveaxis(rest, 2, 0).swapaxes(1, 2))
 
 
 @dataclass(frozen=True)
@@ -112,6 +127,8 @@ class ReducedMotion:
     stiffness : ndarray, shape (n, m, m)
     rest : ndarray, shape (size, n)
         Pose per speed squared that the other modes take as springs under the inertia of the equilibrium's motion.
+    rest_by_acceleration, rest_by_load : ndarray, shape (size, n)
+        The same per rad/s^2 of the output, and per unit of load.
     """
 
     whole: LoadedMotion
@@ -119,6 +136,8 @@ class ReducedMotion:
     shapes: Array
     stiffness: Array
     rest: Array
+    rest_by_acceleration: Array
+    rest_by_load: Array
 
     @cached_property
     def oscillator(self) -> Oscillator:
@@ -141,13 +160,16 @@ class ReducedMotion:
     @cached_property
     def _force(self) -> Array:
         """Force of inertia on the coordinates per speed squared, (m, n)."""
-        return np.asarray(np.einsum("nci,cn->in", self.shapes, self.whole.inertia_force))
+        return self._on_coordinates(self.whole.inertia_force)
+
+    def _on_coordinates(self, force: Array) -> Array:
+        return np.asarray(np.einsum("nci,cn->in", self.shapes, force))
 
     @cached_property
     def forced(self) -> Forced:
         """Its equations with what drives them at any course of the speed."""
-        by_acceleration = np.einsum("nci,cn->in", self.shapes, self.whole.swing_force)
-        return Forced(self.oscillator, self._force, np.asarray(by_acceleration))
+        by_acceleration, by_load = map(self._on_coordinates, (self.whole.swing_force, self.whole.load_force))
+        return Forced(self.oscillator, self._force, by_acceleration, by_load)
 
     def response(self, speed: float, near: Array | None = None) -> Array:
         """Motion about the loaded state in these coordinates, (m, n).
@@ -165,7 +187,7 @@ class ReducedMotion:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
         train = self.whole.train
         still = train.reading @ (self.whole.state + speed**2 * self.rest)
-        return np.asarray(still + (self._reading * moved).sum(axis=0))
+        return np.asarray(still + (self.reading * moved).sum(axis=0))
 
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
@@ -174,7 +196,7 @@ class ReducedMotion:
         return _in_frames(whole.train, own, -whole.theta[at])
 
     @cached_property
-    def _reading(self) -> Array:
+    def reading(self) -> Array:
         """How the output error follows the coordinates, (m, n)."""
         return np.asarray(np.einsum("c,nci->in", self.whole.train.reading, self.shapes))
 
@@ -213,6 +235,62 @@ def loaded_motion(
     waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
     waves[:, -1] = 0
     return LoadedMotion(train, theta, period, state, np.fft.irfft(waves, count), stiffness)
+
+
+def motion_over_a_period(
+    model: Model, unit: Reducer, *, torque: float, direction: float
+) -> tuple[LoadedMotion, list[Tangent], Array]:
+    """A reducer in motion over the turns after which its errors repeat.
+
+    Parameters
+    ----------
+    model : Model
+        Of the reducer.
+    unit : Reducer
+    torque : float
+        N*mm.
+    direction : float
+
+    Returns
+    -------
+    LoadedMotion
+    list of Tangent
+        Its contacts, stretch by stretch.
+    ndarray, shape (n,)
+        What the output turns beyond the gear train, rad.
+
+    Raises
+    ------
+    InputError
+        If errors of the sun repeat after too many turns.
+    NotConvergedError
+        If there is no equilibrium at some angle.
+    """
+    period = _turns_until_it_repeats(model, unit)
+    count = samples_needed(unit) * period
+    theta = 2 * math.pi * period * np.arange(count) / count
+    where, halfway = (
+        stand(model, pose(unit, angle, torque=torque, direction=direction)) for angle in (theta, theta + theta[1] / 2)
+    )
+    tangents = list(statics_of(unit, where.gears).tangents(model.effects))
+    between = np.concatenate([one.x for one in statics_of(unit, halfway.gears).tangents(model.effects)])
+    whole = loaded_motion(Train(unit, model.bench), tangents, where.gears.theta, 2 * math.pi * period, between)
+    return whole, tangents, np.asarray(added(unread(model).effects, where.read))
+
+
+def _turns_until_it_repeats(model: Model, unit: Reducer) -> int:
+    """Output turns after which the error repeats: one where nothing has a broken order, as the sun's may be."""
+    turning = [(source(one.key), one.indices) for one in unread(model).effects]
+    orders = [order for entry, indices in turning for order in entry.orders(unit, indices)]
+    # several planets hide some orders of the sun in what is told of it, and not in every error
+    whole = all(float(order).is_integer() for order in orders) and all(entry.frame != "sun" for entry, _ in turning)
+    period = 1 if whole else true_period(unit)
+    if period * samples_needed(unit) > _MOST_ANGLES:
+        raise InputError(
+            f"ratio = {unit.ratio:g}: the error repeats after {period} output turns only, too many for one balance; "
+            "leave out the errors that turn with the sun"
+        )
+    return period
 
 
 def _summed(groups: Mapping[str, Array]) -> Array:

@@ -1,25 +1,55 @@
 """Motion in time of the same equations, at any course of the speed: for checks, and for running up.
 
-As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up,
+As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up; and
+the load may change by T,
 
-    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta).
+    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta) + T h(theta).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator
 
-#: Of angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
-Course = Callable[[float], tuple[float, float, float]]
+#: Of angle, speed, acceleration and load at a time: rad, rad/s, rad/s^2.
+Course = Callable[[float], tuple[float, float, float, float]]
+#: So many points between two samples: the shortest wave that the samples hold has eight.
+_FINER = 4
+_SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
+
+
+def periodic(rows: Array, period: float) -> CubicSpline:
+    """Rows between their angles: a cubic spline through many more points of their Fourier series.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (r, n)
+        At even angles of one period.
+    period : float
+        rad.
+
+    Returns
+    -------
+    scipy.interpolate.CubicSpline
+        Takes angles within the period, (k,), gives (r, k).
+    """
+    count = rows.shape[-1]
+    waves = np.fft.rfft(rows) * _FINER
+    if count % 2 == 0:
+        waves[..., -1] /= 2  # the shortest wave stands for itself and its mirror
+    fine = np.fft.irfft(waves, _FINER * count)
+    angle = period * np.arange(_FINER * count + 1) / (_FINER * count)
+    return CubicSpline(angle, np.concatenate([fine, fine[:, :1]], axis=1), axis=1, bc_type="periodic")
 
 
 @dataclass(frozen=True)
@@ -31,21 +61,60 @@ class Forced:
     oscillator : Oscillator
     by_speed, by_acceleration : ndarray, shape (m, n)
         Force per speed squared, and per rad/s^2, at the angles of the oscillator.
+    by_load : ndarray, shape (m, n), optional
+        Force per unit of load; none where left out.
     """
 
     oscillator: Oscillator
     by_speed: Array
     by_acceleration: Array
+    by_load: Array | None = None
+
+    @cached_property
+    def _forces(self) -> CubicSpline:
+        load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
+        return periodic(np.concatenate([self.by_speed, self.by_acceleration, load]), self.oscillator.period)
+
+    @cached_property
+    def _matrices(self) -> CubicSpline | BSpline:
+        """Stiffness and damping over the angle, below one another.
+
+        Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then it goes
+        straight from sample to sample.
+        """
+        system, m = self.oscillator, self.oscillator.size
+        rows = np.concatenate([system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1)])
+        smooth = periodic(rows, system.period)
+        between = system.period * (np.arange(_FINER * system.count) + 0.5) / (_FINER * system.count)
+        least, told = (
+            np.linalg.eigvalsh(np.moveaxis(matrix.reshape(m, m, -1), -1, 0)).min()
+            for matrix in (smooth(between)[: m * m], system.stiffness)
+        )
+        if least >= told - _SWING * abs(told):
+            return smooth
+        angle = system.period * np.arange(system.count + 1) / system.count
+        return make_interp_spline(angle, np.concatenate([rows, rows[:, :1]], axis=1), k=1, axis=1)
+
+    def at(self, theta: Any) -> tuple[Array, Array]:
+        """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
+        m, angle = self.oscillator.size, np.asarray(theta) % self.oscillator.period
+        matrices, forces = (one(angle).T for one in (self._matrices, self._forces))
+        return matrices.reshape(*angle.shape, 2, m, m), forces.reshape(*angle.shape, 3, m)
 
     def in_time(
-        self, course: Course, times: Array, *, start: tuple[Array, Array] | None = None, tolerance: float = 1e-8
+        self,
+        course: Course,
+        times: Array,
+        *,
+        start: tuple[Array, Array] | None = None,
+        tolerance: float = 1e-8,
     ) -> tuple[Array, Array]:
         """Motion from a start on.
 
         Parameters
         ----------
         course : callable
-            Angle, speed and acceleration at a time.
+            Angle, speed, acceleration and load at a time.
         times : ndarray, shape (k,)
             s, growing; the motion starts at the first.
         start : tuple of ndarray, optional
@@ -64,20 +133,16 @@ class Forced:
 
         Notes
         -----
-        Stiffness, damping and forces between their angles are periodic cubic splines; scipy's DOP853 takes the steps.
+        Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
+        the stiffness above nothing; scipy's DOP853 takes the steps.
         """
         system, m = self.oscillator, self.oscillator.size
-        parts = (system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1))
-        rows = np.concatenate([*parts, self.by_speed, self.by_acceleration])
-        angle = system.period * np.arange(system.count + 1) / system.count
-        spline = CubicSpline(angle, np.concatenate([rows, rows[:, :1]], axis=1), axis=1, bc_type="periodic")
 
         def rates(time: float, state: Array) -> Array:
-            theta, speed, acceleration = course(time)
-            now = spline(theta % system.period)
-            stiffness, damping = now[: 2 * m * m].reshape(2, m, m)
+            theta, speed, acceleration, load = course(time)
+            (stiffness, damping), (by_speed, by_acceleration, by_load) = self.at(theta)
             stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            force = speed**2 * now[-2 * m : -m] + acceleration * now[-m:]
+            force = speed**2 * by_speed + acceleration * by_acceleration + load * by_load
             force = force - stiffness @ state[:m] - (damping + speed * system.turning) @ state[m:]
             return np.concatenate([state[m:], force])
 
@@ -94,7 +159,9 @@ class Forced:
     def _size(self, course: Course, times: Array) -> float:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
-        states = [course(float(time)) for time in np.linspace(times[0], times[-1], 9)]
-        speed, acceleration = (max(abs(one[at]) for one in states) for at in (1, 2))
+        moments = np.linspace(times[0], times[-1], 9).tolist()
+        speed, acceleration, load = (max(abs(course(time)[at]) for time in moments) for at in (1, 2, 3))
         force = speed**2 * np.abs(self.by_speed).max() + acceleration * np.abs(self.by_acceleration).max()
-        return float(force / value[value > 0].max()) if (value > 0).any() else float(force)
+        if self.by_load is not None:
+            force += load * np.abs(self.by_load).max()
+        return float(force / value[value > 0].min()) if (value > 0).any() else float(force)

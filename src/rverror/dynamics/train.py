@@ -222,9 +222,13 @@ class Train:
         return made
 
     def pose(self, x: Array) -> Array:
-        """Pose of the floating parts, (n, unknowns), in these coordinates; both ends at their nominal angle."""
+        """Pose of the floating parts, (n, unknowns), in these coordinates: the input at its nominal angle.
+
+        A load turns with the carrier: an even torque twists its coupling by an even angle.
+        """
         made = np.zeros((len(x), self.size))
         made[:, : x.shape[1]] = x
+        made[:, list(self.place("load"))] = x[:, 2:3]
         return made
 
     def stiffness(self, tangent: Tangent) -> dict[str, Array]:

@@ -23,6 +23,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
+from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
@@ -428,6 +429,27 @@ def _of_speeds(result: SpeedResponse) -> Table:
         **_single(torque=(result.torque, TORQUE)),
     }
     return Table("SpeedResponse", "speed", variables, {"direction": way(result.direction)})
+
+
+@_table.register
+def _of_run_up(result: RunUp) -> Table:
+    variables = {
+        **_along(
+            "sample",
+            time=(result.time, TIME),
+            theta=(result.theta, POSITION),
+            speed=(result.speed, SPEED),
+            load=(result.load, TORQUE),
+            transmission_error=(result.transmission_error, ANGLE),
+            crawl=(result.crawl, ANGLE),
+            windup=(result.windup, ANGLE),
+            vibration=(result.vibration, ANGLE),
+            output_torque=(result.output_torque, TORQUE),
+        ),
+        **_along("mode", "natural_", frequency=(result.frequency, _HERTZ), of_sun_support=result.of_sun_support),
+        **_single(torque=(result.torque, TORQUE)),
+    }
+    return Table("RunUp", "sample", variables, {"direction": way(result.direction)})
 
 
 def _shares(dim: str, name: str, rows: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:

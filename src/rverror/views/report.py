@@ -37,8 +37,8 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
-        TorsionCurve, Modes, SpeedResponse, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or
-        Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
+        TorsionCurve, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack
+        or Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
         a Comparison how many orders are told, `most`.

@@ -23,6 +23,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
+from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
@@ -506,6 +507,44 @@ def _cautions(thing: SpeedResponse) -> list[str]:
     if any(one.of_sun_support for one in thing.critical_speeds):
         notes.append("a peak at a mode of the sun's support is none of the machine")
     return notes
+
+
+@sheet.register
+def _of_run_up(thing: RunUp) -> Sheet:
+    found, _ = _shown(thing)
+    chosen = np.unique(np.linspace(0, thing.time.size - 1, _SPEEDS).round().astype(int))
+    columns_shown = {
+        head: [found[name][at] for at in chosen]
+        for name, head in {
+            "time": "time, s",
+            "speed": "input speed, rpm",
+            "load": "load, N*m",
+            "transmission_error": "error, arcsec",
+            "windup": "windup, arcsec",
+            "vibration": "vibration, arcsec",
+            "output_torque": "output torque, N*m",
+        }.items()
+    }
+    spread, shaken, twisted = (float(np.ptp(row)) / ARCSEC for row in _parts(thing))
+    low, high = (with_unit(float(end), "torque") for end in (thing.output_torque.min(), thing.output_torque.max()))
+    notes = []
+    if thing.output_torque.min() < 0:
+        first = thing.time[np.argmax(thing.output_torque < 0)]
+        notes.append(
+            f"from {brief(float(first))} s on contacts would have to pull: they open, and the error is no prediction"
+        )
+    where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, {brief(float(np.ptp(thing.time)))} s"
+    return (
+        _title("Run-up", where)
+        + _beside(columns_shown)
+        + _line(f"peak-to-peak {brief(spread)} arcsec, of it vibration {brief(shaken)}, windup {brief(twisted)}")
+        + _line(f"the output carries {low} to {high}")
+        + _notes(notes)
+    )
+
+
+def _parts(thing: RunUp) -> tuple[Any, Any, Any]:
+    return thing.transmission_error, thing.vibration, thing.windup
 
 
 def _most_of(shares: Mapping[str, Any]) -> list[tuple[str, float]]:

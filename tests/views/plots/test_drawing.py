@@ -38,6 +38,7 @@ from rverror import (
     orders_from_arrays,
     reducer,
     run_from_arrays,
+    run_up,
     speed_response,
     stack,
     tolerance,
@@ -380,6 +381,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
         "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),
+        "run-up": run_up(replace(MODEL, bench=SWING), [0, 0.05], [0, 40], torque="100 N*m", samples=64),
         "run": RUN,
         "torque run": TORQUES,
         "order table": ORDERS,
@@ -409,7 +411,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "speeds", "run", "torque run",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run",
+    "torque run",
     "order table", "bare order table", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
@@ -420,7 +423,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
-FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run", "order table",
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run", "order table",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
+from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import Influence
 from rverror.model.effects import Model
@@ -41,6 +42,7 @@ from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
 from rverror.views.plots.order_tables import table_amplitudes
 from rverror.views.plots.passports import table_passport
+from rverror.views.plots.run_ups import run_up_waveform
 from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
 from rverror.views.plots.speeds import campbell, speed_amplitudes, speed_map
 from rverror.views.plots.torsion_curves import torsion
@@ -87,6 +89,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
         SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
+        RunUp: {"waveform": run_up_waveform},
         Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},
         OrderTable: {"amplitudes": table_amplitudes, "passport": table_passport},
         Diagnosis: {

@@ -1,0 +1,39 @@
+"""Plot of a run-up: error over the time, and what it is made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rverror.base.numbers import way, with_unit
+from rverror.dynamics.running_up import RunUp
+from rverror.views.plots.figure import BLACK, GREY, axes_for, in_shown_unit, legend_beside, line_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
+    """Error over the time about its mean at a crawl, windup and vibration; grey where contacts would have to pull.
+
+    Parameters
+    ----------
+    found : RunUp
+    """
+    ax = axes_for(ax, height=4.2)
+    about = found.crawl.mean()
+    ax.plot(found.time, in_shown_unit(found.transmission_error - about, "angle"), color=BLACK, lw=0.8, label="error")
+    for number, (label, row) in enumerate({"vibration": found.vibration, "windup": found.windup}.items()):
+        ax.plot(found.time, in_shown_unit(row, "angle"), lw=1.2, label=label, **line_style(number))
+    pulls = found.output_torque < 0
+    if pulls.any():
+        across = ax.get_xaxis_transform()
+        ax.fill_between(found.time, 0, 1, where=pulls, transform=across, color=GREY, alpha=0.4, label="contacts pull")
+    last = with_unit(float(found.speed[-1]), "angular_speed")
+    title = f"run-up from {with_unit(float(found.speed[0]), 'angular_speed')} to {last}"
+    ax.set(xlabel="time, s", ylabel="transmission error, arcsec")
+    ax.set_title(", ".join([title, with_unit(found.torque, "torque"), way(found.direction)]))
+    ax.set_xlim(float(np.min(found.time)), float(np.max(found.time)))
+    legend_beside(ax)
+    return ax
