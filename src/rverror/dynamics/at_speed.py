@@ -14,18 +14,12 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
-from rverror.dynamics.loaded_motion import ReducedMotion, loaded_motion
-from rverror.dynamics.train import Train, loaded_reducer
-from rverror.geartrain.contacts import pose
-from rverror.geartrain.kinematics import fundamental_orders, samples_needed, true_period
-from rverror.geartrain.mechanism import Reducer
-from rverror.model.catalogue import source
-from rverror.model.effects import Model
-from rverror.model.readings import added, stand, unread
-from rverror.statics.loaded_state import Tangent, statics_of
+from rverror.dynamics.loaded_motion import ReducedMotion
+from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import added, unread
+from rverror.statics.loaded_state import Tangent
 
-#: Times the highest frequency that the meshes drive: modes up to there keep their inertia.
-REACH = 2.5
 #: Share of the largest amplitude at a speed from which an order is told.
 _TOLD = 0.01
 #: Growth over the amplitude at a crawl from which a peak is critical.
@@ -34,7 +28,6 @@ CRITICAL = 2.0
 _NEAR = 0.1
 #: Share of a contact's forces that would have to pull from which an error at speed is no prediction.
 PULLED = 0.01
-_MOST_ANGLES = 2**16  # of one period: two gigabytes
 _EVERY = 16  # angle is looked at for contacts that pull
 
 
@@ -91,6 +84,11 @@ class SpeedResponse(Viewed):
         error is no prediction where it is above 0.01: contacts open there, and that is not solved.
     ratio, torque, direction : float
         Input turns per output turn; N*mm; +1 or -1.
+    by_effect : ndarray, shape (effects + 1, s, n), optional
+        Part of each effect of the model in the error, linear about the loaded state, rad; last what is left: what the
+        load does whatever the errors, and what contacts that open make of them.  They add up to the error.
+    effects : tuple of Effect
+        Those of the model.
     """
 
     speed: Array
@@ -104,6 +102,8 @@ class SpeedResponse(Viewed):
     ratio: float
     torque: float
     direction: float
+    by_effect: Array | None = None
+    effects: tuple[Effect, ...] = ()
 
     @property
     def peak_to_peak(self) -> Array:
@@ -127,6 +127,19 @@ class SpeedResponse(Viewed):
         The error is the sum of amplitude times cos(order theta + phase).
         """
         return np.asarray(_waves(self.transmission_error)[:, self._told])
+
+    @property
+    def effect_waves(self) -> Array:
+        """The same of each row of `by_effect`, rad, (effects + 1, s, o).
+
+        Raises
+        ------
+        InputError
+            If the effects were not asked for.
+        """
+        if self.by_effect is None:
+            raise InputError("the response was not asked for by effect; call speed_response with by_effect=True")
+        return np.asarray(_waves(self.by_effect)[..., self._told])
 
     @property
     def crawl_waves(self) -> Array:
@@ -188,6 +201,7 @@ def speed_response(
     torque: Any | None = None,
     direction: float = 1.0,
     kept: int | None = None,
+    by_effect: bool = False,
 ) -> SpeedResponse:
     """Output error of a reducer at each of some input speeds, by harmonic balance.
 
@@ -204,6 +218,8 @@ def speed_response(
     kept : int, optional
         How many modes of the mean stiffness keep their inertia; where left out those up to two and a half times the
         highest frequency that the meshes drive.
+    by_effect : bool
+        Also tell what each effect does; that takes as long again for every effect.
 
     Returns
     -------
@@ -231,29 +247,15 @@ def speed_response(
     >>> bool(found.peak_to_peak[1] > 2 * found.peak_to_peak[0])  # order 40 meets the load's natural frequency
     True
     """
-    unit, size = loaded_reducer(model, torque)
     rows = _speeds(speeds)
-    period = _period(model, unit)
-    count = samples_needed(unit) * period
-    theta = 2 * math.pi * period * np.arange(count) / count
-    where, halfway = (
-        stand(model, pose(unit, angle, torque=size, direction=direction)) for angle in (theta, theta + theta[1] / 2)
-    )
-    train = Train(unit, model.bench)
-    tangents = list(statics_of(unit, where.gears).tangents(model.effects))
-    between = np.concatenate([one.x for one in statics_of(unit, halfway.gears).tangents(model.effects)])
-    whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period, between)
-    frequency, on_support = whole.mean_modes()
-    if kept is None:
-        driven = max(fundamental_orders(unit).values()) * rows.max() / unit.ratio / (2 * math.pi)
-        kept = int((frequency <= REACH * driven).sum())
-    moving = whole.reduced(max(kept, 1))
-    pulling = _Pulling(moving, tangents)
-    beyond = added(unread(model).effects, where.read)
+    made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
+    moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
+    pulling = _Pulling(moving, made.tangents)
+    crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
     errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
     per_square: Array | None = None  # what is driven grows with the square of the speed
     for at, speed in enumerate(rows):
-        turn = direction * float(speed) / unit.ratio
+        turn = made.turn(float(speed))
         moved = moving.response(turn, None if per_square is None else turn**2 * per_square)
         per_square = moved / turn**2 if turn else None
         errors[at] = moving.error(moved, turn) + beyond
@@ -261,32 +263,30 @@ def speed_response(
             pulled[name][at] = share
     return SpeedResponse(
         speed=rows,
-        theta=theta,
+        theta=made.theta,
         transmission_error=errors,
-        crawl=moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond,
-        period=period,
-        frequency=frequency[: moving.basis.shape[1]],
-        of_sun_support=on_support[: moving.basis.shape[1]],
+        crawl=crawl,
+        period=made.period,
+        frequency=made.frequency[: moving.basis.shape[1]],
+        of_sun_support=made.of_sun_support[: moving.basis.shape[1]],
         pulled=pulled,
-        ratio=unit.ratio,
-        torque=size,
+        ratio=made.unit.ratio,
+        torque=made.torque,
         direction=direction,
+        by_effect=_by_effect(made, model, rows) if by_effect else None,
+        effects=model.effects,
     )
 
 
-def _period(model: Model, unit: Reducer) -> int:
-    """Output turns after which the error repeats: one where nothing has a broken order, as the sun's may be."""
-    turning = [(source(one.key), one.indices) for one in unread(model).effects]
-    orders = [order for entry, indices in turning for order in entry.orders(unit, indices)]
-    # several planets hide some orders of the sun in what is told of it, and not in every error
-    whole = all(float(order).is_integer() for order in orders) and all(entry.frame != "sun" for entry, _ in turning)
-    period = 1 if whole else true_period(unit)
-    if period * samples_needed(unit) > _MOST_ANGLES:
-        raise InputError(
-            f"ratio = {unit.ratio:g}: the error repeats after {period} output turns only, too many for one balance; "
-            "leave out the errors that turn with the sun"
-        )
-    return period
+def _by_effect(made: MovingReducer, model: Model, rows: Array) -> Array:
+    """Each effect's part of the error at some speeds, and what the load does whatever they are, (effects + 1, s, n)."""
+    moves = unread(model).effects
+    shares = made.by_effect(model.effects)
+    parts = np.array([[made.error(share, float(speed)) for speed in rows] for share in shares])
+    for number, effect in enumerate(model.effects):
+        if effect in moves:
+            parts[number] += added((effect,), made.where.read)
+    return parts
 
 
 def _speeds(speeds: Any) -> Array:

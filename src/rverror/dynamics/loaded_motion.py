@@ -65,10 +65,15 @@ class LoadedMotion:
     @cached_property
     def inertia_force(self) -> Array:
         """Force of the parts' inertia against nominal motion and equilibrium per speed squared, (size, n)."""
+        nominal = self.train.mass * _centripetal(self.train)
+        return self.inertia_against(self.course) - nominal[:, None]
+
+    def inertia_against(self, course: Array) -> Array:
+        """Force of the parts' inertia against a course in their frames, (size, n), per speed squared."""
         turns, step = self.train.turns[:, None], 2 * math.pi / self.period
-        first, second = (slope(self.course, step, power) for power in (1, 2))
-        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * self.course
-        return np.asarray(-self.train.mass[:, None] * (acceleration + _centripetal(self.train)[:, None]))
+        first, second = (slope(course, step, power) for power in (1, 2))
+        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * course
+        return np.asarray(-self.train.mass[:, None] * acceleration)
 
     @cached_property
     def swing_force(self) -> Array:
@@ -84,18 +89,40 @@ class LoadedMotion:
         basis = vector[:, :kept]
         if kept == self.train.size:
             shapes = np.broadcast_to(basis, (self.theta.size, *basis.shape))
-            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, np.zeros_like(self.state))
+            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, None)
         # a free motion has no flexibility: it is held meanwhile
         inertia, hold = self.train.mass[:, None] * basis, value[kept]
-        right = np.concatenate(
-            [np.broadcast_to(inertia, (self.theta.size, *inertia.shape)), self.inertia_force.T[..., None]], axis=2
-        )
-        yielded = np.linalg.solve(self.stiffness + hold * inertia @ inertia.T, right)
-        flexible, rest = yielded[..., :kept], yielded[..., kept]
+        flexibility = np.linalg.inv(self.stiffness + hold * inertia @ inertia.T)
+        flexible = flexibility @ inertia
         stiff = np.linalg.inv(inertia.T @ flexible)
-        shapes = flexible @ stiff
-        rest = rest - (shapes @ (rest @ inertia)[..., None])[..., 0]
-        return ReducedMotion(self, basis, shapes, stiff - hold * np.eye(kept), rest.T)
+        return ReducedMotion(self, basis, flexible @ stiff, stiff - hold * np.eye(kept), flexibility)
+
+
+@dataclass(frozen=True)
+class Share:
+    """What a share of the equilibrium, such as that of one error, does at speed.
+
+    Attributes
+    ----------
+    still : ndarray, shape (n,)
+        Output error at a crawl, rad.
+    follows : ndarray, shape (n,)
+        Output error per speed squared of the modes that follow as springs.
+    force : ndarray, shape (m, n)
+        Force of inertia on the coordinates per speed squared.
+    """
+
+    still: Array
+    follows: Array
+    force: Array
+
+    def __add__(self, other: Share) -> Share:
+        """Both together."""
+        return Share(self.still + other.still, self.follows + other.follows, self.force + other.force)
+
+    def __mul__(self, factor: float) -> Share:
+        """So many times of it."""
+        return Share(factor * self.still, factor * self.follows, factor * self.force)
 
 
 @dataclass(frozen=True)
@@ -110,15 +137,15 @@ class ReducedMotion:
     shapes : ndarray, shape (n, size, m)
         Pose per unit of each coordinate, of least energy.
     stiffness : ndarray, shape (n, m, m)
-    rest : ndarray, shape (size, n)
-        Pose per speed squared that the other modes take as springs under the inertia of the equilibrium's motion.
+    flexibility : ndarray, shape (n, size, size), optional
+        Of all modes, those that are kept held besides; None where all are kept.
     """
 
     whole: LoadedMotion
     basis: Array
     shapes: Array
     stiffness: Array
-    rest: Array
+    flexibility: Array | None
 
     @cached_property
     def oscillator(self) -> Oscillator:
@@ -139,15 +166,25 @@ class ReducedMotion:
         )
 
     @cached_property
-    def _force(self) -> Array:
-        """Force of inertia on the coordinates per speed squared, (m, n)."""
-        return np.asarray(np.einsum("nci,cn->in", self.shapes, self.whole.inertia_force))
+    def _followed(self) -> tuple[Array, Array]:
+        """Of nominal motion and equilibrium: force of inertia on the coordinates, (m, n), and pose, (size, n)."""
+        return self._follow(self.whole.inertia_force)
+
+    def _follow(self, inertia_force: Array) -> tuple[Array, Array]:
+        """Force on the coordinates, and the pose that the other modes take as springs, per speed squared."""
+        force = np.einsum("nci,cn->in", self.shapes, inertia_force)
+        if self.flexibility is None:
+            return force, np.zeros_like(inertia_force)
+        bent = (self.flexibility @ inertia_force.T[..., None])[..., 0]
+        weighted = self.whole.train.mass[:, None] * self.basis
+        own = (self.shapes @ (bent @ weighted)[..., None])[..., 0]  # of the modes that are kept
+        return force, (bent - own).T
 
     @cached_property
     def forced(self) -> Forced:
         """Its equations with what drives them at any course of the speed."""
         by_acceleration = np.einsum("nci,cn->in", self.shapes, self.whole.swing_force)
-        return Forced(self.oscillator, self._force, np.asarray(by_acceleration))
+        return Forced(self.oscillator, self._followed[0], np.asarray(by_acceleration))
 
     def response(self, speed: float, near: Array | None = None) -> Array:
         """Motion about the loaded state in these coordinates, (m, n).
@@ -159,19 +196,35 @@ class ReducedMotion:
         near : ndarray, shape (m, n), optional
             A motion that is likely near.
         """
-        return self.oscillator.response(speed**2 * self._force, speed=speed, near=near)
+        return self.oscillator.response(speed**2 * self._followed[0], speed=speed, near=near)
 
     def error(self, moved: Array, speed: float) -> Array:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
         train = self.whole.train
-        still = train.reading @ (self.whole.state + speed**2 * self.rest)
+        still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
         return np.asarray(still + (self._reading * moved).sum(axis=0))
+
+    @property
+    def every_share(self) -> Share:
+        """All of the equilibrium, and the nominal motion."""
+        force, rest = self._followed
+        return Share(self.whole.train.reading @ self.whole.state, self.whole.train.reading @ rest, force)
+
+    def share(self, state: Array, course: Array) -> Share:
+        """What a share of the equilibrium, (size, n), with the waves of it that inertia follows does at speed."""
+        force, rest = self._follow(self.whole.inertia_against(course))
+        return Share(self.whole.train.reading @ state, self.whole.train.reading @ rest, force)
+
+    def share_error(self, share: Share, speed: float) -> Array:
+        """Output error of a share at a speed, (n,)."""
+        moved = self.oscillator.response(speed**2 * share.force, speed=speed) if speed else np.zeros_like(share.force)
+        return np.asarray(share.still + speed**2 * share.follows + (self._reading * moved).sum(axis=0))
 
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
         whole = self.whole
-        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self.rest[:, at]
-        return _in_frames(whole.train, own, -whole.theta[at])
+        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self._followed[1][:, at]
+        return in_frames(whole.train, own, -whole.theta[at])
 
     @cached_property
     def _reading(self) -> Array:
@@ -200,19 +253,39 @@ def loaded_motion(
     -------
     LoadedMotion
     """
-    state = _in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
+    state = in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
     stops = np.cumsum([0, *(len(one.x) for one in tangents)])
     parts = zip(tangents, np.split(theta, stops[1:-1]), strict=True)
     stiffness = np.concatenate([_turned(train, _summed(train.stiffness(one)), angle) for one, angle in parts])
-    if between is None:
-        return LoadedMotion(train, theta, period, state, state, stiffness)
+    course = state if between is None else held_waves(train, state, between, theta, period)
+    return LoadedMotion(train, theta, period, state, course, stiffness)
+
+
+def held_waves(train: Train, state: Array, between: Array, theta: Array, period: float) -> Array:
+    """The waves of a state, (size, n), that its samples hold, without those that would fold onto them.
+
+    Parameters
+    ----------
+    train : Train
+    state : ndarray, shape (size, n)
+        In the frames of the parts.
+    between : ndarray, shape (n, unknowns)
+        Poses half a step further on.
+    theta : ndarray, shape (n,)
+    period : float
+        rad.
+
+    Returns
+    -------
+    ndarray, shape (size, n)
+    """
     count = theta.size
     fine = np.empty((train.size, 2 * count))
     fine[:, ::2] = state
-    fine[:, 1::2] = _in_frames(train, train.pose(between).T, theta + period / (2 * count))
+    fine[:, 1::2] = in_frames(train, train.pose(between).T, theta + period / (2 * count))
     waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
     waves[:, -1] = 0
-    return LoadedMotion(train, theta, period, state, np.fft.irfft(waves, count), stiffness)
+    return np.asarray(np.fft.irfft(waves, count))
 
 
 def _summed(groups: Mapping[str, Array]) -> Array:
@@ -223,7 +296,7 @@ def _summed(groups: Mapping[str, Array]) -> Array:
     return total
 
 
-def _in_frames(train: Train, rows: Array, theta: Array) -> Array:
+def in_frames(train: Train, rows: Array, theta: Array) -> Array:
     """Rows of coordinates in the housing frame, (size, n), in those of the parts."""
     angle = train.turns[:, None] * theta
     return np.cos(angle) * rows - np.sin(angle) * _ahead(train, rows)
