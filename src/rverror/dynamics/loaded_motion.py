@@ -39,6 +39,8 @@ class LoadedMotion:
     course : ndarray, shape (size, n)
         The waves of it that n samples hold, without those that would fold onto them: what inertia follows.
     stiffness : ndarray, shape (n, size, size)
+    damping : ndarray, shape (n, size, size), optional
+        By contact; None where a ratio damps every mode.
     """
 
     train: Train
@@ -47,6 +49,7 @@ class LoadedMotion:
     state: Array
     course: Array
     stiffness: Array
+    damping: Array | None
 
     @cached_property
     def _mean(self) -> tuple[Array, Array]:
@@ -151,10 +154,12 @@ class ReducedMotion:
     def oscillator(self) -> Oscillator:
         """Its equations."""
         train = self.whole.train
-        value, vector = np.linalg.eigh(self.stiffness)
-        frequency = np.sqrt(np.maximum(value, 0.0))
-        ratio = train.bench.damping_ratio
-        damping = 2 * ratio * (vector * frequency[:, None]) @ np.swapaxes(vector, 1, 2)
+        if self.whole.damping is None:
+            value, vector = np.linalg.eigh(self.stiffness)
+            frequency = np.sqrt(np.maximum(value, 0.0))
+            damping = 2 * train.bench.ratio_of_modes * (vector * frequency[:, None]) @ np.swapaxes(vector, 1, 2)
+        else:
+            damping = np.swapaxes(self.shapes, 1, 2) @ self.whole.damping @ self.shapes
         weighted = train.mass[:, None] * self.basis
         turns = train.turns[:, None]
         return Oscillator(
@@ -256,9 +261,16 @@ def loaded_motion(
     state = in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
     stops = np.cumsum([0, *(len(one.x) for one in tangents)])
     parts = zip(tangents, np.split(theta, stops[1:-1]), strict=True)
-    stiffness = np.concatenate([_turned(train, _summed(train.stiffness(one)), angle) for one, angle in parts])
+    stiffness: list[Array] = []
+    damping: list[Array] = []
+    for one, angle in parts:
+        groups = train.stiffness(one)
+        stiffness.append(_turned(train, _summed(groups), angle))
+        if train.bench.damping_times:
+            damping.append(_turned(train, np.broadcast_to(train.damping(groups), stiffness[-1].shape), angle))
     course = state if between is None else held_waves(train, state, between, theta, period)
-    return LoadedMotion(train, theta, period, state, course, stiffness)
+    by_contact = np.concatenate(damping) if damping else None
+    return LoadedMotion(train, theta, period, state, course, np.concatenate(stiffness), by_contact)
 
 
 def held_waves(train: Train, state: Array, between: Array, theta: Array, period: float) -> Array:
