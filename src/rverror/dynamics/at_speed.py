@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -189,6 +189,29 @@ class SpeedResponse(Viewed):
         )
 
 
+@dataclass(frozen=True)
+class InfluencesAtSpeed:
+    """Output error at one speed, and its change with errors.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle over one period, rad.
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrices : tuple of ndarray, each of shape (parameters, n)
+        rad per core unit of each parameter of each effect.
+    speed, torque : float
+        Of the input, rad/s; N*mm.
+    """
+
+    theta: Array
+    transmission_error: Array
+    matrices: tuple[Array, ...]
+    speed: float
+    torque: float
+
+
 def _waves(rows: Array) -> Array:
     """Fourier series of rows over one period, (..., n // 2 + 1), as amplitude times exp(i phase); the mean doubled."""
     return np.asarray(2 * np.fft.rfft(rows) / rows.shape[-1])
@@ -276,6 +299,65 @@ def speed_response(
         by_effect=_by_effect(made, model, rows) if by_effect else None,
         effects=model.effects,
     )
+
+
+def influences_at_speed(
+    model: Model,
+    speed: Any,
+    effects: Sequence[Effect],
+    *,
+    torque: Any | None = None,
+    direction: float = 1.0,
+) -> InfluencesAtSpeed:
+    """Output error of a reducer at an input speed, and how it changes with sizes of errors there.
+
+    Parameters
+    ----------
+    model : Model
+        As for `speed_response`; what only misreads the output is in the error.
+    speed : float or quantity
+        Of the input, rad/s, 0 or more.
+    effects : sequence of Effect
+        Errors whose influence is asked for; their sizes play no part, and the model need not have them.
+    torque, direction
+        As for `speed_response`.
+
+    Returns
+    -------
+    InfluencesAtSpeed
+
+    Raises
+    ------
+    InputError, NotConvergedError
+        As `speed_response`.
+
+    Notes
+    -----
+    Linear about the loaded state of the model, the closed contacts held closed: each is the harmonic balance driven by
+    what the pose does with the parameter.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> bench = rverror.Bench(load_inertia="5 kg*m^2")
+    >>> cam = rverror.effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")
+    >>> found = influences_at_speed(rverror.Model(rverror.reducer("RV-40E"), bench=bench), "6000 rpm", [cam])
+    >>> found.matrices[0].shape  # radial and tangential
+    (2, 4096)
+    """
+    rows = _speeds(speed)
+    if rows.size > 1:
+        raise InputError("speed: give one")
+    own = float(rows[0])
+    made = moving_reducer(model, torque=torque, direction=direction, fastest=own, causes=effects)
+    still = made.where.read
+    nominal = made.error(made.motion.every_share, own) + added(model.effects, still)
+    shares = made.shares(effects)
+    matrices = []
+    for effect in effects:
+        units = [replace(effect, values=tuple(unit)) for unit in np.eye(len(effect.values))]
+        matrices.append(np.array([made.error(next(shares), own) + added((one,), still) for one in units]))
+    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own, made.torque)
 
 
 def _by_effect(made: MovingReducer, model: Model, rows: Array) -> Array:
