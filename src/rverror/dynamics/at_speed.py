@@ -16,6 +16,7 @@ from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
 from rverror.dynamics.loaded_motion import ReducedMotion
 from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, unread
 from rverror.statics.loaded_state import Tangent
@@ -82,8 +83,9 @@ class SpeedResponse(Viewed):
     pulled : mapping of str to ndarray, each of shape (s,)
         Largest share of the force of all pins, and of all flanks, with which closed contacts would have to pull.  The
         error is no prediction where it is above 0.01: contacts open there, and that is not solved.
-    ratio, torque, direction : float
-        Input turns per output turn; N*mm; +1 or -1.
+    reducer : Reducer
+    torque, direction : float
+        N*mm; +1 or -1.
     by_effect : ndarray, shape (effects + 1, s, n), optional
         Part of each effect of the model in the error, linear about the loaded state, rad; last what is left: what the
         load does whatever the errors, and what contacts that open make of them.  They add up to the error.
@@ -99,11 +101,16 @@ class SpeedResponse(Viewed):
     frequency: Array
     of_sun_support: np.ndarray[tuple[int], np.dtype[np.bool_]]
     pulled: Mapping[str, Array]
-    ratio: float
+    reducer: Reducer
     torque: float
     direction: float
     by_effect: Array | None = None
     effects: tuple[Effect, ...] = ()
+
+    @property
+    def ratio(self) -> float:
+        """Input turns per output turn."""
+        return self.reducer.ratio
 
     @property
     def peak_to_peak(self) -> Array:
@@ -293,7 +300,7 @@ def speed_response(
         frequency=made.frequency[: moving.basis.shape[1]],
         of_sun_support=made.of_sun_support[: moving.basis.shape[1]],
         pulled=pulled,
-        ratio=made.unit.ratio,
+        reducer=made.unit,
         torque=made.torque,
         direction=direction,
         by_effect=_by_effect(made, model, rows) if by_effect else None,

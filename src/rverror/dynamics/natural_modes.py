@@ -49,6 +49,8 @@ class Modes(Viewed):
         Which of it was estimated from the geometry.
     torque, theta, direction : float
         Where: N*mm, rad, +1 or -1.
+    model : Model
+        Whose modes they are.
     """
 
     frequency: Array
@@ -63,6 +65,7 @@ class Modes(Viewed):
     torque: float
     theta: float
     direction: float
+    model: Model
 
 
 def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: float = 1.0) -> Modes:
@@ -140,4 +143,5 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
         torque=size,
         theta=angle,
         direction=direction,
+        model=model,
     )
