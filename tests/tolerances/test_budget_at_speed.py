@@ -137,6 +137,17 @@ def test_drawn_units_in_full_are_as_the_linear_ones(direction: float) -> None:
         assert np.ptp(full - full.mean()) == pytest.approx(np.ptp(linear), rel=0.05)
 
 
+def test_marks_that_are_ahead_turn_what_the_gears_do() -> None:
+    """By whole steps of the angles, so that a whole period is rolled on."""
+    model, of_gears, steps = Model(SMALL, bench=SWINGING), EVERY[1:3], 7
+    plain = stack(model, of_gears, torque="100 N*m", speed="100 rpm")
+    assert plain.theta is not None
+    marks = effect("sensor.index_offset", offset=float(plain.theta[steps]))
+    ahead = stack(model.with_effects(marks), of_gears, torque="100 N*m", speed="100 rpm")
+    for one, other in ((ahead.nominal, plain.nominal), (ahead.influence, plain.influence)):
+        np.testing.assert_allclose(one, np.roll(other, -steps, axis=-1), atol=1e-6 * np.abs(other).max())
+
+
 def test_angles_beside_a_speed_are_refused() -> None:
     with pytest.raises(rverror.InputError, match="theta: at a speed the angles are those of one period"):
         stack(Model(SMALL), EVERY[:1], [0.0, 0.1], speed="100 rpm", torque=1e5)
