@@ -185,7 +185,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         ),
         "Modes": (rverror.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
         "SpeedResponse": (
-            rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE),
+            rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE, by_effect=True),
             {},
         ),
         "RunUp": (rverror.run_up(replace(MODEL, bench=SWING), [0, 0.01], [0, 40], torque=TORQUE, samples=9), {}),

@@ -18,7 +18,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.dynamics.harmonic_balance import slope
-from rverror.dynamics.loaded_motion import motion_over_a_period
+from rverror.dynamics.moving_reducer import moving_reducer
 from rverror.dynamics.natural_modes import Modes, modes
 from rverror.dynamics.running_up import RunUp, run_up
 from rverror.dynamics.train import Train
@@ -165,7 +165,7 @@ def at_speed(
 
     Modes up to the first of the machine keep their inertia.  The input turns evenly, so the error is the carrier's.
     """
-    whole, *_ = motion_over_a_period(Model(unit, effects), unit, torque=torque, direction=1.0)
+    whole = moving_reducer(Model(unit, effects), torque=torque, direction=1.0, fastest=0.0).motion.whole
     crawl = float(np.ptp(whole.train.reading @ whole.state)) / ARCSEC
     found = []
     for bench in benches:

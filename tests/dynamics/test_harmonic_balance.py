@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,6 +129,66 @@ def test_harmonic_balance_is_what_the_integration_in_time_stays_on(
     places = (int(sign) * np.arange(times.size)) % COUNT
     np.testing.assert_allclose(y, moved[:, places], atol=1e-4 * np.abs(moved).max())
     np.testing.assert_allclose(rates, rate[:, places], atol=1e-4 * np.abs(rate).max())
+
+
+def left_over(system: Oscillator, force: np.ndarray, moved: np.ndarray, speed: float) -> float:
+    """What is left of the equation at the sampled angles, of the force."""
+    step = 2 * math.pi / system.period
+    pairs = (
+        (system.stiffness + speed**2 * system.centrifugal[..., None], moved),
+        (system.damping + speed * system.turning[..., None], speed * slope(moved, step)),
+    )
+    left = speed**2 * slope(moved, step, 2) - force + sum(np.einsum("ijn,jn->in", one, of) for one, of in pairs)
+    # a second derivative has the rounding of what it is taken of times the square of the shortest wave
+    rounding = np.finfo(float).eps * (speed * step * system.count / 2) ** 2 * np.linalg.norm(moved)
+    return float((np.linalg.norm(left) - rounding) / np.linalg.norm(force))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), size=st.integers(1, 4), speed=st.floats(0.2, 3), depth=st.floats(0, 0.95))
+def test_the_equation_holds_however_far_the_stiffness_turns(seed: int, size: int, speed: float, depth: float) -> None:
+    """Also where nothing is left of it for a while, as of a part that a few contacts hold."""
+    system, force = random_system(seed, size), random_force(seed, size)
+    system = replace(system, stiffness=system.stiffness * (1 + depth * np.sign(np.cos(3 * ANGLE) + 0.8)))
+    assert left_over(system, force, system.response(force, speed=speed), speed) < 1e-10
+
+
+@pytest.mark.parametrize("speed", [0.07, -0.07, 0.7])
+def test_a_stiffness_of_two_steps_is_met_with_the_square_of_the_samples(speed: float) -> None:
+    """Meissner's equation under a constant force: each half turn in closed form, put together so that it repeats.
+
+    The stiffness jumps by 400 times, so a series in waves from the mean stiffness on does not settle.
+    """
+    missed = [meissner(speed, count) for count in (2048, 4096, 8192)]
+    assert missed[-1] < 1e-3
+    assert missed[0] / missed[1] == pytest.approx(4, rel=0.1)
+    assert missed[1] / missed[2] == pytest.approx(4, rel=0.1)
+
+
+def meissner(speed: float, count: int, *, soft: float = 1.0, stiff: float = 400.0, damping: float = 0.2) -> float:
+    """How far the balance is from the closed form, of its peak-to-peak."""
+    angle = 2 * np.pi * (np.arange(count) + 0.5) / count
+    none, ones = np.zeros((1, 1)), np.ones((1, 1, count))
+    system = Oscillator(np.where(angle < np.pi, soft, stiff) * ones, damping * ones, none, none, 2 * math.pi)
+    moved = system.response(np.ones((1, count)), speed=speed)
+    assert left_over(system, np.ones((1, count)), moved, speed) < 1e-10
+
+    def through(k: float, time: float | np.ndarray) -> np.ndarray:
+        """Matrix of distance from rest and rate over a time, (2, 2, ...)."""
+        w = math.sqrt(k - damping**2 / 4)
+        cos, sin, fading = np.cos(w * time), np.sin(w * time) / w, np.exp(-damping * time / 2)
+        return np.asarray(fading * np.array([[cos + damping / 2 * sin, sin], [-k * sin, cos - damping / 2 * sin]]))
+
+    first, second = (soft, stiff) if speed > 0 else (stiff, soft)
+    half, shift = math.pi / abs(speed), np.array([1 / first - 1 / second, 0])
+    one, other = through(first, half), through(second, half)
+    # u from the rest of the first half, at its start: other (one u + shift) - shift = u
+    start = np.linalg.solve(np.eye(2) - other @ one, other @ shift - shift)
+    time = (angle if speed > 0 else 2 * np.pi - angle) / abs(speed)
+    early = np.einsum("jn,j->n", through(first, time)[0], start) + 1 / first
+    late = np.einsum("jn,j->n", through(second, time - half)[0], one @ start + shift) + 1 / second
+    exact = np.where(time < half, early, late)
+    return float(np.abs(moved[0] - exact).max() / np.ptp(exact))
 
 
 # --- in time ----------------------------------------------------------------------------------------------------------

@@ -328,6 +328,10 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     "coupling of no load": (FULL + "[bench]\nload_coupling_stiffness = '9 N*m/rad'\n",
                             ["line 14", "give load_inertia too"]),
     "damping": (FULL + "[bench]\ndamping_ratio = 3\n", ["line 14", "damping_ratio = 3", "below 1", "like '3 %'"]),
+    "damping twice": (
+        FULL + "[bench]\ndamping_ratio = '3 %'\ngear_mesh_damping = '0.02 ms'\n",
+        ["line 14", "beside damping by contact", "give one of them"],
+    ),
     "damping is a text": (FULL + "[bench]\ndamping_ratio = 'low'\n", ["line 14", "a number or a percentage"]),
     "bench of a drive": (DRIVE + "[bench]\nload_inertia = '1 kg*m^2'\n", ["[bench]", "[reducer]", "take it out"]),
     "bench is a text": ("bench = 'old'\n" + FULL, ["line 1", "no table", "[bench]"]),
@@ -481,8 +485,8 @@ benches = st.builds(
     input_coupling_stiffness=st.none() | st.floats(1e-3, 1e9),
     load_inertia=st.floats(1e-3, 1e9),
     load_coupling_stiffness=st.none() | st.floats(1e-3, 1e9),
-    damping_ratio=st.floats(0, 0.5),
-)
+    damping_ratio=st.none() | st.floats(0, 0.5),
+) | st.builds(Bench, gear_mesh_damping=st.floats(0, 1), load_coupling_damping=st.none() | st.floats(0, 1))
 
 
 @st.composite

@@ -37,6 +37,9 @@ def add_commands(commands: Any) -> None:
     command.add_argument("--from", dest="first", required=True, metavar='"100 rpm"', help="lowest input speed")
     command.add_argument("--to", dest="last", required=True, metavar='"1800 rpm"', help="highest input speed")
     command.add_argument("--count", type=int, default=COUNT, metavar="N", help=f"of even speeds (default {COUNT})")
+    command.add_argument(
+        "--by-effect", action="store_true", help="with --json: what each effect does, by order at each speed"
+    )
     command.set_defaults(run=_speeds)
 
 
@@ -63,7 +66,8 @@ def _speeds(options: argparse.Namespace) -> None:
     if options.count < 2:
         raise InputError(f"--count: {options.count} is below 2; give 2 speeds or more")
     model, state = _state(options)
-    _tell(speed_response(model, np.linspace(first, last, options.count), **state), options)
+    speeds = np.linspace(first, last, options.count)
+    _tell(speed_response(model, speeds, by_effect=options.by_effect, **state), options)
 
 
 def _state(options: argparse.Namespace) -> tuple[Model, dict[str, Any]]:

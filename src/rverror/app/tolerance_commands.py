@@ -34,7 +34,9 @@ def add_commands(commands: Any) -> None:
     _add_inputs(command)
     command.add_argument("--limit", metavar='"60 arcsec"', help="of the peak-to-peak: tells the yield")
     command.add_argument(
-        "--torque", metavar='"20 N*m"', help="solve a sample at this load, contacts that open included"
+        "--torque",
+        metavar='"20 N*m"',
+        help="solve a sample at this load, contacts that open included; with --speed the load (default: the rated one)",
     )
     command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
     command.add_argument("--resume", metavar="FOLDER", help="keep finished chunks of units there, and go on from them")
@@ -53,6 +55,7 @@ def add_commands(commands: Any) -> None:
     command.add_argument(
         "--yield", dest="level", default="99 %", metavar='"99 %%"', help="share of good units (default 99 %%)"
     )
+    command.add_argument("--torque", metavar='"20 N*m"', help="with --speed: the load (default: the rated one)")
     command.add_argument("--units", type=int, default=VERIFY, metavar="N", help="units that verify (default 65536)")
     command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
     command.add_argument("--plot", metavar="OUT.png", help="draw least cost against the limit")
@@ -63,6 +66,9 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("tolerances", metavar="TOLERANCES.toml")
     command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
+    command.add_argument(
+        "--speed", metavar='"600 rpm"', help="input speed: what the loaded reducer in motion makes of the tolerances"
+    )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
     command.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, for very many units (default 1)")
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
@@ -79,6 +85,7 @@ def _budget(options: argparse.Namespace) -> None:
             tolerances,
             direction=_direction(options),
             torque=torque,
+            speed=_speed(options),
             count=options.units,
             seed=options.seed,
             executor=executor,
@@ -102,7 +109,8 @@ def _allocate(options: argparse.Namespace) -> None:
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     level = _share(options.level)
     _at_least_one("--units", options.units)
-    laid_out = stack(model, tolerances, direction=_direction(options))
+    torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
+    laid_out = stack(model, tolerances, direction=_direction(options), torque=torque, speed=_speed(options))
     settings: dict[str, Any] = {
         **terms(tolerances),
         "kind": options.kind,
@@ -148,6 +156,15 @@ def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, t
 
 def _direction(options: argparse.Namespace) -> float:
     return 1.0 if options.direction == "forward" else -1.0
+
+
+def _speed(options: argparse.Namespace) -> float | None:
+    if options.speed is None:
+        return None
+    value = quantity("--speed", options.speed, "angular_speed", example="600 rpm")
+    if value < 0:
+        raise InputError(f"--speed: {options.speed!r} is below 0; the direction is said by --direction")
+    return value
 
 
 def _above_zero(name: str, text: str | None, dimension: str, example: str) -> float | None:

@@ -32,6 +32,17 @@ def with_unit(value: float, dimension: str) -> str:
     return f"{brief(to_display(value, dimension))} {DISPLAY_UNITS[dimension]}"
 
 
+def at_input_speed(speed: float | None) -> str:
+    """Where a result is one of a speed: " at 600 rpm", to stand behind it; nothing where it is of no speed.
+
+    Examples
+    --------
+    >>> at_input_speed(20 * math.pi)
+    ' at 600 rpm'
+    """
+    return "" if speed is None else f" at {with_unit(speed, 'angular_speed')}"
+
+
 def interval(value: float, *, low: float, high: float, size: float = ARCSEC) -> str:
     """Value with its interval, in units of a size: arcsec where left out.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,18 +14,13 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
-from rverror.dynamics.loaded_motion import ReducedMotion, loaded_motion
-from rverror.dynamics.train import Train, loaded_reducer
-from rverror.geartrain.contacts import pose
-from rverror.geartrain.kinematics import fundamental_orders, samples_needed, true_period
+from rverror.dynamics.loaded_motion import ReducedMotion
+from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.catalogue import source
-from rverror.model.effects import Model
-from rverror.model.readings import added, stand, unread
-from rverror.statics.loaded_state import Tangent, statics_of
+from rverror.model.effects import Effect, Model
+from rverror.model.readings import added, unread
+from rverror.statics.loaded_state import Tangent
 
-#: Times the highest frequency that the meshes drive: modes up to there keep their inertia.
-REACH = 2.5
 #: Share of the largest amplitude at a speed from which an order is told.
 _TOLD = 0.01
 #: Growth over the amplitude at a crawl from which a peak is critical.
@@ -34,7 +29,6 @@ CRITICAL = 2.0
 _NEAR = 0.1
 #: Share of a contact's forces that would have to pull from which an error at speed is no prediction.
 PULLED = 0.01
-_MOST_ANGLES = 2**16  # of one period: two gigabytes
 _EVERY = 16  # angle is looked at for contacts that pull
 
 
@@ -89,8 +83,14 @@ class SpeedResponse(Viewed):
     pulled : mapping of str to ndarray, each of shape (s,)
         Largest share of the force of all pins, and of all flanks, with which closed contacts would have to pull.  The
         error is no prediction where it is above 0.01: contacts open there, and that is not solved.
-    ratio, torque, direction : float
-        Input turns per output turn; N*mm; +1 or -1.
+    reducer : Reducer
+    torque, direction : float
+        N*mm; +1 or -1.
+    by_effect : ndarray, shape (effects + 1, s, n), optional
+        Part of each effect of the model in the error, linear about the loaded state, rad; last what is left: what the
+        load does whatever the errors, and what contacts that open make of them.  They add up to the error.
+    effects : tuple of Effect
+        Those of the model.
     """
 
     speed: Array
@@ -101,9 +101,16 @@ class SpeedResponse(Viewed):
     frequency: Array
     of_sun_support: np.ndarray[tuple[int], np.dtype[np.bool_]]
     pulled: Mapping[str, Array]
-    ratio: float
+    reducer: Reducer
     torque: float
     direction: float
+    by_effect: Array | None = None
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def ratio(self) -> float:
+        """Input turns per output turn."""
+        return self.reducer.ratio
 
     @property
     def peak_to_peak(self) -> Array:
@@ -127,6 +134,19 @@ class SpeedResponse(Viewed):
         The error is the sum of amplitude times cos(order theta + phase).
         """
         return np.asarray(_waves(self.transmission_error)[:, self._told])
+
+    @property
+    def effect_waves(self) -> Array:
+        """The same of each row of `by_effect`, rad, (effects + 1, s, o).
+
+        Raises
+        ------
+        InputError
+            If the effects were not asked for.
+        """
+        if self.by_effect is None:
+            raise InputError("the response was not asked for by effect; call speed_response with by_effect=True")
+        return np.asarray(_waves(self.by_effect)[..., self._told])
 
     @property
     def crawl_waves(self) -> Array:
@@ -176,6 +196,29 @@ class SpeedResponse(Viewed):
         )
 
 
+@dataclass(frozen=True)
+class InfluencesAtSpeed:
+    """Output error at one speed, and its change with errors.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (n,)
+        Nominal output angle over one period, rad.
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrices : tuple of ndarray, each of shape (parameters, n)
+        rad per core unit of each parameter of each effect.
+    speed, torque : float
+        Of the input, rad/s; N*mm.
+    """
+
+    theta: Array
+    transmission_error: Array
+    matrices: tuple[Array, ...]
+    speed: float
+    torque: float
+
+
 def _waves(rows: Array) -> Array:
     """Fourier series of rows over one period, (..., n // 2 + 1), as amplitude times exp(i phase); the mean doubled."""
     return np.asarray(2 * np.fft.rfft(rows) / rows.shape[-1])
@@ -188,6 +231,7 @@ def speed_response(
     torque: Any | None = None,
     direction: float = 1.0,
     kept: int | None = None,
+    by_effect: bool = False,
 ) -> SpeedResponse:
     """Output error of a reducer at each of some input speeds, by harmonic balance.
 
@@ -204,6 +248,8 @@ def speed_response(
     kept : int, optional
         How many modes of the mean stiffness keep their inertia; where left out those up to two and a half times the
         highest frequency that the meshes drive.
+    by_effect : bool
+        Also tell what each effect does; that takes as long again for every effect.
 
     Returns
     -------
@@ -231,29 +277,15 @@ def speed_response(
     >>> bool(found.peak_to_peak[1] > 2 * found.peak_to_peak[0])  # order 40 meets the load's natural frequency
     True
     """
-    unit, size = loaded_reducer(model, torque)
     rows = _speeds(speeds)
-    period = _period(model, unit)
-    count = samples_needed(unit) * period
-    theta = 2 * math.pi * period * np.arange(count) / count
-    where, halfway = (
-        stand(model, pose(unit, angle, torque=size, direction=direction)) for angle in (theta, theta + theta[1] / 2)
-    )
-    train = Train(unit, model.bench)
-    tangents = list(statics_of(unit, where.gears).tangents(model.effects))
-    between = np.concatenate([one.x for one in statics_of(unit, halfway.gears).tangents(model.effects)])
-    whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period, between)
-    frequency, on_support = whole.mean_modes()
-    if kept is None:
-        driven = max(fundamental_orders(unit).values()) * rows.max() / unit.ratio / (2 * math.pi)
-        kept = int((frequency <= REACH * driven).sum())
-    moving = whole.reduced(max(kept, 1))
-    pulling = _Pulling(moving, tangents)
-    beyond = added(unread(model).effects, where.read)
+    made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
+    moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
+    pulling = _Pulling(moving, made.tangents)
+    crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
     errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
     per_square: Array | None = None  # what is driven grows with the square of the speed
     for at, speed in enumerate(rows):
-        turn = direction * float(speed) / unit.ratio
+        turn = made.turn(float(speed))
         moved = moving.response(turn, None if per_square is None else turn**2 * per_square)
         per_square = moved / turn**2 if turn else None
         errors[at] = moving.error(moved, turn) + beyond
@@ -261,32 +293,89 @@ def speed_response(
             pulled[name][at] = share
     return SpeedResponse(
         speed=rows,
-        theta=theta,
+        theta=made.theta,
         transmission_error=errors,
-        crawl=moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond,
-        period=period,
-        frequency=frequency[: moving.basis.shape[1]],
-        of_sun_support=on_support[: moving.basis.shape[1]],
+        crawl=crawl,
+        period=made.period,
+        frequency=made.frequency[: moving.basis.shape[1]],
+        of_sun_support=made.of_sun_support[: moving.basis.shape[1]],
         pulled=pulled,
-        ratio=unit.ratio,
-        torque=size,
+        reducer=made.unit,
+        torque=made.torque,
         direction=direction,
+        by_effect=_by_effect(made, model, rows) if by_effect else None,
+        effects=model.effects,
     )
 
 
-def _period(model: Model, unit: Reducer) -> int:
-    """Output turns after which the error repeats: one where nothing has a broken order, as the sun's may be."""
-    turning = [(source(one.key), one.indices) for one in unread(model).effects]
-    orders = [order for entry, indices in turning for order in entry.orders(unit, indices)]
-    # several planets hide some orders of the sun in what is told of it, and not in every error
-    whole = all(float(order).is_integer() for order in orders) and all(entry.frame != "sun" for entry, _ in turning)
-    period = 1 if whole else true_period(unit)
-    if period * samples_needed(unit) > _MOST_ANGLES:
-        raise InputError(
-            f"ratio = {unit.ratio:g}: the error repeats after {period} output turns only, too many for one balance; "
-            "leave out the errors that turn with the sun"
-        )
-    return period
+def influences_at_speed(
+    model: Model,
+    speed: Any,
+    effects: Sequence[Effect],
+    *,
+    torque: Any | None = None,
+    direction: float = 1.0,
+) -> InfluencesAtSpeed:
+    """Output error of a reducer at an input speed, and how it changes with sizes of errors there.
+
+    Parameters
+    ----------
+    model : Model
+        As for `speed_response`; what only misreads the output is in the error.
+    speed : float or quantity
+        Of the input, rad/s, 0 or more.
+    effects : sequence of Effect
+        Errors whose influence is asked for; their sizes play no part, and the model need not have them.
+    torque, direction
+        As for `speed_response`.
+
+    Returns
+    -------
+    InfluencesAtSpeed
+
+    Raises
+    ------
+    InputError, NotConvergedError
+        As `speed_response`.
+
+    Notes
+    -----
+    Linear about the loaded state of the model, the closed contacts held closed: each is the harmonic balance driven by
+    what the pose does with the parameter.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> bench = rverror.Bench(load_inertia="5 kg*m^2")
+    >>> cam = rverror.effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")
+    >>> found = influences_at_speed(rverror.Model(rverror.reducer("RV-40E"), bench=bench), "6000 rpm", [cam])
+    >>> found.matrices[0].shape  # radial and tangential
+    (2, 4096)
+    """
+    rows = _speeds(speed)
+    if rows.size > 1:
+        raise InputError("speed: give one")
+    own = float(rows[0])
+    made = moving_reducer(model, torque=torque, direction=direction, fastest=own, causes=effects)
+    still = made.where.read
+    nominal = made.error(made.motion.every_share, own) + added(model.effects, still)
+    shares = made.shares(effects)
+    matrices = []
+    for effect in effects:
+        units = [replace(effect, values=tuple(unit)) for unit in np.eye(len(effect.values))]
+        matrices.append(np.array([made.error(next(shares), own) + added((one,), still) for one in units]))
+    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own, made.torque)
+
+
+def _by_effect(made: MovingReducer, model: Model, rows: Array) -> Array:
+    """Each effect's part of the error at some speeds, and what the load does whatever they are, (effects + 1, s, n)."""
+    moves = unread(model).effects
+    shares = made.by_effect(model.effects)
+    parts = np.array([[made.error(share, float(speed)) for speed in rows] for share in shares])
+    for number, effect in enumerate(model.effects):
+        if effect in moves:
+            parts[number] += added((effect,), made.where.read)
+    return parts
 
 
 def _speeds(speeds: Any) -> Array:

@@ -8,19 +8,26 @@ series.  `docs/theory/dynamics.md` says where its terms come from.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 from scipy import fft
+from scipy.linalg import lapack
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 
-TOLERANCE = 1e-7  # of the answer that the mean system gives
-_ENOUGH = 1e-5  # where that takes too long: with many stiff modes steps grow small
-_AT_ONCE, _RESTARTS = 200, 3  # directions of GMRES, and how often it begins anew
+TOLERANCE = 1e-10  # of the force: what is left of the equation
+#: Where rounding leaves more: a second derivative has (n / 2)^2 times the rounding of what it is taken of.
+_ENOUGH = 1e-8
+_AT_MEAN = 60  # directions of GMRES from the mean system; where it does not settle in these it does not in many
+_AT_ONCE, _RESTARTS = 200, 3  # from differences of neighbours, and how often it begins anew
+_REACH = 3  # neighbours to either side
+_TOP = 0.98  # of the shortest wave that the samples hold: so far differences are fitted
 
 
 def slope(rows: Array, step: float, power: int = 1) -> Array:
@@ -89,18 +96,13 @@ class Oscillator:
         return np.where(value < 1e-14 * value[-1], 0.0, value), vector
 
     @cached_property
-    def varying(self) -> tuple[Array, Array]:
-        """In the modes of the mean stiffness: mean damping of each mode, and what stiffness and damping have more.
-
-        Stiffness and damping stand side by side, (m, 2 m, n).
-        """
-        value, vector = self.mean_modes
-        stiffness = np.einsum("ai,abn,bj->ijn", vector, self.stiffness, vector, optimize=True)
-        damping = np.einsum("ai,abn,bj->ijn", vector, self.damping, vector, optimize=True)
-        mean = np.einsum("iin->i", damping) / self.count
-        stiffness -= np.diag(value)[..., None]
-        damping -= np.diag(mean)[..., None]
-        return mean, np.concatenate([stiffness, damping], axis=1)
+    def in_mean_modes(self) -> tuple[Array, Array]:
+        """Stiffness and damping in the modes of the mean stiffness, (m, m, n)."""
+        _, vector = self.mean_modes
+        stiffness, damping = (
+            np.einsum("ai,abn,bj->ijn", vector, one, vector, optimize=True) for one in (self.stiffness, self.damping)
+        )
+        return stiffness, damping
 
     def response(self, force: Array, *, speed: float, near: Array | None = None) -> Array:
         """Periodic motion under a force that turns with the angle.
@@ -121,39 +123,161 @@ class Oscillator:
         Raises
         ------
         InputError
-            If no answer was found: the stiffness varies too much beside its mean.
+            If the mean is undamped at a natural frequency, or no answer was found.
         """
-        value, vector = self.mean_modes
-        damped, varying = self.varying
-        steady = np.concatenate([speed**2 * self.centrifugal @ vector, speed * self.turning @ vector], axis=1)
-        varying = varying + (vector.T @ steady)[..., None]
-        rate = 1j * speed * self.orders
-        if self.count % 2 == 0:
-            rate[-1] = 0
-        impedance = value[:, None] - (speed * self.orders) ** 2 + damped[:, None] * rate
-        free = (value == 0)[:, None] & (speed * self.orders == 0)
+        _, vector = self.mean_modes
+        balance = _Balance(self, speed)
+        right = balance.held(vector.T @ force)
+        enough = np.linalg.norm(right)
+        begin = np.zeros_like(right) if near is None else vector.T @ near
+        left = right if near is None else right - balance.equation(fft.rfft(begin))
+        for approximate, directions, restarts in (
+            (balance.by_mean, _AT_MEAN, 1),
+            (balance.by_neighbours, _AT_ONCE, _RESTARTS),
+        ):
+            answer, asked = approximate()
+
+            def apply(row: Array, asked: Callable[[Array], Array] = asked) -> Array:
+                return asked(row.reshape(right.shape)).reshape(-1)
+
+            operator = LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
+            found, failed = gmres(
+                operator, left.reshape(-1), rtol=0.0, atol=TOLERANCE * enough, restart=directions, maxiter=restarts
+            )
+            moved = fft.rfft(begin) + answer(found.reshape(right.shape))
+            if not failed:
+                break
+        else:
+            missed = float(np.linalg.norm(right - balance.equation(moved)) / enough)
+            if not missed <= _ENOUGH:
+                raise InputError(
+                    f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, {missed:.1g} of the force "
+                    "is left; choose another speed, more damping, or fewer modes that keep their inertia"
+                )
+        return np.asarray(vector @ fft.irfft(moved, self.count))
+
+
+#: Waves of an approximate answer to a force, (m, n // 2 + 1), and the force that the equation asks for it, (m, n).
+_Approximate = tuple[Callable[[Array], npt.NDArray[np.complex128]], Callable[[Array], Array]]
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """The equation at one speed, in the modes of the mean stiffness, and two approximate answers."""
+
+    system: Oscillator
+    speed: float
+
+    @cached_property
+    def _steady(self) -> tuple[Array, Array]:
+        """Centrifugal stiffness and Coriolis damping, (m, m)."""
+        _, vector = self.system.mean_modes
+        return (
+            vector.T @ (self.speed**2 * self.system.centrifugal) @ vector,
+            vector.T @ (self.speed * self.system.turning) @ vector,
+        )
+
+    @cached_property
+    def _both(self) -> Array:
+        """Stiffness and damping side by side, (m, 2 m, n)."""
+        pairs = zip(self.system.in_mean_modes, self._steady, strict=True)
+        return np.concatenate([one + more[..., None] for one, more in pairs], axis=1)
+
+    @cached_property
+    def _rate(self) -> npt.NDArray[np.complex128]:
+        """First derivative of each wave over time."""
+        rate = 1j * self.speed * self.system.orders
+        if self.system.count % 2 == 0:
+            rate[-1] = 0  # the shortest wave has no slope at its samples
+        return np.asarray(rate)
+
+    def held(self, rows: Array) -> Array:
+        """Rows without the mean of free motions, which nothing balances."""
+        free = self.system.mean_modes[0] == 0
+        return rows - np.where(free, rows.mean(axis=1), 0.0)[:, None] if free.any() else rows
+
+    def equation(self, waves: npt.NDArray[np.complex128]) -> Array:
+        """What force waves of a motion ask for, (m, n)."""
+        curved = -((self.speed * self.system.orders) ** 2) * waves
+        rows = fft.irfft(np.concatenate([waves, self._rate * waves, curved]), self.system.count)
+        m = self.system.size
+        return self.held(rows[2 * m :] + np.einsum("ijn,jn->in", self._both, rows[: 2 * m]))
+
+    def by_mean(self) -> _Approximate:
+        """Answer of the mean stiffness and damping, wave by wave."""
+        value, _ = self.system.mean_modes
+        damped = np.einsum("iin->i", self.system.in_mean_modes[1]) / self.system.count
+        impedance = value[:, None] - (self.speed * self.system.orders) ** 2 + damped[:, None] * self._rate
+        free = (value == 0)[:, None] & (self.speed * self.system.orders == 0)
         if not np.all(impedance[~free]):
             raise InputError(
-                f"speed = {speed:.6g} rad/s: undamped at a natural frequency; give a damping ratio above 0"
+                f"speed = {self.speed:.6g} rad/s: undamped at a natural frequency; give a damping ratio above 0"
             )
         admittance = np.where(free, 0.0, 1 / np.where(free, 1.0, impedance))
+        varying = self._both.copy()
+        every = np.arange(self.system.size)
+        varying[every, every] -= value[:, None]
+        varying[every, self.system.size + every] -= damped[:, None]
 
-        def answered(rows: Array) -> Array:
-            return np.asarray(admittance * fft.rfft(rows), dtype=np.complex128)
+        def answer(rows: Array) -> npt.NDArray[np.complex128]:
+            return np.asarray(admittance * fft.rfft(rows))
 
-        def apply(packed: Array) -> Array:
-            waves = packed.view(np.complex128).reshape(self.size, -1)
-            moved = fft.irfft(np.concatenate([waves, rate * waves]), self.count)
-            more = answered(np.einsum("ijn,jn->in", varying, moved))
-            return np.asarray((waves + more).reshape(-1).view(np.float64))
+        def asked(rows: Array) -> Array:
+            waves = answer(rows)
+            moved = fft.irfft(np.concatenate([waves, self._rate * waves]), self.system.count)
+            return rows + self.held(np.einsum("ijn,jn->in", varying, moved))
 
-        right = answered(vector.T @ force).reshape(-1).view(np.float64)
-        operator = LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
-        begin = None if near is None else fft.rfft(vector.T @ near).reshape(-1).view(np.float64)
-        found, failed = gmres(operator, right, begin, rtol=TOLERANCE, atol=0.0, restart=_AT_ONCE, maxiter=_RESTARTS)
-        if failed and not np.linalg.norm(apply(found) - right) <= _ENOUGH * np.linalg.norm(right):
-            raise InputError(
-                f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, the stiffness varies too "
-                "much beside its mean; choose another speed, more damping, or fewer modes that keep their inertia"
-            )
-        return np.asarray(vector @ fft.irfft(found.view(np.complex128).reshape(self.size, -1), self.count))
+        return answer, asked
+
+    def by_neighbours(self) -> _Approximate:
+        """Answer of compact differences between neighbours: a band, with stiffness and damping as they are.
+
+        With y the mean `smooth` of w over neighbours, y'' and y' are differences of w.  The angles are folded, first
+        and last side by side, so that a period closes within the band.
+        """
+        m, n = self.system.size, self.system.count
+        smooth, second, first = _compact_differences()
+        angle = np.arange(n)
+        place = np.where(angle < (n + 1) // 2, 2 * angle, 2 * (n - 1 - angle) + 1)
+        value, _ = self.system.mean_modes
+        step = self.system.period / n
+        # a free motion is held by less than the longest wave's inertia
+        hold = np.diag(np.where(value == 0, -((self.speed * self.system.orders[1] / 2) ** 2), 0.0))
+        both = np.moveaxis(self._both, -1, 0)
+        stiffness, damping = both[:, :, :m] + hold, self.speed / step * both[:, :, m:]
+        width = (2 * _REACH + 1) * m - 1
+        band = np.zeros((3 * width + 1, n * m), order="F")
+        for offset in range(-_REACH, _REACH + 1):
+            far = abs(offset)
+            block = smooth[far] * stiffness + np.sign(offset) * first[far] * damping
+            block += (self.speed / step) ** 2 * second[far] * np.eye(m)
+            row = place[:, None, None] * m + np.arange(m)[:, None]
+            column = place[(angle + offset) % n][:, None, None] * m + np.arange(m)
+            band[2 * width + row - column, column] += block
+        factors, pivots, _ = lapack.dgbtrf(band, width, width, overwrite_ab=True)
+        waves = smooth[0] + 2 * np.cos(np.outer(self.system.orders * step, np.arange(1, _REACH + 1))) @ smooth[1:]
+
+        def answer(rows: Array) -> npt.NDArray[np.complex128]:
+            right = np.empty((n, m))
+            right[place] = rows.T
+            found, _ = lapack.dgbtrs(factors, width, width, right.reshape(-1), pivots)
+            return np.asarray(waves * fft.rfft(found.reshape(n, m)[place].T))
+
+        return answer, lambda rows: self.equation(answer(rows))
+
+
+def _compact_differences() -> tuple[Array, Array, Array]:
+    """Weights of neighbours for a mean, and for its second and first derivative in steps: by distance.
+
+    Fitted to the derivatives of waves by least squares; what they miss costs directions of GMRES, and no accuracy.
+    """
+    wave = np.linspace(0, _TOP * np.pi, 1000)[1:, None]
+    cos, sin = (of(wave * np.arange(1, _REACH + 1)) for of in (np.cos, np.sin))
+    smooth = np.zeros(_REACH)
+    for _ in range(10):  # the misfit counts beside the mean's own size
+        weight = 1 / (wave**2 * (1 + 2 * cos @ smooth)[:, None])
+        fit = np.linalg.lstsq(weight * np.hstack([2 * wave**2 * cos, 2 * (cos - 1)]), -(weight * wave**2)[:, 0])[0]
+        smooth, second = fit[:_REACH], fit[_REACH:]
+    mean = (1 + 2 * cos @ smooth)[:, None] * wave
+    first = np.linalg.lstsq(2 * sin / mean, np.ones(len(wave)))[0]
+    return np.append(1, smooth), np.append(-2 * second.sum(), second), np.append(0, first)

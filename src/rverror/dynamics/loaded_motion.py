@@ -15,20 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator, slope
 from rverror.dynamics.time_integration import Forced
 from rverror.dynamics.train import FREE, SUPPORTED, Train
-from rverror.geartrain.contacts import pose
-from rverror.geartrain.kinematics import frame_orders, samples_needed, true_period
-from rverror.geartrain.mechanism import Reducer
-from rverror.model.catalogue import source
-from rverror.model.effects import Model
-from rverror.model.readings import added, stand, unread
+from rverror.geartrain.kinematics import frame_orders
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Tangent, statics_of
-
-_MOST_ANGLES = 2**16  # of one period: two gigabytes
+from rverror.statics.loaded_state import Tangent
 
 
 @dataclass(frozen=True)
@@ -47,6 +39,8 @@ class LoadedMotion:
     course : ndarray, shape (size, n)
         The waves of it that n samples hold, without those that would fold onto them: what inertia follows.
     stiffness : ndarray, shape (n, size, size)
+    damping : ndarray, shape (n, size, size), optional
+        By contact; None where a ratio damps every mode.
     """
 
     train: Train
@@ -55,6 +49,7 @@ class LoadedMotion:
     state: Array
     course: Array
     stiffness: Array
+    damping: Array | None
 
     @cached_property
     def _mean(self) -> tuple[Array, Array]:
@@ -73,10 +68,15 @@ class LoadedMotion:
     @cached_property
     def inertia_force(self) -> Array:
         """Force of the parts' inertia against nominal motion and equilibrium per speed squared, (size, n)."""
+        nominal = self.train.mass * _centripetal(self.train)
+        return self.inertia_against(self.course) - nominal[:, None]
+
+    def inertia_against(self, course: Array) -> Array:
+        """Force of the parts' inertia against a course in their frames, (size, n), per speed squared."""
         turns, step = self.train.turns[:, None], 2 * math.pi / self.period
-        first, second = (slope(self.course, step, power) for power in (1, 2))
-        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * self.course
-        return np.asarray(-self.train.mass[:, None] * (acceleration + _centripetal(self.train)[:, None]))
+        first, second = (slope(course, step, power) for power in (1, 2))
+        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * course
+        return np.asarray(-self.train.mass[:, None] * acceleration)
 
     @cached_property
     def swing_force(self) -> Array:
@@ -99,18 +99,40 @@ class LoadedMotion:
         basis = vector[:, :kept]
         if kept == self.train.size:
             shapes = np.broadcast_to(basis, (self.theta.size, *basis.shape))
-            none = np.zeros_like(self.state)
-            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, none, none, none)
+            return ReducedMotion(self, basis, shapes, basis.T @ self.stiffness @ basis, None)
         # a free motion has no flexibility: it is held meanwhile
         inertia, hold = self.train.mass[:, None] * basis, value[kept]
-        forces = np.stack([self.inertia_force.T, self.swing_force.T, self.load_force.T], axis=2)
-        right = np.concatenate([np.broadcast_to(inertia, (self.theta.size, *inertia.shape)), forces], axis=2)
-        yielded = np.linalg.solve(self.stiffness + hold * inertia @ inertia.T, right)
-        flexible, rest = yielded[..., :kept], yielded[..., kept:]
+        flexibility = np.linalg.inv(self.stiffness + hold * inertia @ inertia.T)
+        flexible = flexibility @ inertia
         stiff = np.linalg.inv(inertia.T @ flexible)
-        shapes = flexible @ stiff
-        rest = rest - shapes @ (inertia.T @ rest)
-        return ReducedMotion(self, basis, shapes, stiff - hold * np.eye(kept), *np.moveaxis(rest, 2, 0).swapaxes(1, 2))
+        return ReducedMotion(self, basis, flexible @ stiff, stiff - hold * np.eye(kept), flexibility)
+
+
+@dataclass(frozen=True)
+class Share:
+    """What a share of the equilibrium, such as that of one error, does at speed.
+
+    Attributes
+    ----------
+    still : ndarray, shape (n,)
+        Output error at a crawl, rad.
+    follows : ndarray, shape (n,)
+        Output error per speed squared of the modes that follow as springs.
+    force : ndarray, shape (m, n)
+        Force of inertia on the coordinates per speed squared.
+    """
+
+    still: Array
+    follows: Array
+    force: Array
+
+    def __add__(self, other: Share) -> Share:
+        """Both together."""
+        return Share(self.still + other.still, self.follows + other.follows, self.force + other.force)
+
+    def __mul__(self, factor: float) -> Share:
+        """So many times of it."""
+        return Share(factor * self.still, factor * self.follows, factor * self.force)
 
 
 @dataclass(frozen=True)
@@ -125,28 +147,26 @@ class ReducedMotion:
     shapes : ndarray, shape (n, size, m)
         Pose per unit of each coordinate, of least energy.
     stiffness : ndarray, shape (n, m, m)
-    rest : ndarray, shape (size, n)
-        Pose per speed squared that the other modes take as springs under the inertia of the equilibrium's motion.
-    rest_by_acceleration, rest_by_load : ndarray, shape (size, n)
-        The same per rad/s^2 of the output, and per unit of load.
+    flexibility : ndarray, shape (n, size, size), optional
+        Of all modes, those that are kept held besides; None where all are kept.
     """
 
     whole: LoadedMotion
     basis: Array
     shapes: Array
     stiffness: Array
-    rest: Array
-    rest_by_acceleration: Array
-    rest_by_load: Array
+    flexibility: Array | None
 
     @cached_property
     def oscillator(self) -> Oscillator:
         """Its equations."""
         train = self.whole.train
-        value, vector = np.linalg.eigh(self.stiffness)
-        frequency = np.sqrt(np.maximum(value, 0.0))
-        ratio = train.bench.damping_ratio
-        damping = 2 * ratio * (vector * frequency[:, None]) @ np.swapaxes(vector, 1, 2)
+        if self.whole.damping is None:
+            value, vector = np.linalg.eigh(self.stiffness)
+            frequency = np.sqrt(np.maximum(value, 0.0))
+            damping = 2 * train.bench.ratio_of_modes * (vector * frequency[:, None]) @ np.swapaxes(vector, 1, 2)
+        else:
+            damping = np.swapaxes(self.shapes, 1, 2) @ self.whole.damping @ self.shapes
         weighted = train.mass[:, None] * self.basis
         turns = train.turns[:, None]
         return Oscillator(
@@ -158,18 +178,39 @@ class ReducedMotion:
         )
 
     @cached_property
-    def _force(self) -> Array:
-        """Force of inertia on the coordinates per speed squared, (m, n)."""
-        return self._on_coordinates(self.whole.inertia_force)
+    def _followed(self) -> tuple[Array, Array]:
+        """Of nominal motion and equilibrium: force of inertia on the coordinates, (m, n), and pose, (size, n)."""
+        return self._follow(self.whole.inertia_force)
 
-    def _on_coordinates(self, force: Array) -> Array:
-        return np.asarray(np.einsum("nci,cn->in", self.shapes, force))
+    @cached_property
+    def _sped_up(self) -> tuple[Array, Array]:
+        """The same per rad/s^2 of the output."""
+        return self._follow(self.whole.swing_force)
+
+    @cached_property
+    def _loaded(self) -> tuple[Array, Array]:
+        """The same per unit of load."""
+        return self._follow(self.whole.load_force)
+
+    @property
+    def rest(self) -> tuple[Array, Array, Array]:
+        """Pose that the other modes take as springs per speed squared, rad/s^2 and unit of load, each (size, n)."""
+        return self._followed[1], self._sped_up[1], self._loaded[1]
+
+    def _follow(self, given: Array) -> tuple[Array, Array]:
+        """Force on the coordinates, and the pose that the other modes take as springs under a force, (size, n)."""
+        force = np.einsum("nci,cn->in", self.shapes, given)
+        if self.flexibility is None:
+            return force, np.zeros_like(given)
+        bent = (self.flexibility @ given.T[..., None])[..., 0]
+        weighted = self.whole.train.mass[:, None] * self.basis
+        own = (self.shapes @ (bent @ weighted)[..., None])[..., 0]  # of the modes that are kept
+        return force, (bent - own).T
 
     @cached_property
     def forced(self) -> Forced:
         """Its equations with what drives them at any course of the speed."""
-        by_acceleration, by_load = map(self._on_coordinates, (self.whole.swing_force, self.whole.load_force))
-        return Forced(self.oscillator, self._force, by_acceleration, by_load)
+        return Forced(self.oscillator, self._followed[0], self._sped_up[0], self._loaded[0])
 
     def response(self, speed: float, near: Array | None = None) -> Array:
         """Motion about the loaded state in these coordinates, (m, n).
@@ -181,19 +222,35 @@ class ReducedMotion:
         near : ndarray, shape (m, n), optional
             A motion that is likely near.
         """
-        return self.oscillator.response(speed**2 * self._force, speed=speed, near=near)
+        return self.oscillator.response(speed**2 * self._followed[0], speed=speed, near=near)
 
     def error(self, moved: Array, speed: float) -> Array:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
         train = self.whole.train
-        still = train.reading @ (self.whole.state + speed**2 * self.rest)
+        still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
         return np.asarray(still + (self.reading * moved).sum(axis=0))
+
+    @property
+    def every_share(self) -> Share:
+        """All of the equilibrium, and the nominal motion."""
+        force, rest = self._followed
+        return Share(self.whole.train.reading @ self.whole.state, self.whole.train.reading @ rest, force)
+
+    def share(self, state: Array, course: Array) -> Share:
+        """What a share of the equilibrium, (size, n), with the waves of it that inertia follows does at speed."""
+        force, rest = self._follow(self.whole.inertia_against(course))
+        return Share(self.whole.train.reading @ state, self.whole.train.reading @ rest, force)
+
+    def share_error(self, share: Share, speed: float) -> Array:
+        """Output error of a share at a speed, (n,)."""
+        moved = self.oscillator.response(speed**2 * share.force, speed=speed) if speed else np.zeros_like(share.force)
+        return np.asarray(share.still + speed**2 * share.follows + (self.reading * moved).sum(axis=0))
 
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
         whole = self.whole
-        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self.rest[:, at]
-        return _in_frames(whole.train, own, -whole.theta[at])
+        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self._followed[1][:, at]
+        return in_frames(whole.train, own, -whole.theta[at])
 
     @cached_property
     def reading(self) -> Array:
@@ -222,75 +279,46 @@ def loaded_motion(
     -------
     LoadedMotion
     """
-    state = _in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
+    state = in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
     stops = np.cumsum([0, *(len(one.x) for one in tangents)])
     parts = zip(tangents, np.split(theta, stops[1:-1]), strict=True)
-    stiffness = np.concatenate([_turned(train, _summed(train.stiffness(one)), angle) for one, angle in parts])
-    if between is None:
-        return LoadedMotion(train, theta, period, state, state, stiffness)
-    count = theta.size
-    fine = np.empty((train.size, 2 * count))
-    fine[:, ::2] = state
-    fine[:, 1::2] = _in_frames(train, train.pose(between).T, theta + period / (2 * count))
-    waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
-    waves[:, -1] = 0
-    return LoadedMotion(train, theta, period, state, np.fft.irfft(waves, count), stiffness)
+    stiffness: list[Array] = []
+    damping: list[Array] = []
+    for one, angle in parts:
+        groups = train.stiffness(one)
+        stiffness.append(_turned(train, _summed(groups), angle))
+        if train.bench.damping_times:
+            damping.append(_turned(train, np.broadcast_to(train.damping(groups), stiffness[-1].shape), angle))
+    course = state if between is None else held_waves(train, state, between, theta, period)
+    by_contact = np.concatenate(damping) if damping else None
+    return LoadedMotion(train, theta, period, state, course, np.concatenate(stiffness), by_contact)
 
 
-def motion_over_a_period(
-    model: Model, unit: Reducer, *, torque: float, direction: float
-) -> tuple[LoadedMotion, list[Tangent], Array]:
-    """A reducer in motion over the turns after which its errors repeat.
+def held_waves(train: Train, state: Array, between: Array, theta: Array, period: float) -> Array:
+    """The waves of a state, (size, n), that its samples hold, without those that would fold onto them.
 
     Parameters
     ----------
-    model : Model
-        Of the reducer.
-    unit : Reducer
-    torque : float
-        N*mm.
-    direction : float
+    train : Train
+    state : ndarray, shape (size, n)
+        In the frames of the parts.
+    between : ndarray, shape (n, unknowns)
+        Poses half a step further on.
+    theta : ndarray, shape (n,)
+    period : float
+        rad.
 
     Returns
     -------
-    LoadedMotion
-    list of Tangent
-        Its contacts, stretch by stretch.
-    ndarray, shape (n,)
-        What the output turns beyond the gear train, rad.
-
-    Raises
-    ------
-    InputError
-        If errors of the sun repeat after too many turns.
-    NotConvergedError
-        If there is no equilibrium at some angle.
+    ndarray, shape (size, n)
     """
-    period = _turns_until_it_repeats(model, unit)
-    count = samples_needed(unit) * period
-    theta = 2 * math.pi * period * np.arange(count) / count
-    where, halfway = (
-        stand(model, pose(unit, angle, torque=torque, direction=direction)) for angle in (theta, theta + theta[1] / 2)
-    )
-    tangents = list(statics_of(unit, where.gears).tangents(model.effects))
-    between = np.concatenate([one.x for one in statics_of(unit, halfway.gears).tangents(model.effects)])
-    whole = loaded_motion(Train(unit, model.bench), tangents, where.gears.theta, 2 * math.pi * period, between)
-    return whole, tangents, np.asarray(added(unread(model).effects, where.read))
-
-
-def _turns_until_it_repeats(model: Model, unit: Reducer) -> int:
-    """Output turns after which the error repeats: one where nothing has a broken order, as the sun's may be."""
-    turning = [(source(one.key), one.indices) for one in unread(model).effects]
-    orders = [order for entry, indices in turning for order in entry.orders(unit, indices)]
-    # several planets hide some orders of the sun in what is told of it, and not in every error
-    whole = all(float(order).is_integer() for order in orders) and all(entry.frame != "sun" for entry, _ in turning)
-    period = 1 if whole else true_period(unit)
-    if period * samples_needed(unit) > _MOST_ANGLES:
-        raise InputError(
-            f"ratio = {unit.ratio:g}: the error repeats after {period} output turns only, too many for one balance; "
-            "leave out the errors that turn with the sun"
-        )
-    return period
+    count = theta.size
+    fine = np.empty((train.size, 2 * count))
+    fine[:, ::2] = state
+    fine[:, 1::2] = in_frames(train, train.pose(between).T, theta + period / (2 * count))
+    waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
+    waves[:, -1] = 0
+    return np.asarray(np.fft.irfft(waves, count))
 
 
 def _summed(groups: Mapping[str, Array]) -> Array:
@@ -301,7 +329,7 @@ def _summed(groups: Mapping[str, Array]) -> Array:
     return total
 
 
-def _in_frames(train: Train, rows: Array, theta: Array) -> Array:
+def in_frames(train: Train, rows: Array, theta: Array) -> Array:
     """Rows of coordinates in the housing frame, (size, n), in those of the parts."""
     angle = train.turns[:, None] * theta
     return np.cos(angle) * rows - np.sin(angle) * _ahead(train, rows)

@@ -30,7 +30,7 @@ class Modes(Viewed):
     frequency : ndarray, shape (m,)
         Undamped, Hz; 0 where nothing holds the motion.
     damping_ratio : ndarray, shape (m,)
-        0 where nothing holds it.
+        0 where nothing holds it.  By contact that of the mode alone: what damping couples it with is left out.
     shape : mapping of str to ndarray
         Motion of each part at a modal mass of 1 kg: x and y (mm per mm) and angle (rad per mm), (3, m); of a sun whose
         angle is held (2, m); of input and load the angle, (1, m).
@@ -49,6 +49,8 @@ class Modes(Viewed):
         Which of it was estimated from the geometry.
     torque, theta, direction : float
         Where: N*mm, rad, +1 or -1.
+    model : Model
+        Whose modes they are.
     """
 
     frequency: Array
@@ -63,6 +65,7 @@ class Modes(Viewed):
     torque: float
     theta: float
     direction: float
+    model: Model
 
 
 def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: float = 1.0) -> Modes:
@@ -121,11 +124,15 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
         for name, matrix in groups.items()
     }
     kinetic = {name: (own[:, None] * phi**2).sum(axis=0) for name, own in train.inertias.items()}
+    ratio = np.where(value > 0, model.bench.ratio_of_modes, 0.0)
+    if model.bench.damping_times:
+        lost = (phi * (train.damping(groups) @ phi)).sum(axis=0)
+        ratio = np.divide(lost, 2 * np.sqrt(value), out=np.zeros_like(value), where=value > 0)
     changes = {name: frequency * share / 2 for name, share in strain.items()}
     changes |= {name: -frequency * share / 2 for name, share in kinetic.items()}
     return Modes(
         frequency=frequency,
-        damping_ratio=np.where(value > 0, model.bench.damping_ratio, 0.0),
+        damping_ratio=ratio,
         shape={part.name: phi[list(part.at)] * math.sqrt(units.unit_factor("kg", "mass")) for part in train.parts},
         strain_energy=strain,
         kinetic_energy=kinetic,
@@ -136,4 +143,5 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
         torque=size,
         theta=angle,
         direction=direction,
+        model=model,
     )

@@ -16,13 +16,14 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
-from rverror.dynamics.at_speed import REACH
 from rverror.dynamics.harmonic_balance import slope
-from rverror.dynamics.loaded_motion import ReducedMotion, motion_over_a_period
+from rverror.dynamics.loaded_motion import ReducedMotion
+from rverror.dynamics.moving_reducer import moving_reducer
 from rverror.dynamics.time_integration import periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Model
+from rverror.model.readings import added, unread
 
 #: Samples of the shortest period that is followed.
 _SAMPLES = 8
@@ -149,14 +150,12 @@ def run_up(
             "position_control_stiffness = 0: nothing makes the input follow a speed; give a control, or leave it out "
             "for an input that does"
         )
-    whole, _, beyond = motion_over_a_period(model, unit, torque=size, direction=direction)
-    frequency, on_support = whole.mean_modes()
-    driven = max(fundamental_orders(unit).values()) * np.abs(profile.turn).max() / (2 * math.pi)
-    if kept is None:
-        of_machine = int(np.flatnonzero((frequency > 0) & ~on_support)[0])
-        kept = max(int((frequency <= REACH * driven).sum()), of_machine + 1)
-    moving = whole.reduced(max(kept, 1))
-    frequency, on_support = frequency[: moving.basis.shape[1]], on_support[: moving.basis.shape[1]]
+    fastest = float(np.abs(profile.turn).max())
+    made = moving_reducer(model, torque=size, direction=direction, fastest=fastest * unit.ratio, kept=kept)
+    moving, beyond = made.motion, added(unread(model).effects, made.where.read)
+    driven = max(fundamental_orders(unit).values()) * fastest / (2 * math.pi)
+    followed = slice(moving.basis.shape[1])
+    frequency, on_support = made.frequency[followed], made.of_sun_support[followed]
     begin, end = profile.time[[0, -1]]
     if samples is None:
         samples = 1 + math.ceil(_SAMPLES * max(float(frequency.max()), driven) * (end - begin))
@@ -309,7 +308,7 @@ class _Told:
     def _rows(self) -> CubicSpline:
         moving, whole = self.moving, self.moving.whole
         reading = whole.train.reading
-        rest = [reading @ rows for rows in (moving.rest, moving.rest_by_acceleration, moving.rest_by_load)]
+        rest = [reading @ rows for rows in moving.rest]
         inertia = [rows[self._ends].sum(axis=0) for rows in (whole.inertia_force, whole.swing_force)]
         return periodic(np.stack([reading @ whole.state + self.beyond, *rest, *inertia, *moving.reading]), whole.period)
 

@@ -263,6 +263,11 @@ class Train:
             name: spring.stiffness * np.outer(spring.row, spring.row)[None] for name, spring in self.springs.items()
         }
 
+    def damping(self, groups: Mapping[str, Array]) -> Array:
+        """Damping matrix by contact, of the stiffness of each group: c = beta k."""
+        times = self.bench.damping_times
+        return np.asarray(sum(times[name.removesuffix("_stiffness")] * matrix for name, matrix in groups.items()))
+
     def flank_rows(self, tangent: Tangent) -> Array:
         """How each flank closes with the coordinates, (n, 2 cranks, size): also with the sun's angle."""
         rows = tangent.contacts.flank_rows

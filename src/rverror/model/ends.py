@@ -1,4 +1,4 @@
-"""What hangs on both ends of a reducer on its bench or in its machine: inertias, and springs to them."""
+"""What hangs on both ends of a reducer on its bench or in its machine, and how its motions die away."""
 
 from __future__ import annotations
 
@@ -8,6 +8,13 @@ from dataclasses import dataclass
 
 from rverror.base import units
 
+#: Of every mode, a guess, where neither a ratio nor damping by contact is given.
+DAMPING_RATIO = 0.03
+#: Contacts and springs that can have damping of their own.
+_DAMPED = (
+    "pin_contact", "crank_bearing", "carrier_bearing", "gear_mesh", "sun_support", "main_bearing",
+    "position_control", "input_coupling", "load_coupling",
+)  # fmt: skip
 #: Dimension of each number of a bench.
 BENCH_DIMENSIONS: Mapping[str, str] = {
     "input_inertia": "inertia",
@@ -16,6 +23,7 @@ BENCH_DIMENSIONS: Mapping[str, str] = {
     "load_inertia": "inertia",
     "load_coupling_stiffness": "torsional_stiffness",
     "damping_ratio": "number",
+    **{f"{name}_damping": "time" for name in _DAMPED},
 }
 
 
@@ -36,13 +44,18 @@ class Bench:
         Behind the load's coupling, tonne*mm^2.
     load_coupling_stiffness : float, optional
         Between carrier and load, N*mm/rad; rigid where left out.
-    damping_ratio : float
-        Of every mode; 0.03, a guess, where left out.
+    damping_ratio : float, optional
+        Of every mode; where it is left out 0.03, a guess, unless there is damping by contact.
+    pin_contact_damping, crank_bearing_damping, carrier_bearing_damping, gear_mesh_damping, sun_support_damping, \
+main_bearing_damping, position_control_damping, input_coupling_damping, load_coupling_damping : float, optional
+        Damping by contact, in place of a ratio: viscous damping of each contact or spring of the kind over its
+        stiffness, s; 0 where others are given and this one is not.
 
     Raises
     ------
     ValueError
-        If a value is below 0, a coupling is not above 0, the damping is 1 or more, or a load's coupling has no load.
+        If a value is below 0, a coupling is not above 0, the damping ratio is 1 or more or stands beside damping by
+        contact, or a load's coupling has no load.
 
     Notes
     -----
@@ -59,7 +72,16 @@ class Bench:
     input_coupling_stiffness: float | None = None
     load_inertia: float = 0.0
     load_coupling_stiffness: float | None = None
-    damping_ratio: float = 0.03
+    damping_ratio: float | None = None
+    pin_contact_damping: float | None = None
+    crank_bearing_damping: float | None = None
+    carrier_bearing_damping: float | None = None
+    gear_mesh_damping: float | None = None
+    sun_support_damping: float | None = None
+    main_bearing_damping: float | None = None
+    position_control_damping: float | None = None
+    input_coupling_damping: float | None = None
+    load_coupling_damping: float | None = None
 
     def __post_init__(self) -> None:
         """Convert to core units and check each value."""
@@ -74,10 +96,26 @@ class Bench:
         for name in ("input_coupling_stiffness", "load_coupling_stiffness"):
             if getattr(self, name) == 0:
                 raise ValueError(f"{name} = 0: a coupling must be above 0; leave it out for a rigid one")
-        if not self.damping_ratio < 1:
-            raise ValueError(f"damping_ratio = {self.damping_ratio:g}: must be below 1, critical damping")
+        if self.damping_ratio is not None:
+            if not self.damping_ratio < 1:
+                raise ValueError(f"damping_ratio = {self.damping_ratio:g}: must be below 1, critical damping")
+            if self.damping_times:
+                raise ValueError("damping_ratio stands beside damping by contact; give one of them")
         if self.load_coupling_stiffness is not None and not self.load_inertia:
             raise ValueError("load_coupling_stiffness: nothing hangs on it; give load_inertia too, or leave it out")
+
+    @property
+    def damping_times(self) -> dict[str, float]:
+        """Damping over stiffness of each contact and spring, s, by its name; empty where a ratio damps."""
+        values = {name: getattr(self, f"{name}_damping") for name in _DAMPED}
+        if all(value is None for value in values.values()):
+            return {}
+        return {name: value or 0.0 for name, value in values.items()}
+
+    @property
+    def ratio_of_modes(self) -> float:
+        """Damping ratio of every mode, where contacts have no damping of their own."""
+        return DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
 
     def given(self) -> dict[str, float]:
         """Values that are not those of a bench of which nothing is said."""

@@ -39,10 +39,12 @@ from rverror.statics.energy import (
     error_closing,
     flank_lever,
     geometry,
+    held,
     loaded_system,
     minimise,
     preloaded,
     refined,
+    samples_first,
     samples_last,
     with_discs,
 )
@@ -686,6 +688,52 @@ class _Solution:
         if floats.any():
             joints[:, floats] *= ~self.energy.pressed_around(self.closed.journals)[..., None]
         return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(joints).items()}
+
+    def pose_changes(self, effects: tuple[Effect, ...]) -> Array:
+        """Change of the pose per parameter (n, unknowns, parameters), the closed contacts held closed.
+
+        What an effect closes presses on every part; effects that no contact feels change nothing.
+        """
+        pressed = [np.zeros((*self.x.shape, 0))]
+        for effect in effects:
+            for unit in np.eye(len(effect.values)):
+                one = felt((replace(effect, values=tuple(unit)),))
+                pressed.append(self._pressing(error_closing(self.contacts, one))[..., None])
+        force = -np.concatenate(pressed, axis=2)
+        matrix, inverse = self._stiffness_and_inverse
+        first = inverse @ force
+        return np.asarray(first + inverse @ (force - matrix @ first), dtype=np.float64)
+
+    @cached_property
+    def _stiffness_and_inverse(self) -> tuple[Array, Array]:
+        matrix = with_discs(self.energy.newton_matrix(self.closed), self._turning, self.energy.first_disc)
+        return matrix, np.asarray(np.linalg.inv(held(matrix)), dtype=np.float64)
+
+    def _pressing(self, errors: Errors) -> Array:
+        """Force of errors on the pose, (n, unknowns), the closed contacts held closed."""
+        system, tangent, n = self.energy, self.tangent(), len(self.x)
+        carried, more = self._joint_forces(), errors.compliance
+        flanks, joints = errors.flank.copy(), errors.joint.copy()
+        # a normal that has turned sees a little of what goes along the profile
+        tilt = samples_first((self._pin_normal * self.contacts.profile_tangent).sum(axis=2))
+        pins = errors.pin + tilt * errors.along
+        # what gives way opens by as much
+        if "pin" in more:
+            pins -= more["pin"] * system.pin_stiffness * np.maximum(self.closed.pins, 0.0)
+        if "mesh" in more:
+            flanks -= more["mesh"] * system.flank_stiffness * np.maximum(self.closed.flanks, 0.0)
+        cams = self.stretch.reducer.discs * self.stretch.reducer.cranks
+        for contact, at in (("cam", slice(0, cams)), ("carrier", slice(cams, -2))):
+            if contact in more:
+                joints[:, at] -= more[contact][..., None] * carried[:, at]
+        if errors.clearance.any():
+            joints -= errors.clearance[:, None] * samples_first(unit_vectors(samples_last(self._joints())))
+        force = np.einsum("nqd,nq->nd", system.flank_rows, tangent.flank * flanks)
+        force += np.einsum("nqcd,nqc->nd", self.contacts.joint_rows, (tangent.joint @ joints[..., None])[..., 0])
+        on_discs = np.einsum("nki,ncki->nkc", tangent.pin * pins, system.pin_rows)
+        on_discs -= np.einsum("nki,ncki->nkc", self._turn * errors.along, self.contacts.profile_rows)
+        force[:, 3 : 3 + on_discs[0].size] += on_discs.reshape(n, -1)
+        return np.asarray(force)
 
     @cached_property
     def _quick_per_torque(self) -> tuple[Array, Array, Array, Array]:

@@ -117,6 +117,8 @@ class Allocation(Viewed):
         What is proven, one sentence.
     keys, dimensions : tuple of str
         Catalogue key of each entry, and dimension of its width; empty for a stack that does not tell its components.
+    speed : float, optional
+        Of the input, rad/s, as in the stack.
     """
 
     labels: tuple[str, ...]
@@ -140,6 +142,7 @@ class Allocation(Viewed):
     proof: str
     keys: tuple[str, ...] = ()
     dimensions: tuple[str, ...] = ()
+    speed: float | None = None
 
     @property
     def cost_before(self) -> float:
@@ -535,6 +538,7 @@ def _described(
         labels=market.labels,
         keys=tuple(component.key for component in first),
         dimensions=tuple(component.dimension for component in first),
+        speed=stack.speed,
         kind=task.kind,
         limit=limit,
         level=task.level,

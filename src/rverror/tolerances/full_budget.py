@@ -39,7 +39,7 @@ class ErrorBudget(Viewed):
     indices : SobolIndices, optional
         Of the peak-to-peak, one for each tolerance; None where no tolerance moves it.
     contact : ContactCorrection, optional
-        What contacts that open at a load change; None without a load.
+        What contacts that open at a load change; None without a load, and at a speed.
     """
 
     model: Model
@@ -62,6 +62,7 @@ def error_budget(
     count: int = COUNT,
     index_count: int = INDEX_COUNT,
     contact_count: int = CONTACT_COUNT,
+    speed: Any | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
@@ -85,6 +86,9 @@ def error_budget(
         Points of the Sobol indices.
     contact_count : int
         Units solved at the load.
+    speed : float or quantity, optional
+        Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load,
+        and no unit is solved by itself.
     seed, executor, folder
         As for `virtual_units`.
     progress : callable, optional
@@ -108,7 +112,7 @@ def error_budget(
     1.0
     """
     tell = progress or (lambda text: None)
-    laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque)
+    laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, speed=speed)
     tell(f"closed form of {len(laid_out.components)} components")
     closed = budget(laid_out, seed=seed)
     tell(f"drawing {count} virtual units")
@@ -118,7 +122,7 @@ def error_budget(
         tell("Sobol indices")
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor)
     contact = None
-    if torque is not None:
+    if torque is not None and speed is None:
         tell(f"solving {contact_count} units at the load")
         contact = contact_correction(
             model,

@@ -21,12 +21,13 @@ import numpy.typing as npt
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Index, IndexValue, Parameter
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix, transmission_error
-from rverror.model.effects import Model
+from rverror.model.effects import Effect, Model
 from rverror.model.readings import stand
 from rverror.tolerances.cost import SAME_WIDTH, Cost
 from rverror.tolerances.distribution import (
@@ -57,6 +58,7 @@ DISTRIBUTIONS: Mapping[str, type[Distribution]] = {
 ANGLES = 4096
 
 _ROUNDING = 1e-12  # relative
+_SOLVED = 1e-9  # relative: the pose at a load and the motion about it are found to some 1e-10
 
 #: Names of parameters that are the two components of one vector.
 PAIRS = (
@@ -211,6 +213,8 @@ class Stack:
         How each entry is drawn.
     theta : ndarray, shape (n,), optional
         Nominal output angle, rad.
+    speed : float, optional
+        Input speed, rad/s; None for the closed form at a crawl.
     """
 
     nominal: Array
@@ -221,6 +225,7 @@ class Stack:
     labels: tuple[str, ...]
     blocks: tuple[Block, ...]
     theta: Array | None = field(default=None)
+    speed: float | None = field(default=None)
 
     def scaled(self, width: Array | None = None) -> Array:
         """Influence of the standard draws, rad, shape (m, n): `influence` times the width of each component.
@@ -553,6 +558,7 @@ def stack(
     *,
     direction: float = 1.0,
     torque: Any = None,
+    speed: Any = None,
 ) -> Stack:
     """Lay a model and its tolerances out as arrays.
 
@@ -565,7 +571,9 @@ def stack(
     direction : float, optional
         +1 forward, -1 reverse.
     torque : float or quantity, optional
-        Needed by ``load.torsion``.
+        Needed by ``load.torsion``; at a speed the load, the rated one where left out.
+    speed : float or quantity, optional
+        Of the input, rad/s: influences are then those of the loaded reducer in motion, over the angles of one period.
 
     Returns
     -------
@@ -575,6 +583,8 @@ def stack(
     ------
     ValueError
         If there is no tolerance, one does not fit the mechanism, or the angles are unusable.
+    InputError
+        If there are angles beside a speed, or as `influences_at_speed`.
 
     Examples
     --------
@@ -586,11 +596,28 @@ def stack(
     """
     if not tolerances:
         raise InputError("no tolerance; give at least one")
-    if theta is None:
-        theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
-    where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
-    forces = closed_form_forces(where.gears)
-    nominal = transmission_error(model, where.read.theta, direction=direction, torque=torque, forces=forces)
+    if speed is None:
+        theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
+        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
+        forces = closed_form_forces(where.gears)
+        nominal = transmission_error(model, where.read.theta, direction=direction, torque=torque, forces=forces)
+        angles, rounding = where.read.theta, _ROUNDING
+        sources = (
+            source_matrix(where.of(item.key), forces, item.key, indices)
+            for item in tolerances
+            for indices in item.instances(model.mechanism)
+        )
+    else:
+        if theta is not None:
+            raise InputError("theta: at a speed the angles are those of one period; leave them out")
+        every = [
+            Effect(item.key, indices, (0.0,) * len(source(item.key).parameters))
+            for item in tolerances
+            for indices in item.instances(model.mechanism)
+        ]
+        moving = influences_at_speed(model, speed, every, torque=torque, direction=direction)
+        angles, nominal, speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
+        sources = (matrix for matrix in moving.matrices)
     components: list[Component] = []
     blocks: list[Block] = []
     rows: list[Array] = []
@@ -603,8 +630,8 @@ def stack(
         law = item.distribution, item.correlation, item.random_phase
         blocks.append(Block(first, len(components), len(instances), len(chosen), *law))
         for indices in instances:
-            matrix = source_matrix(where.of(item.key), forces, item.key, indices)[chosen]
-            rows.append(_without_rounding(matrix, _least(model.mechanism, item.chosen)))
+            least = _least(model.mechanism, item.chosen, rounding)
+            rows.append(_without_rounding(next(sources)[chosen], least, rounding))
             components += [Component(item.key, indices, p.name, p.dimension) for p in item.chosen]
             means += [item.mean.get(p.name, 0.0) for p in item.chosen]
     influence = np.concatenate(rows)
@@ -617,21 +644,22 @@ def stack(
         width=np.array([item.width for item in tolerances]),
         labels=_distinct([item.label for item in tolerances]),
         blocks=tuple(blocks),
-        theta=where.read.theta,
+        theta=angles,
+        speed=speed,
     )
 
 
-def _least(mechanism: Mechanism, chosen: Sequence[Parameter]) -> float:
+def _least(mechanism: Mechanism, chosen: Sequence[Parameter], rounding: float) -> float:
     """Influence that is rounding, rad per core unit."""
     if isinstance(mechanism, Reducer) and chosen[0].dimension == "length":
-        return _ROUNDING / mechanism.crank_radius
-    return _ROUNDING
+        return rounding / mechanism.crank_radius
+    return rounding
 
 
-def _without_rounding(rows: Array, least: float) -> Array:
+def _without_rounding(rows: Array, least: float, rounding: float) -> Array:
     """Rows of which only rounding is left, or of which only rounding is no constant, made exactly so."""
     size = np.abs(rows).max(axis=1, keepdims=True)
-    steady = np.ptp(rows, axis=1, keepdims=True) <= _ROUNDING * size + least
+    steady = np.ptp(rows, axis=1, keepdims=True) <= rounding * size + least
     return np.where(size <= least, 0.0, np.where(steady, rows.mean(axis=1, keepdims=True), rows))
 
 

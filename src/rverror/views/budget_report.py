@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.numbers import count_of, in_arcsec, interval, rounded, way, with_unit
+from rverror.base.numbers import at_input_speed, count_of, in_arcsec, interval, rounded, way, with_unit
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
@@ -70,6 +71,8 @@ def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> s
         lines = [f"Budget in closed form: {_counts(closed)}", f"{closed.mean.size} angles. All in arcsec.", ""]
     else:
         bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
+        if found.stack.speed is not None:
+            bearings = f" about the loaded state{at_input_speed(found.stack.speed)}"
         lines = [
             f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
             f"{_counts(closed)}, {way(found.direction)}",
@@ -229,6 +232,7 @@ def budget_json(
         "model": found.model.name or found.model.mechanism.name,
         "direction": way(found.direction),
         "angles": closed.mean.size,
+        "input_speed_rpm": _rpm(found.stack.speed),
         "components": len(found.stack.components),
         "units": found.units.count,
         "seed": found.units.seed,
@@ -242,6 +246,10 @@ def budget_json(
         "contact": None if found.contact is None else contact_content(found.contact, limit=limit),
     }
     return enveloped("ErrorBudget", content, files)
+
+
+def _rpm(speed: float | None) -> float | None:
+    return None if speed is None else rounded(units.to_display(speed, "angular_speed"))
 
 
 def _drawn_json(drawn: VirtualUnits, size: Size) -> dict[str, Any]:
@@ -314,7 +322,7 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     what = {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms"}[found.kind]
     width = max(len(label) for label in found.labels)
     lines = [
-        f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec",
+        f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec{at_input_speed(found.speed)}",
         "",
         f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
         f"{what[:40]:12s} {found.value_before / ARCSEC:12.4g} -> {found.value / ARCSEC:.4g} arcsec"
@@ -390,6 +398,7 @@ def allocation_json(
         "kind": found.kind,
         "level": found.level,
         "limit_arcsec": in_arcsec(found.limit),
+        "input_speed_rpm": _rpm(found.speed),
         "value_before_arcsec": in_arcsec(found.value_before),
         "value_arcsec": in_arcsec(found.value),
         "cost_before": rounded(found.cost_before),

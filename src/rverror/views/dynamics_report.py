@@ -63,6 +63,17 @@ def speeds_json(found: SpeedResponse, *, files: Sequence[InputFile] = ()) -> dic
             "phase_deg": np.degrees(np.angle(waves)).tolist(),
         }
 
+    def part(number: int) -> dict[str, Any]:
+        waves = found.effect_waves[number]
+        last = number == len(found.effects)
+        key, indices = ("load", {}) if last else (found.effects[number].key, dict(found.effects[number].indices))
+        sizes = {
+            "amplitude_arcsec": (np.abs(waves) / ARCSEC).tolist(),
+            "phase_deg": np.degrees(np.angle(waves)).tolist(),
+        }
+        return {"key": key, "indices": indices, **sizes}
+
+    asked = found.by_effect is not None
     rows = zip(found.speed.tolist(), found.transmission_error, found.waves, strict=True)
     return enveloped(
         "SpeedResponse",
@@ -83,6 +94,7 @@ def speeds_json(found: SpeedResponse, *, files: Sequence[InputFile] = ()) -> dic
                 }
                 for at, (speed, error, waves) in enumerate(rows)
             ],
+            **({"by_effect": [part(number) for number in range(len(found.effects) + 1)]} if asked else {}),
             "critical_speeds": [
                 {
                     "input_speed_rpm": units.to_display(one.speed, "angular_speed"),

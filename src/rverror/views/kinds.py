@@ -397,6 +397,12 @@ def _of_modes(result: Modes) -> Table:
 @_table.register
 def _of_speeds(result: SpeedResponse) -> Table:
     critical, waves = result.critical_speeds, result.waves
+    parts: dict[str, Variable] = {}
+    if result.by_effect is not None:
+        names = [*(describe(e.key, e.indices) for e in result.effects), "load"]
+        parts = _along("effect", effect=names)
+        for name, of, unit in (("amplitude", np.abs, ANGLE), ("phase", np.angle, POSITION)):
+            parts[f"{name}_by_effect"] = Variable(("effect", "speed", "order"), of(result.effect_waves), unit)
     variables = {
         **_along(
             "speed",
@@ -413,6 +419,7 @@ def _of_speeds(result: SpeedResponse) -> Table:
         ),
         "amplitude": Variable(("speed", "order"), np.abs(waves), ANGLE),
         "phase": Variable(("speed", "order"), np.angle(waves), POSITION),
+        **parts,
         **_along(
             "critical",
             "critical_",

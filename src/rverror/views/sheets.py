@@ -17,7 +17,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief, count_of, way, with_unit
+from rverror.base.numbers import at_input_speed, brief, count_of, way, with_unit
 from rverror.base.text import describe, joined
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
@@ -701,7 +701,8 @@ def _of_error_budget(thing: ErrorBudget) -> Sheet:
             f"At {with_unit(thing.contact.torque, 'torque')}, contacts that open included: P99 of the peak-to-peak "
             f"{value} arcsec, 95 % interval {low} to {high}"
         )
-    title = _title("Error budget", thing.model.name or thing.model.mechanism.name, f"{way(thing.direction)}, {drawn}")
+    where = f"{way(thing.direction)}{at_input_speed(thing.stack.speed)}, {drawn}"
+    title = _title("Error budget", thing.model.name or thing.model.mechanism.name, where)
     return title + _quantiles(thing.units, bounds) + at_load + _contributions(thing)
 
 
@@ -713,7 +714,7 @@ def _of_allocation(thing: Allocation) -> Sheet:
     grades = (grade or ("fixed" if fixed else "") for grade, fixed in zip(found["grade"], thing.fixed, strict=True))
     gap = "" if thing.gap is None else f"; the gap is {100 * thing.gap:.2g} % of the cost"
     return (
-        _title("Allocation", f"{what[thing.kind]} within {_angle(thing.limit)}")
+        _title("Allocation", f"{what[thing.kind]} within {_angle(thing.limit)}{at_input_speed(thing.speed)}")
         + _grid(
             ("", "before", "allocated", "unit"),
             [("cost", *stages["total_cost"], ""), (what[thing.kind], *stages["value"], "arcsec")],

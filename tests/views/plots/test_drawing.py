@@ -35,6 +35,7 @@ from rverror import (
     equilibrium,
     error_budget,
     influence,
+    modes,
     orders_from_arrays,
     reducer,
     run_from_arrays,
@@ -380,6 +381,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
+        "modes": modes(replace(MODEL, bench=SWING), torque="100 N*m"),
         "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),
         "run-up": run_up(replace(MODEL, bench=SWING), [0, 0.05], [0, 40], torque="100 N*m", samples=64),
         "run": RUN,
@@ -411,9 +413,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run",
-    "torque run",
-    "order table", "bare order table", "diagnosis",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "modes", "speeds", "run-up",
+    "run", "torque run", "order table", "bare order table", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drawn import legend, line
+from drawn import alike_in_grey, legend, line, overlapping_texts
 from rverror import Bench, InputError, Model, SpeedResponse, effect, reducer, speed_response
 from rverror.base.units import ARCSEC
 
@@ -41,7 +41,7 @@ def test_amplitudes_are_those_of_the_largest_orders() -> None:
 
 def test_lines_of_orders_meet_the_natural_frequency_at_the_critical_speed(found: SpeedResponse) -> None:
     ax = found.plot(kind="campbell")
-    x, y = line(ax, "order 40")
+    x, y = line(ax, "order 40: carrier/disc/crank 40")
     assert x.tolist() == pytest.approx([0, 2000])
     assert y.tolist() == pytest.approx([0, 40 * 2000 / 60 / 121])
     (natural,) = [c for c in ax.collections if c.get_label() == "natural frequency"]
@@ -50,6 +50,34 @@ def test_lines_of_orders_meet_the_natural_frequency_at_the_critical_speed(found:
     top = found.critical_speeds[0]
     assert top.order == 40
     assert np.interp(top.speed / RPM, x, y) == pytest.approx(lowest, rel=0.02)
+
+
+def test_crossings_are_numbered_and_named() -> None:
+    """Input speed at which order times output speed is the frequency: 60 f R / order."""
+    found = speed_response(MODEL, np.linspace(500, 9000, 18) * RPM, torque="100 N*m")
+    ax = found.plot(kind="campbell", most=3)
+    (told,) = [text.get_text().splitlines() for text in ax.texts if text.get_gid() == "crossings"]
+    assert told[0] == f"mode 1: {found.frequency[0]:.4g} Hz"
+    rows = [text.replace(",", "").split() for text in told[told.index("crossings: mode, order, rpm") + 1 :]]
+    assert [row[0] for row in rows] == [f"{number}:" for number in range(1, len(rows) + 1)]
+    points = [item for item in ax.get_lines() if item.get_gid() == "crossing"]
+    assert len(points) == len(rows) >= 2
+    for (_, _, mode, _, order, rpm), point in zip(rows, points, strict=True):
+        frequency = found.frequency[int(mode) - 1]
+        assert float(rpm) == pytest.approx(60 * frequency * 121 / float(order), abs=0.6)
+        assert point.get_xydata()[0] == pytest.approx([60 * frequency * 121 / float(order), frequency])
+    names = [text.get_text() for text in ax.texts if text.get_gid() == "mode"]
+    assert names[0] == "mode 1"
+
+
+@pytest.mark.parametrize(("last", "kept"), [(2000, 1), (9000, 1), (12000, 8)])
+def test_a_diagram_can_be_read_in_grey_and_nothing_lies_over_another(last: float, kept: int) -> None:
+    errors = tuple(effect("cycloid.disc_pitch", disc=0, harmonic=at, cos="3 um") for at in (1, 2, 3))
+    ends = Bench(input_inertia="1e-4 kg*m^2", position_control_stiffness="200 N*m/rad", load_inertia="5 kg*m^2")
+    model = Model(MODEL.mechanism, (*MODEL.effects, *errors), bench=ends)
+    ax = speed_response(model, np.linspace(100, last, 12) * RPM, torque="412 N*m", kept=kept).plot(kind="campbell")
+    assert overlapping_texts(ax) == []
+    assert alike_in_grey(ax) == []
 
 
 def test_a_diagram_without_crossings_shows_how_far_the_first_natural_frequency_is() -> None:

@@ -15,6 +15,7 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
+from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import Influence
@@ -39,6 +40,7 @@ from rverror.views.plots.diagnosed import (
 )
 from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.mechanism_view import mechanism
+from rverror.views.plots.mode_shapes import mode_shape
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
 from rverror.views.plots.order_tables import table_amplitudes
 from rverror.views.plots.passports import table_passport
@@ -88,6 +90,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Influence: {"waveform": influence_waveform},
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
+        Modes: {"shape": mode_shape},
         SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
         RunUp: {"waveform": run_up_waveform},
         Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,6 +61,9 @@ class Places:
         Centres.
     pins : ndarray, shape (pins, 2)
     cranks : ndarray, shape (cranks, 2)
+    sun : ndarray, shape (2,)
+    turned : mapping of str to ndarray
+        Angle of the marks: of ``"sun"``, (1,), and of ``"planet"``, (cranks,).
     contact : mapping of str to ndarray
         Point of each contact that has one, shaped as in `CONTACT_AXES` but for the flanks of a mesh.
     """
@@ -69,7 +72,42 @@ class Places:
     disc: Array
     pins: Array
     cranks: Array
+    sun: Array
+    turned: Mapping[str, Array]
     contact: Mapping[str, Array]
+
+    def moved(self, shape: Mapping[str, Array], scale: float) -> Places:
+        """Where they are as each part moves by so many times its x, y and angle, to first order.
+
+        Parameters
+        ----------
+        shape : mapping of str to ndarray
+            As of `Modes`, of one mode; the pins stand.
+        scale : float
+        """
+        carrier, sun = scale * shape["carrier"], scale * shape["sun"]
+        discs = [scale * shape[f"disc {k}"] for k in range(len(self.disc))]
+        cranks = np.array([scale * shape[f"crank {j}"] for j in range(len(self.cranks))])
+        cams = np.stack(
+            [_carried(cams.T, at, by).T for cams, at, by in zip(self.contact["cam"], self.disc, discs, strict=True)]
+        )
+        return replace(
+            self,
+            outline=np.stack(
+                [_carried(line, at, by) for line, at, by in zip(self.outline, self.disc, discs, strict=True)]
+            ),
+            disc=self.disc + np.array([by[:2] for by in discs]),
+            cranks=self.cranks + cranks[:, :2],
+            sun=self.sun + sun[:2],
+            turned={"sun": self.turned["sun"] + sun[2:].sum(), "planet": self.turned["planet"] + cranks[:, 2]},
+            contact={**self.contact, "cam": cams, "carrier": _carried(self.cranks.T, np.zeros(2), carrier).T},
+        )
+
+
+def _carried(points: Array, centre: Array, by: Array) -> Array:
+    """Points (2, m) of a part whose centre moves by x and y, and which turns by an angle about it."""
+    arm = points - centre[:, None]
+    return np.asarray(points + by[:2, None] + by[2] * np.stack([-arm[1], arm[0]]), dtype=np.float64)
 
 
 def places(motion: Contacts) -> Places:
@@ -80,6 +118,7 @@ def places(motion: Contacts) -> Places:
     """
     unit = motion.reducer
     eccentric = motion.eccentric[:, 0]
+    turns, theta = frame_orders(unit), float(motion.theta[0])
     centre = unit.eccentricity * _along(eccentric)
     shape = profile(unit, _rolls(unit))
     cos, sin = np.cos(-eccentric / unit.disc_lobes), np.sin(-eccentric / unit.disc_lobes)
@@ -92,6 +131,11 @@ def places(motion: Contacts) -> Places:
         disc=centre,
         pins=pins,
         cranks=cranks,
+        sun=np.zeros(2),
+        turned={
+            "sun": np.array([turns["sun"] * theta]),
+            "planet": np.full(unit.cranks, turns["planet"] * theta),
+        },
         contact={
             "pin": pins + unit.pin_radius * motion.pin_normal[..., 0],
             "cam": cranks + centre[:, None],
@@ -227,7 +271,7 @@ def mechanism(
     where = places(motion)
 
     ax = axes_for(ax, width=9.0, height=7.2)
-    _parts(ax, unit, where, motion, discs)
+    draw_parts(ax, unit, where, discs)
     keys = []
     for (group, contacts), given in zip(_GROUPS.items(), (pin_scale, bearing_scale), strict=True):
         longest = max(float(np.linalg.norm(forces[key], axis=-1).max(initial=0.0)) for key in contacts)
@@ -261,11 +305,10 @@ def _round_scale(longest: float, room: float) -> float:
     return _KEY / next(f * power for f in (1, 2, 5, 10) if f * power >= rough * (1 - 1e-9))
 
 
-def _parts(ax: Axes, unit: Reducer, where: Places, motion: Contacts, discs: range) -> None:
+def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
+    """Draw pins, some discs with their cams, gears and carrier."""
     from matplotlib.patches import Circle
 
-    turns = frame_orders(unit)
-    theta = float(motion.theta[0])
     for i, (x, y) in enumerate(where.pins):
         label = "pins" if i == 0 else None
         ax.add_patch(Circle((x, y), unit.pin_radius, fc="0.85", ec="0.3", lw=0.7, gid=f"pin {i}", label=label))
@@ -276,16 +319,17 @@ def _parts(ax: Axes, unit: Reducer, where: Places, motion: Contacts, discs: rang
         for x, y in where.contact["cam"][k]:
             ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=style["color"], ls=style["ls"], lw=1.0))
     mean: dict[str, Any] = {"color": "0.45", "lw": 0.9, "ls": DASHES[3]}
-    for label, radius, centres, angle in (
-        ("sun and planets, pitch circles", unit.sun_pitch_radius, np.zeros((1, 2)), turns["sun"] * theta),
-        (None, unit.planet_pitch_radius, where.cranks, turns["planet"] * theta),
+    for label, radius, centres, angles in (
+        ("sun and planets, pitch circles", unit.sun_pitch_radius, where.sun[None], where.turned["sun"]),
+        (None, unit.planet_pitch_radius, where.cranks, where.turned["planet"]),
     ):
-        for number, centre in enumerate(centres):
+        for number, (centre, angle) in enumerate(zip(centres, angles, strict=True)):
             circle = centre[:, None] + radius * np.array([np.cos(_ROUND), np.sin(_ROUND)])
             ax.plot(*circle, label=label if number == 0 else None, **mean)
             mark = centre + radius * np.array([[0.55], [1.0]]) * np.array([math.cos(angle), math.sin(angle)])
             ax.plot(*mark.T, color="0.45", lw=2.2)
-    ring = np.concatenate([where.cranks, where.cranks[:1]])
+    bores = where.contact["carrier"]
+    ring = np.concatenate([bores, bores[:1]])
     ax.plot(*ring.T, color=GREY, lw=4.0, alpha=0.6, solid_capstyle="round", label="carrier, crank 0 filled", zorder=1)
     ax.plot(*where.cranks[:1].T, "o", color=BLACK, ms=6)
     ax.plot(*where.cranks[1:].T, "o", color=BLACK, mfc="white", ms=6)

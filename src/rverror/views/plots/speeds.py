@@ -12,6 +12,8 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
+from rverror.runs.spectrum import frames_of_order
+from rverror.views.by_order import short_frame
 from rverror.views.plots.figure import (
     BLACK,
     GREY,
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 
 _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
+_APART = 0.045  # of what an axis shows, between texts
+_LINE = 10.0  # points, of small text
+_NAMES_OF_MODES = 0.15  # of the diagram's width, right of it
 _DECADES = 3.0  # of the colours, down from the largest
 
 
@@ -68,35 +73,104 @@ def _mark_critical(
 
 
 def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
-    """Frequencies that the largest orders drive over the input speed, against the natural ones; critical speeds marked.
+    """Frequencies that the largest orders drive over the input speed, against the natural ones; crossings named.
 
     Parameters
     ----------
     response : SpeedResponse
     most : int
         So many orders are drawn, those that are largest at some speed; the title says of how many.
+
+    Notes
+    -----
+    Lines are named by order and frames, modes by their number, from the lowest frequency up.  Beside the diagram stand
+    their frequencies, and of each numbered crossing mode, order and input speed; of more than a dozen those of the
+    orders with the largest error.  A ring is a critical speed.
     """
     check_axes(ax)
     leading = _leading(response, most)
-    ax = axes_for(ax, height=4.2)
+    ax = axes_for(ax, height=4.8)
     last = float(in_shown_unit(response.speed.max(), "angular_speed"))
     hertz = response.speed.max() / (2 * np.pi * response.ratio)
     for number, at in enumerate(leading):
-        ax.plot([0, last], [0, response.order[at] * hertz], label=_named(response.order[at]), **line_style(number))
+        order = float(response.order[at])
+        ax.plot([0, last], [0, order * hertz], label=_framed(response, order), **line_style(number))
     top = 1.15 * float(response.order[leading].max()) * hertz
     natural = response.frequency[response.frequency > 0]
     if natural.size:  # how far away the first one is, is what a diagram without crossings says
         top = max(top, 1.1 * float(natural.min()))
     low = response.frequency <= top
-    for of_sun, label, colour in ((False, "natural frequency", BLACK), (True, "of the sun's support", GREY)):
+    for of_sun, label, colour, width in (
+        (False, "natural frequency", BLACK, 0.8),
+        (True, "of the sun's support", GREY, 1.6),
+    ):
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
-            ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=0.8)
+            ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=width)
+    _name_modes(ax, response.frequency[low], top)
     _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
+    told = _number_crossings(ax, response, leading, last, top)
     ax.set(xlabel=_SPEED, ylabel="frequency, Hz", title=_title("Campbell diagram", response, leading))
     ax.set(xlim=(0, max(last, 1e-9)), ylim=(0, max(top, 1e-9)))
-    legend_beside(ax)
+    legend_beside(ax, away=_NAMES_OF_MODES)
+    ax.text(1.02 + _NAMES_OF_MODES, 0.0, told, transform=ax.transAxes, va="bottom", fontsize="x-small", gid="crossings")
     return ax
+
+
+def _framed(response: SpeedResponse, order: float) -> str:
+    """An order with the frames whose errors it shows: the two of which it is the least multiple."""
+    frames = sorted(
+        (short_frame(frame) for frame in frames_of_order(response.reducer, order)),
+        key=lambda frame: int(frame.rpartition(" x ")[2]) if " x " in frame else 1,
+    )
+    return _named(order) + (f": {', '.join(frames[:2])}" if frames else "")
+
+
+def _name_modes(ax: Axes, frequency: Array, top: float) -> None:
+    """Number of each mode behind the end of its line; of lines close together one text for all."""
+    together: list[list[int]] = []
+    for mode, one in enumerate(frequency.tolist()):
+        if together and one - frequency[together[-1][-1]] < _APART * top:
+            together[-1].append(mode)
+        else:
+            together.append([mode])
+    for group in together:
+        which = f"mode {group[0] + 1}" if len(group) == 1 else f"modes {group[0] + 1} to {group[-1] + 1}"
+        at = float(frequency[group].mean())
+        ax.text(1.01, at, which, transform=ax.get_yaxis_transform(), va="center", fontsize="x-small", gid="mode")
+
+
+def _number_crossings(ax: Axes, response: SpeedResponse, leading: npt.NDArray[np.intp], last: float, top: float) -> str:
+    """Number crossings of orders and modes from the lowest speed up; what each mode and number is, a line for each."""
+    size = np.abs(np.vstack([response.crawl_waves, response.waves])).max(axis=0)
+    found = []
+    for at in leading.tolist():
+        for mode, frequency in enumerate(response.frequency.tolist()):
+            order = float(response.order[at])
+            speed = float(in_shown_unit(np.array(frequency * 2 * np.pi * response.ratio / order), "angular_speed"))
+            if 0 < speed <= last and frequency <= top:
+                found.append((speed, frequency, mode + 1, order, float(size[at])))
+    found = sorted(sorted(found, key=lambda one: -one[4])[:_MOST])
+    shown = np.flatnonzero(response.frequency <= top).tolist()
+    lines = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in shown]
+    lines += ["", "crossings: mode, order, rpm"] if found else []
+    for number, (speed, frequency, mode, order, _) in enumerate(found, start=1):
+        ax.plot([speed], [frequency], "s", color=BLACK, ms=3, gid="crossing")
+        near = [
+            y for x, y, *_ in found[: number - 1] if speed - x < _APART * last and abs(frequency - y) < _APART * top
+        ]
+        ax.annotate(
+            str(number),
+            (speed, frequency),
+            xytext=(-4, 3 + _LINE * len(near)),  # neighbours stand above one another
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize="x-small",
+            gid="crossing",
+        )
+        lines.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
+    return "\n".join(lines)
 
 
 def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | None = None) -> Axes:
