@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.reducers import diagnose_reducer
-from rverror.diagnosis.orders.of_runs import passport_of_runs
+from rverror.diagnosis.orders.of_runs import passport_of_runs, runs_at_speed
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
@@ -94,6 +94,10 @@ def diagnose(
         )
     if tables:
         return diagnose_tables(model, tables, tell, policy=policy)
-    diagnosed = diagnose_drive if isinstance(model.mechanism, Drive) else diagnose_reducer
-    found = diagnosed(model, samples, tell, policy=policy)
-    return replace(found, passport=passport_of_runs(model.mechanism, samples))
+    unit = model.mechanism
+    if isinstance(unit, Drive):
+        found = diagnose_drive(model, samples, tell, policy=policy)
+    else:
+        at_speed = runs_at_speed(model, samples, policy=policy)
+        found = at_speed.as_measured(diagnose_reducer(model, at_speed.runs, tell, policy=policy))
+    return replace(found, passport=passport_of_runs(unit, samples))

@@ -17,7 +17,7 @@ from rverror.views.svg import Branch, branches
 _RPM = 30 / math.pi
 _WIDTH, _HEIGHT = 250, 190  # px of a picture, so wide as a tile of the page
 _CURVE = 301  # points of a law
-_HEADS = ("order", "largest at, rpm", "between", "foretold by the other orders")
+_HEADS = ("order", "alone, Hz", "largest at, rpm", "between", "foretold by the others")
 
 
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
@@ -47,8 +47,8 @@ def resonance_lines(found: Sequence[Resonance]) -> list[str]:
     """
     lines = ["Natural frequencies that orders show over the speed"] if found else []
     for one in found:
-        lines += ["", f"  {_sentence(one)}", "    {:>5}  {:>15}  {:>14}  {}".format(*_HEADS)]
-        lines += ["    {:>5}  {:>15}  {:>14}  {}".format(*_row(peak)) for peak in one.peaks]
+        lines += ["", f"  {_sentence(one)}", "    {:>5}  {:>9}  {:>15}  {:>14}  {}".format(*_HEADS)]
+        lines += ["    {:>5}  {:>9}  {:>15}  {:>14}  {}".format(*_row(peak)) for peak in one.peaks]
     return lines
 
 
@@ -67,10 +67,11 @@ def _ends(low: float, high: float, digits: int = 4) -> str:
     return f"[{', '.join(brief(end, digits) if math.isfinite(end) else '?' for end in (low, high))}]"
 
 
-def _row(peak: ForetoldPeak) -> tuple[str, str, str, str]:
+def _row(peak: ForetoldPeak) -> tuple[str, ...]:
     highest, below, above, speed = (brief(v * _RPM) for v in (peak.highest, peak.below, peak.above, peak.speed))
     told = f"{speed} {_ends(peak.low * _RPM, peak.high * _RPM)}" if math.isfinite(peak.speed) else "-"
-    return f"{peak.order:g}", highest, f"{below} to {above}", told + (", at a gap of the speeds" if peak.gap else "")
+    told += ", at a gap of the speeds" if peak.gap else ""
+    return f"{peak.order:g}", brief(peak.alone), highest, f"{below} to {above}", told
 
 
 def resonance_html(found: Sequence[Resonance]) -> str:
@@ -90,25 +91,25 @@ def resonance_html(found: Sequence[Resonance]) -> str:
         rows = [[escaped(cell) for cell in _row(peak)] for peak in one.peaks]
         tiles = "".join(f'<figure class="tile">{_picture(one, order)}</figure>' for order in one.orders)
         parts.append(
-            f"<p>{escaped(_sentence(one))}.</p>\n{scrolled(list(_HEADS), rows, numbers=(0, 1))}\n"
+            f"<p>{escaped(_sentence(one))}.</p>\n{scrolled(list(_HEADS), rows, numbers=(0, 1, 2))}\n"
             '<p class="soft">Marks: measured; lines: one mode. Whole: the largest load; dashed: the smallest.</p>\n'
             f'<div class="tiles">{tiles}</div>'
         )
     return "\n".join(parts)
 
 
-def law_of(one: Resonance, series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
+def law_of(series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
     """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
     frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), points)
     static = series.static if series.direction > 0 else series.static.conjugate()
-    return frequency, np.abs(static + series.part(one.frequency, one.damping_ratio, frequency))
+    return frequency, np.abs(static + series.part(frequency))
 
 
 def _picture(one: Resonance, order: float) -> str:
     own = sorted((s for s in one.series if s.order == order), key=lambda s: (-s.direction, s.torque or 0.0))
     drawn = []
     for series, dashed in ((own[0], True), (own[-1], False))[len(own) == 1 :]:
-        frequency, size = law_of(one, series)
+        frequency, size = law_of(series)
         drawn.append(
             Branch(
                 look="before" if dashed else "after",

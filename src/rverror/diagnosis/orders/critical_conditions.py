@@ -145,7 +145,7 @@ def tied(one: Resonance, its: Modes, deviations: Array, *, bench: bool) -> str:
 
 
 def _at_ends(found: Sequence[Resonance]) -> list[str]:
-    """Peaks that stand at a gap or an end of the speeds, in a line each."""
+    """Peaks at a gap or an end of the speeds, and orders that are not of the frequency of all, in a line each."""
     notes = []
     for one, peak in itertools.chain.from_iterable(((one, peak) for peak in one.peaks) for one in found):
         if peak.gap or peak.highest in (peak.below, peak.above):
@@ -154,5 +154,10 @@ def _at_ends(found: Sequence[Resonance]) -> list[str]:
                 f"{brief(one.frequency)} Hz: order {peak.order:g} is largest {where} of the speeds, at "
                 f"{brief(peak.highest * _RPM)} rpm, so that its own peak is told between {brief(peak.below * _RPM)} "
                 f"and {brief(peak.above * _RPM)} rpm only"
+            )
+        if not (one.low <= peak.alone <= one.high) and math.isfinite(one.low + one.high):
+            notes.append(
+                f"{brief(one.frequency)} Hz: order {peak.order:g} alone has {brief(peak.alone)} Hz, beyond the "
+                "interval; it may be of another natural frequency, and what it adds is taken off by its own"
             )
     return notes

@@ -55,6 +55,8 @@ class ResonantSeries:
         Case of the table, and place of the order in it.
     static, resonant : complex
         c and b of the law, rad, as time goes on: in reverse of the conjugate waves.
+    natural, damping : float
+        Of the law: Hz, and damping ratio.
     """
 
     order: float
@@ -67,15 +69,17 @@ class ResonantSeries:
     places: tuple[tuple[int, int], ...]
     static: complex = 0j
     resonant: complex = 0j
+    natural: float = math.inf
+    damping: float = 0.0
 
     @property
     def in_time(self) -> Waves:
         """The waves as time goes on: in reverse the output angle falls, so that they are the conjugate ones."""
         return self.waves if self.direction > 0 else np.conj(self.waves)
 
-    def part(self, frequency: float, damping: float, at: Array | None = None) -> Waves:
-        """The resonant part at frequencies of the order, rad, as in a table; at those measured where none are given."""
-        wave = self.resonant * growth(self.frequency if at is None else at, frequency, damping)
+    def part(self, at: Array, *, shifted: float = 1.0) -> Waves:
+        """The resonant part at frequencies of the order, rad, as in a table; its natural one times `shifted`."""
+        wave = self.resonant * growth(at, shifted * self.natural, self.damping)
         return np.asarray(wave if self.direction > 0 else np.conj(wave))
 
 
@@ -86,6 +90,8 @@ class ForetoldPeak:
     Attributes
     ----------
     order : float
+    alone : float
+        Natural frequency by this order alone, with the damping of all, Hz.
     speed, low, high : float
         Input speed by the other orders with its interval, rad/s; NaN where there is no other.
     highest : float
@@ -97,6 +103,7 @@ class ForetoldPeak:
     """
 
     order: float
+    alone: float
     speed: float
     low: float
     high: float
@@ -409,6 +416,14 @@ class _Weighted:
             axes = (_between(axes[0], f - 1, f + 1), _between(axes[1], d - 1, d + 1))
         return least
 
+    def placed(self, damping: float) -> float:
+        """Frequency that leaves least with a damping."""
+        natural = self._axes[0]
+        for _ in range(_ZOOMS):
+            at = int(np.argmin(self.squares(natural, np.array([damping]))))
+            best, natural = float(natural[at]), _between(natural, at - 1, at + 1)
+        return best
+
     def within(self, most: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ends of frequency and of damping within which no more is left; NaN beyond what is looked at."""
         edges, axes = self._axes, self._axes
@@ -473,11 +488,15 @@ def _fitted(chosen: Sequence[ResonantSeries], beside: Sequence[Waves], near: flo
     wider = max(1.0, (least - apart) / scale / (2 * (len(groups) - 1))) if len(groups) > 1 else 1.0
     more = student((1 - policy.confidence) / 2, max(spare, 1)) ** 2 * scale * wider
     (low, high), (lighter, heavier) = every.within(least + more)
-    peaks = []
+    peaks, sized = [], []
     for order in sorted({series.order for series in chosen}):
+        own = every.only([n for n, series in enumerate(chosen) if series.order == order])
         others = every.only([n for n, series in enumerate(chosen) if series.order != order])
         told = (others.best[0], *others.within(others.best[2] + more)[0]) if others.rows else (math.nan,) * 3
-        peaks.append(_peak(order, [s for s in chosen if s.order == order], told))
+        alone = own.placed(ratio)
+        peaks.append(_peak([series for series, *_ in own.rows], alone, told))
+        # where orders disagree each has its own law, so that what it adds is taken off where it peaks
+        sized += [_sized(*row, alone if wider > 1 else frequency, ratio) for row in own.rows]
     return Resonance(
         frequency=frequency,
         low=low,
@@ -487,7 +506,7 @@ def _fitted(chosen: Sequence[ResonantSeries], beside: Sequence[Waves], near: flo
         damping_high=heavier,
         confidence=policy.confidence,
         off=share * math.sqrt(scale),
-        series=tuple(_sized(*row, frequency, ratio) for row in every.rows),
+        series=tuple(sized),
         peaks=tuple(peaks),
     )
 
@@ -504,10 +523,10 @@ def _sized(series: ResonantSeries, columns: Waves, weight: Array, natural: float
     """The series with the sizes of its law."""
     rows = np.concatenate([columns, growth(series.frequency, natural, damping)[:, None]], axis=1)
     sizes = np.linalg.lstsq(rows * weight[:, None], series.in_time * weight, rcond=None)[0]
-    return replace(series, static=complex(sizes[0]), resonant=complex(sizes[-1]))
+    return replace(series, static=complex(sizes[0]), resonant=complex(sizes[-1]), natural=natural, damping=damping)
 
 
-def _peak(order: float, own: Sequence[ResonantSeries], told: Sequence[float]) -> ForetoldPeak:
+def _peak(own: Sequence[ResonantSeries], alone: float, told: Sequence[float]) -> ForetoldPeak:
     """Where an order is largest over the speed, of all its series."""
     strongest = max(own, key=lambda series: float(np.abs(series.waves).max()))
     speed = np.unique(strongest.speed)
@@ -516,14 +535,15 @@ def _peak(order: float, own: Sequence[ResonantSeries], told: Sequence[float]) ->
     below, above = (float(speed[min(max(top + step, 0), speed.size - 1)]) for step in (-1, 1))
     usual = float(np.median(np.diff(speed)))
     return ForetoldPeak(
-        order=order,
+        order=strongest.order,
+        alone=alone,
         speed=told[0] * per_hertz,
         low=told[1] * per_hertz,
         high=told[2] * per_hertz,
         highest=float(speed[top]),
         below=below,
         above=above,
-        gap=max(above - speed[top], speed[top] - below) > 1.5 * usual,
+        gap=bool(max(above - speed[top], speed[top] - below) > 1.5 * usual),
     )
 
 
@@ -548,10 +568,10 @@ def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tu
     parts = [np.zeros(2 * case.orders.size) for case in cases]
     variances = [np.zeros(2 * case.orders.size) for case in cases]
     for one in found:
-        ends = [end if math.isfinite(end) else one.frequency for end in (one.low, one.high)]
+        ends = [end / one.frequency if math.isfinite(end) else 1.0 for end in (one.low, one.high)]
         for series in one.series:
-            here = series.part(one.frequency, one.damping_ratio)
-            span = np.abs(np.subtract(*(series.part(end, one.damping_ratio) for end in ends))) / 4
+            here = series.part(series.frequency)
+            span = np.abs(np.subtract(*(series.part(series.frequency, shifted=end) for end in ends))) / 4
             deviation = np.hypot(one.off * np.abs(here), span)
             for (at, place), wave, off in zip(series.places, here.tolist(), deviation.tolist(), strict=True):
                 count = cases[at].orders.size

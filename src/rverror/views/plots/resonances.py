@@ -51,7 +51,7 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
         ax.axvline(one.frequency, color=GREY, lw=1.2)
         for order in one.orders:
             series = max((s for s in one.series if s.order == order), key=lambda s: (s.torque or 0.0, s.direction))
-            frequency, size = law_of(one, series)
+            frequency, size = law_of(series)
             look = line_style(number)
             ax.plot(frequency, in_shown_unit(size, "angle"), lw=1.2, **look)
             load = "" if series.torque is None else f", {with_unit(series.torque, 'torque')}"
@@ -65,7 +65,9 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
                 label=f"order {brief(order, 6)}{load}",
             )
             number += 1
-    ax.set_xlim(min(one.frequency for one in found) / _FRAMED, max(one.frequency for one in found) * _FRAMED)
+    ends = [end for one in found for series in one.series for end in (series.frequency[0], series.frequency[-1])]
+    low, high = (end(one.frequency for one in found) for end in (min, max))
+    ax.set_xlim(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends)))
     ax.set(xlabel="frequency of the order, Hz", ylabel="amplitude, arcsec", yscale="log", title="orders over the speed")
-    legend_beside(ax, title="lines: one mode for all orders;\ngrey: its frequency and interval")
+    legend_beside(ax, title="lines: laws of one mode;\ngrey: its frequency and interval")
     return ax
