@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.reducers import diagnose_reducer
-from rverror.diagnosis.orders.of_runs import passport_of_runs, runs_at_speed
+from rverror.diagnosis.orders.of_runs import passport_of_runs, resonances_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
@@ -98,6 +98,7 @@ def diagnose(
     if isinstance(unit, Drive):
         found = diagnose_drive(model, samples, tell, policy=policy)
     else:
-        at_speed = runs_at_speed(model, samples, policy=policy)
-        found = at_speed.as_measured(diagnose_reducer(model, at_speed.runs, tell, policy=policy))
+        found = diagnose_reducer(model, samples, tell, policy=policy)
+        resonances, notes = resonances_of_runs(model, samples, policy=policy)
+        found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
     return replace(found, passport=passport_of_runs(unit, samples))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, count_of
@@ -19,8 +20,6 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase
 from rverror.statics.loaded_state import NotConvergedError
-
-_RPM = 30 / math.pi
 
 
 def critical_notes(
@@ -39,7 +38,7 @@ def critical_notes(
     unit = model.mechanism
     assert isinstance(unit, Reducer)
     stated = bool(model.bench.given()) or any(value is not None for value in vars(unit.inertia).values())
-    notes = [flagged(cases, one.frequency, one.damping_ratio, ratio=unit.ratio) for one in found]
+    notes = [flagged(cases, one.frequency, one.damping_ratio, ratio=unit.ratio, orders=one.orders) for one in found]
     if found or (stated and len({case.condition.input_speed for case in cases}) > 1):
         torques = [case.condition.torque for case in cases if case.condition.torque]
         try:
@@ -50,11 +49,20 @@ def critical_notes(
         notes += [tied(one, its, ends, bench=bool(model.bench.given())) for one in found]
         for mode in () if found else _of_the_machine(its):
             own = float(its.frequency[mode]), float(its.damping_ratio[mode])
-            notes.append(flagged(cases, *own, ratio=unit.ratio, whose="the model's "))
+            orders = {order for case in cases for order in case.orders.tolist()}
+            notes.append(flagged(cases, *own, ratio=unit.ratio, orders=orders, whose="the model's "))
     return [*filter(None, notes), *_at_ends(found)]
 
 
-def flagged(cases: Sequence[OrderCase], natural: float, damping: float, *, ratio: float, whose: str = "") -> str:
+def flagged(
+    cases: Sequence[OrderCase],
+    natural: float,
+    damping: float,
+    *,
+    ratio: float,
+    orders: Collection[float],
+    whose: str = "",
+) -> str:
     """Conditions at which an order is magnified twice or more by a natural frequency, in one line; empty where none is.
 
     Parameters
@@ -65,6 +73,8 @@ def flagged(cases: Sequence[OrderCase], natural: float, damping: float, *, ratio
     damping : float
     ratio : float
         Input turns per output turn.
+    orders : collection of float
+        Which are looked at.
     whose : str
         Of which it is.
     """
@@ -73,6 +83,7 @@ def flagged(cases: Sequence[OrderCase], natural: float, damping: float, *, ratio
     for case in cases:
         speed = case.condition.input_speed or 0.0
         close = magnified(case.orders * speed / (2 * math.pi * abs(ratio)), natural, damping) >= CRITICAL
+        close &= np.isin(np.round(case.orders, 6), np.round(list(orders), 6))
         near += bool(close.any())
         for order in case.orders[close].tolist():
             speeds.setdefault(order, set()).add(speed)
@@ -86,8 +97,12 @@ def flagged(cases: Sequence[OrderCase], natural: float, damping: float, *, ratio
 
 
 def _span(speeds: set[float]) -> str:
-    low, high = (brief(end(speeds) * _RPM) for end in (min, max))
+    low, high = (brief(_rpm(end(speeds))) for end in (min, max))
     return f"at {low}" if low == high else f"from {low} to {high}"
+
+
+def _rpm(speed: float) -> float:
+    return units.to_display(speed, "angular_speed")
 
 
 def _of_the_machine(its: Modes) -> list[int]:
@@ -148,16 +163,18 @@ def _at_ends(found: Sequence[Resonance]) -> list[str]:
     """Peaks at a gap or an end of the speeds, and orders that are not of the frequency of all, in a line each."""
     notes = []
     for one, peak in itertools.chain.from_iterable(((one, peak) for peak in one.peaks) for one in found):
-        if peak.gap or peak.highest in (peak.below, peak.above):
-            where = "at a gap" if peak.gap else "at the end"
+        told = f"{brief(one.frequency)} Hz: order {peak.order:g}"
+        highest, below, above = (brief(_rpm(value)) for value in (peak.highest, peak.below, peak.above))
+        if peak.highest in (peak.below, peak.above):
+            notes.append(f"{told} is largest at the end of the speeds, {highest} rpm: only a flank of its peak is seen")
+        elif peak.gap:
             notes.append(
-                f"{brief(one.frequency)} Hz: order {peak.order:g} is largest {where} of the speeds, at "
-                f"{brief(peak.highest * _RPM)} rpm, so that its own peak is told between {brief(peak.below * _RPM)} "
-                f"and {brief(peak.above * _RPM)} rpm only"
+                f"{told} is largest at a gap of the speeds, at {highest} rpm: by itself it tells its peak between "
+                f"{below} and {above} rpm only"
             )
-        if not (one.low <= peak.alone <= one.high) and math.isfinite(one.low + one.high):
+        if peak.differs:
             notes.append(
-                f"{brief(one.frequency)} Hz: order {peak.order:g} alone has {brief(peak.alone)} Hz, beyond the "
-                "interval; it may be of another natural frequency, and what it adds is taken off by its own"
+                f"{told} alone has {brief(peak.alone)} Hz, by more than noise; it may be of another natural "
+                "frequency, and what it adds is taken off by its own"
             )
     return notes

@@ -18,7 +18,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, SAME_TEMPERATURE, level_of
 from rverror.diagnosis.policy import Policy
-from rverror.dynamics.at_speed import NEAR
+from rverror.dynamics.at_speed import CRITICAL, NEAR
 from rverror.runs.order_table import OrderCase, Waves
 
 _STEP = 0.005  # of the logarithm of the frequency where peaks are looked for
@@ -92,6 +92,8 @@ class ForetoldPeak:
     order : float
     alone : float
         Natural frequency by this order alone, with the damping of all, Hz.
+    differs : bool
+        Whether that is another than that of all by more than the noise lets it be.
     speed, low, high : float
         Input speed by the other orders with its interval, rad/s; NaN where there is no other.
     highest : float
@@ -104,6 +106,7 @@ class ForetoldPeak:
 
     order: float
     alone: float
+    differs: bool
     speed: float
     low: float
     high: float
@@ -270,13 +273,14 @@ def _next(all_series: Sequence[ResonantSeries], found: Sequence[Resonance], poli
     of = np.array([orders.index(series.order) for series in all_series])
     chances = np.zeros((len(orders), natural.size))
     for n, (series, own) in enumerate(zip(all_series, beside, strict=True)):
-        chances[of[n]] += _nested(series, own, natural, damping, policy)
+        inside = (natural > series.frequency[0]) & (natural < series.frequency[-1] * (1 + NEAR))
+        chances[of[n]] += np.where(inside, _nested(series, own, natural, damping, policy), 0.0)
     count = np.bincount(of, minlength=len(orders))
     least = gammainccinv(count, policy.false_alarm / len(orders))
-    trials = natural.size * 2.0 ** len(orders)
     for _ in range(_TRIES):
         best = int(np.argmax(np.maximum(chances - least[:, None], 0).sum(axis=0)))
         seen = np.flatnonzero(chances[:, best] > least)
+        trials = natural.size * math.comb(len(orders), seen.size)  # frequencies, dampings, and sets of as many orders
         if not seen.size or gammaincc(count[seen].sum(), chances[seen, best].sum()) * trials > policy.false_alarm:
             return None
         near = np.abs(np.log(natural / natural[best])) < math.log1p(NEAR)
@@ -286,7 +290,11 @@ def _next(all_series: Sequence[ResonantSeries], found: Sequence[Resonance], poli
         shown, columns = [all_series[n] for n in chosen], [beside[n] for n in chosen]
         about = _likelier(shown, columns, natural[near], damping[near], policy)
         if about is not None:
-            return _fitted(shown, columns, about, policy)
+            for n, (series, own) in enumerate(zip(all_series, beside, strict=True)):
+                if n not in chosen and _follows(series, own, *about, policy):
+                    shown.append(series)
+                    columns.append(own)
+            return _fitted(shown, columns, about[0], policy)
         chances[:, np.abs(np.log(natural / natural[best])) < math.log(_REACH) / 2] = 0.0
     return None
 
@@ -315,6 +323,19 @@ def _left(columns: Waves, waves: Waves, more: Waves | None = None) -> Array:
     return np.asarray(np.maximum(squares - np.abs(own.conj() @ rest) ** 2 / size, 0.0))
 
 
+def _follows(series: ResonantSeries, columns: Waves, natural: float, damping: float, policy: Policy) -> bool:
+    """Tell whether a series follows a natural frequency that others show, and no parabola over the speed as well.
+
+    One that is magnified twice or more, of which a flank may be all that is measured.
+    """
+    floor, rows = _floor(series, policy), growth(series.frequency, natural, damping)[None]
+    with_it = _left(columns, series.in_time, rows)[0] + floor
+    plain, smooth = (_left(_smooth(series, columns, degree), series.in_time)[0] + floor for degree in (0, 2))
+    spare = series.speed.size - columns.shape[1] - 1
+    told = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
+    return bool(told and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
+
+
 def _floor(series: ResonantSeries, policy: Policy) -> float:
     """Squares that no law is right to."""
     return float(np.sum((policy.line_share * np.abs(series.waves)) ** 2) + series.speed.size * policy.model_error**2)
@@ -334,13 +355,13 @@ def _nested(series: ResonantSeries, columns: Waves, natural: Array, damping: Arr
     floor = _floor(series, policy)
     before = _left(smooth, series.in_time)[0] + floor
     gain = spare * np.log(before / (_left(smooth, series.in_time, rows) + floor))
-    return np.where((natural > series.frequency[0]) & (natural < series.frequency[-1] * (1 + NEAR)), gain, 0.0)
+    return np.asarray(gain)
 
 
 def _likelier(
     chosen: Sequence[ResonantSeries], beside: Sequence[Waves], natural: Array, damping: Array, policy: Policy
-) -> float | None:
-    """Frequency of the best resonance of some series, if it is likelier than what has as many sizes.
+) -> tuple[float, float] | None:
+    """Frequency and damping of the best resonance of some series, if it is likelier than what has as many sizes.
 
     That is a parabola over the speed, or a line with a step, or with one speed astray, the same in all series; or
     peaks of several orders at one speed, wherever their frequencies are then.
@@ -366,7 +387,9 @@ def _likelier(
         return None  # beyond all that was measured: only one flank
     if len(orders) > 1 and at_speed.min() < resonant[best]:
         return None
-    return float(natural[best]) if resonant[best] < others.min() + math.log(policy.false_alarm) else None
+    if resonant[best] >= others.min() + math.log(policy.false_alarm):
+        return None
+    return float(natural[best]), float(damping[best])
 
 
 # --- how large, and how well told -------------------------------------------------------------------------------------
@@ -494,9 +517,11 @@ def _fitted(chosen: Sequence[ResonantSeries], beside: Sequence[Waves], near: flo
         others = every.only([n for n, series in enumerate(chosen) if series.order != order])
         told = (others.best[0], *others.within(others.best[2] + more)[0]) if others.rows else (math.nan,) * 3
         alone = own.placed(ratio)
-        peaks.append(_peak([series for series, *_ in own.rows], alone, told))
-        # where orders disagree each has its own law, so that what it adds is taken off where it peaks
-        sized += [_sized(*row, alone if wider > 1 else frequency, ratio) for row in own.rows]
+        there, here = own.squares(np.array([frequency, alone]), np.array([ratio]))[:, 0]
+        differs = bool(there - here > student(policy.false_alarm / 2, max(spare, 1)) ** 2 * scale)
+        peaks.append(_peak([series for series, *_ in own.rows], alone, told, differs=differs))
+        # an order that disagrees has its own law, so that what it adds is taken off where it peaks
+        sized += [_sized(*row, alone if differs else frequency, ratio) for row in own.rows]
     return Resonance(
         frequency=frequency,
         low=low,
@@ -526,7 +551,7 @@ def _sized(series: ResonantSeries, columns: Waves, weight: Array, natural: float
     return replace(series, static=complex(sizes[0]), resonant=complex(sizes[-1]), natural=natural, damping=damping)
 
 
-def _peak(own: Sequence[ResonantSeries], alone: float, told: Sequence[float]) -> ForetoldPeak:
+def _peak(own: Sequence[ResonantSeries], alone: float, told: Sequence[float], *, differs: bool) -> ForetoldPeak:
     """Where an order is largest over the speed, of all its series."""
     strongest = max(own, key=lambda series: float(np.abs(series.waves).max()))
     speed = np.unique(strongest.speed)
@@ -537,6 +562,7 @@ def _peak(own: Sequence[ResonantSeries], alone: float, told: Sequence[float]) ->
     return ForetoldPeak(
         order=strongest.order,
         alone=alone,
+        differs=differs,
         speed=told[0] * per_hertz,
         low=told[1] * per_hertz,
         high=told[2] * per_hertz,
