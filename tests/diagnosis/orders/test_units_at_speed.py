@@ -66,29 +66,31 @@ def test_the_size_of_an_error_is_corrected_for_a_natural_frequency(table: OrderT
 
 
 def test_runs_of_several_speeds_tell_what_their_table_tells() -> None:
-    """A wave of two at the pins, in fourteen runs of one load: frequency and flags, and the size from their table."""
+    """A wave of two at the pins, fourteen runs each way: frequency and flags forward, the size from a table of all."""
     model, unit = with_load(RING), rverror.reducer("RV-40E")
-    response = rverror.speed_response(model, [f"{n} rpm" for n in RPM], torque=100e3, kept=2)
-    every = response.theta.size // 1024
-    theta = response.theta[::every]
-    runs = [
-        rverror.run_from_arrays(
-            input_angle=unit.ratio * theta,
-            te=error[::every] + red(number, theta.size, 0.1),
-            time=theta * unit.ratio / speed,
-            direction="forward",
-            torque="100 N*m",
-        )
-        for number, (speed, error) in enumerate(zip(response.speed, response.transmission_error, strict=True))
-    ]
-    found = rverror.diagnose(Model(unit), runs, policy=replace(RULES, keys=("sensor.drift",), looks=0))
+    runs: dict[float, list[rverror.Run]] = {1.0: [], -1.0: []}
+    for way, own in runs.items():
+        response = rverror.speed_response(model, [f"{n} rpm" for n in RPM], torque=100e3, kept=2, direction=way)
+        every = response.theta.size // 1024
+        theta = response.theta[::every]
+        for number, (speed, error) in enumerate(zip(response.speed, response.transmission_error, strict=True)):
+            own.append(
+                rverror.run_from_arrays(
+                    input_angle=unit.ratio * theta[:: int(way)],
+                    te=error[::every][:: int(way)] + red(number, theta.size, 0.1),
+                    time=theta * unit.ratio / speed,
+                    direction="forward" if way > 0 else "reverse",
+                    torque="100 N*m",
+                )
+            )
+    found = rverror.diagnose(Model(unit), runs[1.0], policy=replace(RULES, keys=("sensor.drift",), looks=0))
     (one,) = found.resonances
     truth = at_speed(model, torque=100e3, rpm=(100.0,)).frequency
     assert one.low <= truth <= one.high
     assert set(rverror.to_json(found)["resonances"][0]) == {"frequency_hz", "low", "high", "damping_ratio"}
     assert any(note.startswith("near a critical speed: ") for note in found.notes)
     assert any("order_table_from_runs" in note for note in found.notes)
-    table = rverror.order_table_from_runs(runs, unit, (40, 78, 156, 200))
+    table = rverror.order_table_from_runs([*runs[1.0], *runs[-1.0]], unit, (40, 78, 156, 200))
     low, value, high = ring_of(rverror.diagnose(Model(unit), [table], policy=RULES))
     assert low <= 6.0 <= high
     assert value == pytest.approx(6.0, abs=0.5)
