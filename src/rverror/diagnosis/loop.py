@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.reducers import diagnose_reducer
-from rverror.diagnosis.orders.of_runs import passport_of_runs
+from rverror.diagnosis.orders.of_runs import passport_of_runs, resonances_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
@@ -94,6 +94,11 @@ def diagnose(
         )
     if tables:
         return diagnose_tables(model, tables, tell, policy=policy)
-    diagnosed = diagnose_drive if isinstance(model.mechanism, Drive) else diagnose_reducer
-    found = diagnosed(model, samples, tell, policy=policy)
-    return replace(found, passport=passport_of_runs(model.mechanism, samples))
+    unit = model.mechanism
+    if isinstance(unit, Drive):
+        found = diagnose_drive(model, samples, tell, policy=policy)
+    else:
+        found = diagnose_reducer(model, samples, tell, policy=policy)
+        resonances, notes = resonances_of_runs(model, samples, policy=policy)
+        found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
+    return replace(found, passport=passport_of_runs(unit, samples))

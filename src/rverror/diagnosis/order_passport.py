@@ -364,7 +364,7 @@ def _passport(order: float, cases: _Cases, *, confidence: float, ratio: float | 
         both_constants=constants,
         both_loads=loads,
         spans={name: _span(cases.settings()[name]) for name in NAMES},
-        settings={name: max(_level_of(cases.settings()[name], same[name])) + 1 for name in NAMES},
+        settings={name: max(level_of(cases.settings()[name], same[name])) + 1 for name in NAMES},
         largest_torque=_largest(cases.torque),
         peak_frequency=None if peak is None else peak.frequency,
         peaked=peak is not None,
@@ -407,7 +407,7 @@ def _levels(values: Array, same: float) -> list[float]:
     return found
 
 
-def _level_of(values: Array, same: float) -> list[int]:
+def level_of(values: Array, same: float) -> list[int]:
     """Number of the setting of each value, -1 where not known."""
     levels = np.array(_levels(values[np.isfinite(values)], same))
     return [int(np.searchsorted(levels, v, side="right")) - 1 if math.isfinite(v) else -1 for v in values]
@@ -492,7 +492,7 @@ def _law(
 
 def _neighbours(cases: _Cases, same: Mapping[str, float]) -> list[tuple[int, int]]:
     """Pairs that follow each other along the load, and along the speed, while nothing else differs."""
-    levels = {name: _level_of(values, same[name]) for name, values in cases.settings().items()}
+    levels = {name: level_of(values, same[name]) for name, values in cases.settings().items()}
     pairs = []
     for along, others in (("torque", ("speed", "temperature")), ("speed", ("torque", "temperature"))):
         rows = zip(*(levels[name] for name in (*others, along)), range(cases.waves.size), strict=True)
@@ -623,10 +623,10 @@ def _peak(
     looked_at = 0
     for cases, law in zip(ways, laws, strict=True):
         known = cases.at(np.isfinite(cases.speed))
-        groups = list(zip(*(_level_of(known.settings()[n], same[n]) for n in ("torque", "temperature")), strict=True))
+        groups = list(zip(*(level_of(known.settings()[n], same[n]) for n in ("torque", "temperature")), strict=True))
         for group in sorted(set(groups)):
             series = known.at(np.array([one == group for one in groups], dtype=np.bool_))
-            level = np.array(_level_of(series.speed, same["speed"]), dtype=np.intp)
+            level = np.array(level_of(series.speed, same["speed"]), dtype=np.intp)
             count = int(level.max(initial=-1)) + 1
             if count < SPEEDS_OF_A_PEAK:
                 continue

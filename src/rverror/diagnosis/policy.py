@@ -93,6 +93,14 @@ class Policy:
     #: Times the squares that noise hardly exceeds, of what claims of a table may leave for whole sets to be searched.
     #: Chosen: a wrong first claim leaves so much of what bends; what else a real table holds is many times that.
     near_claims: float = 10.0
+    #: Speeds of an order, in one direction at one load, from which a natural frequency is looked for: a parabola over
+    #: the speed has three sizes, and a resonance beside it leaves two complex values to tell noise by.
+    speeds: int = 6
+    #: Natural frequencies that are told at most.  Chosen: ends a search that turns in a circle.
+    resonances: int = 4
+    #: Standard deviation of the logarithm of an inertia that is estimated from the geometry: its parts' widths are not
+    #: stated.
+    inertia_spread: float = 0.3
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.diagnosis.order_passport import OrderPassport
+from rverror.diagnosis.orders.resonances import Resonance
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
 from rverror.runs.order_table import TableCondition
@@ -288,6 +289,8 @@ class Diagnosis(Viewed):
         Data that no fit saw, before and after.
     conditions : tuple of TableCondition
         Of order tables: under what they were measured.
+    resonances : tuple of Resonance
+        Natural frequencies that orders show over the speed.
     """
 
     verdict: str
@@ -310,3 +313,4 @@ class Diagnosis(Viewed):
     shares: tuple[OrderShare, ...] = ()
     validation: tuple[Validation, ...] = ()
     conditions: tuple[TableCondition, ...] = ()
+    resonances: tuple[Resonance, ...] = ()

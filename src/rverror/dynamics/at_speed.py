@@ -26,7 +26,7 @@ _TOLD = 0.01
 #: Growth over the amplitude at a crawl from which a peak is critical.
 CRITICAL = 2.0
 #: How near a natural frequency a peak is taken for its.
-_NEAR = 0.1
+NEAR = 0.1
 #: Share of a contact's forces that would have to pull from which an error at speed is no prediction.
 PULLED = 0.01
 _EVERY = 16  # angle is looked at for contacts that pull
@@ -185,7 +185,7 @@ class SpeedResponse(Viewed):
         amplitude = float(np.polyval(curve, shift))
         beside = np.abs(self.frequency - frequency)
         mode = int(beside.argmin())
-        tied = beside[mode] <= _NEAR * frequency
+        tied = beside[mode] <= NEAR * frequency
         return CriticalSpeed(
             speed=float(speed),
             order=float(order),

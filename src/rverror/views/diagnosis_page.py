@@ -35,7 +35,7 @@ def page(data: Data, *, summary: str, first: str = "", figures: Sequence[tuple[s
     summary : str
         One sentence on the outcome, plain text.
     first : str
-        A section that comes before all others, HTML: the passport of orders.
+        Sections that come before all others, HTML: the passport of orders, natural frequencies.
     figures : sequence of (str, sequence of str)
         Heading, and SVG elements: for a wide page, then for a narrow one.
     text : str

@@ -36,6 +36,7 @@ from rverror.views.by_order import beside, leading_orders, residual_spectrum, sa
 from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, SHARES, effect_toml, page
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.passport_report import passport_html, passport_json, passport_lines
+from rverror.views.resonance_report import resonance_html, resonance_lines, resonances_json
 from rverror.views.set_aside import LABELS, marks
 
 _VERDICTS = {
@@ -327,6 +328,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
         ],
         "stiffness": [_elastic_json(elastic) for elastic in diagnosis.elastic],
         "passport": passport_json(diagnosis.passport),
+        "resonances": resonances_json(diagnosis.resonances),
         "shares": [_share_json(share, scale) for share in diagnosis.shares],
         "validation": [_validation_json(one, scale) for one in diagnosis.validation],
         "set_aside": _set_aside_json(diagnosis),
@@ -369,6 +371,8 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
     if _tells_loads(diagnosis):
         lines += ["", *passport_lines(diagnosis.passport)]
+    if diagnosis.resonances:
+        lines += ["", *resonance_lines(diagnosis.resonances)]
     lines += ["", f"{'residual, ' + scale.unit:<26}{'rms':>9}{'peak-to-peak':>15}{'held-out rms':>15}"]
     for label, residual in (
         ("before (as declared)", diagnosis.before),
@@ -586,6 +590,7 @@ def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
     pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
     first = passport_html(diagnosis.passport) if _tells_loads(diagnosis) else ""
+    first += resonance_html(diagnosis.resonances)
     told = diagnosis_text(diagnosis, files=files)
     return page(data, summary=_summary(diagnosis), first=first, figures=pictures, text=told)
 

@@ -409,6 +409,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
         kinds = [kind for kind in kinds if kind != "order_map" and (name, kind) != ("drive", "mechanism")]
     if name == "bare order table":  # no torque, over which a passport is drawn
         kinds.remove("passport")
+    if isinstance(thing, Diagnosis) and not thing.resonances:
+        kinds.remove("resonances")
     return [(kind, NEEDED.get((type(thing), kind), {})) for kind in kinds]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -404,3 +404,51 @@ def discrepancy(cases: Sequence[OrderCase], sigmas: Sequence[Array], share: floa
     power = numbers.by_order(np.tile(np.abs(case.waves) ** 2 / 2, 2) for case in cases)
     variance = share**2 * power / np.maximum(numbers.values[1], 1)  # power/N for each number, N/M times
     return [np.sqrt(sigma**2 + variance[at]) for sigma, at in zip(sigmas, numbers.places, strict=True)]
+
+
+def at_any_speed(
+    cases: Sequence[OrderCase], sigmas: Sequence[Array], *, by_chance: float
+) -> tuple[list[OrderCase], list[Array], bool]:
+    """Conditions that differ in speed alone as one, which is all that a model that knows no speed can tell of them.
+
+    Each number is the mean by the inverse variances, its deviation that of the mean, larger by as much as the numbers
+    scatter by more than their deviations say (Birge's ratio).
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+    sigmas : sequence of ndarray, shape (2 k,)
+    by_chance : float
+        As in `Policy`.
+
+    Returns
+    -------
+    list of OrderCase
+        At no speed where it is a mean.
+    list of ndarray
+    bool
+        Whether they scatter no more than their deviations say.
+    """
+    squares, freedom = 0.0, 0
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for at, case in enumerate(cases):
+        groups.setdefault((replace(case.condition, input_speed=None), *case.orders.tolist()), []).append(at)
+    merged, deviations = [], []
+    for group in groups.values():
+        first = cases[group[0]]
+        if len(group) == 1:
+            merged.append(first)
+            deviations.append(sigmas[group[0]])
+            continue
+        weights = np.array([sigmas[at] for at in group]) ** -2.0
+        values = np.array([np.concatenate([cases[at].waves.real, cases[at].waves.imag]) for at in group])
+        mean = (weights * values).sum(axis=0) / weights.sum(axis=0)
+        wider = (weights * (values - mean) ** 2).sum(axis=0) / (len(group) - 1)
+        squares += float(wider.sum()) * (len(group) - 1)
+        freedom += wider.size * (len(group) - 1)
+        count = first.orders.size
+        both = wider.reshape(2, count).mean(axis=0)  # real and imaginary parts have one deviation
+        condition = replace(first.condition, input_speed=None)
+        merged.append(replace(first, condition=condition, waves=mean[:count] + 1j * mean[count:], sigma=None))
+        deviations.append(np.sqrt(np.tile(np.maximum(both, 1.0), 2) / weights.sum(axis=0)))
+    return merged, deviations, squares <= freedom + by_chance * math.sqrt(2 * freedom)

@@ -16,9 +16,18 @@ from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.order_passport import passport
+from rverror.diagnosis.orders.critical_conditions import critical_notes
 from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
+from rverror.diagnosis.orders.resonances import Resonance, resonances_of, resonant_parts, without
 from rverror.diagnosis.orders.table_hunt import complete_set
-from rverror.diagnosis.orders.table_set import TableSet, discrepancy, joined, noise_of_cases, table_set
+from rverror.diagnosis.orders.table_set import (
+    TableSet,
+    at_any_speed,
+    discrepancy,
+    joined,
+    noise_of_cases,
+    table_set,
+)
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import (
     Addition,
@@ -63,23 +72,29 @@ def diagnose_tables(
         If a table cannot be used; the message says why.
     """
     given, policy = policy, replace(policy, regular=1e12)  # each order has its own size: none is of one not known
-    cases = joined(tables)
+    measured = joined(tables)
     notes = [f"{table.path}: {note}" if table.path else note for table in tables for note in table.notes]
     unit = curved(declared.mechanism)
     model, anywhere = with_marks(replace(declared, mechanism=unit), tables)
-    _check(model, cases)
-    noise, said = noise_of_cases(cases, floor=policy.model_error)
-    notes += said + _conditions(cases)
+    _check(model, measured)
+    resonances = resonances_of(measured, ratio=unit.ratio, policy=policy)
+    resonant, unsure = resonant_parts(measured, resonances)
+    cases = without(measured, resonant)
+    own_noise, said = noise_of_cases(cases, floor=policy.model_error)
+    noise = [np.hypot(*both) for both in zip(own_noise, unsure, strict=True)]
+    notes += said + _conditions(cases, resonances) + critical_notes(declared, cases, resonances, policy=policy)
     sigmas = discrepancy(cases, noise, policy.line_share)
     journal = Journal(tell)
     tell(f"predicting the declared model under {len(cases)} conditions")
     some = _some_loads(cases)
-    bench = table_set(unit, [cases[n] for n in some], [sigmas[n] for n in some], policy, anywhere=anywhere)
+    few, spreads, even = at_any_speed([cases[n] for n in some], [sigmas[n] for n in some], by_chance=policy.by_chance)
+    bench = table_set(unit, few, spreads, policy, anywhere=anywhere)
     first = evaluated(bench, model, model)
     root = fitted(first, steps=6)
     candidates = candidates_of(model, bench, policy)
     found = searched(root, candidates, journal)
-    complete = complete_set(root, found, candidates, given, journal)
+    # what changes with the speed alone is in no model, so no set of causes leaves noise
+    complete = complete_set(root, found, candidates, given, journal) if even else None
     if complete is not None:
         found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
@@ -115,9 +130,9 @@ def diagnose_tables(
     result = replace(result, effects=(*result.effects[: len(model.effects)], *(one.effect for one in added)))
     return Diagnosis(
         verdict="unexplained" if lines else "explained" if named else "nothing_missing",
-        noise_rms=_rms_of(noise),
-        before=_residual(printed, printed.residual),
-        before_refitted=_residual(refitted, left_out(refitted)),
+        noise_rms=_rms_of(own_noise),
+        before=_residual(printed, printed.residual, resonant),
+        before_refitted=_residual(refitted, left_out(refitted), resonant),
         after=after,
         added=added,
         unexplained=lines,
@@ -129,9 +144,10 @@ def diagnose_tables(
         notes=tuple(dict.fromkeys(notes)),
         history=journal.history,
         elastic=elastic,
-        passport=passport(cases, ratio=unit.ratio),
+        passport=passport(measured, ratio=unit.ratio),
         shares=_shares(final),
         conditions=tuple(case.condition for case in cases),
+        resonances=resonances,
     )
 
 
@@ -144,7 +160,7 @@ def _check(model: Model, cases: Sequence[OrderCase]) -> None:
             raise InputError(f"{item.key} needs output_torque[N*m] under every condition; add it or remove the effect")
 
 
-def _conditions(cases: Sequence[OrderCase]) -> list[str]:
+def _conditions(cases: Sequence[OrderCase], resonances: Sequence[Resonance]) -> list[str]:
     """What the conditions do not tell."""
     at = [case.condition for case in cases]
     notes = []
@@ -156,8 +172,11 @@ def _conditions(cases: Sequence[OrderCase]) -> list[str]:
         notes.append("one load only: compliance and rigid part errors cannot be told apart; add loads")
     if len({c.input_speed for c in at}) > 1:
         notes.append(
-            "conditions differ in speed, which the model does not know: near a natural frequency an order is larger "
-            "than any load makes it"
+            "conditions differ in speed: what the natural frequencies add by their laws is taken off the waves before "
+            "causes are looked for, and what that leaves open counts as noise; the model as declared does not know it"
+            if resonances
+            else "conditions differ in speed, which the model does not know: near a natural frequency an order is "
+            "larger than any load makes it"
         )
     if len({c.temperature for c in at}) > 1:
         notes.append("conditions differ in temperature, which the model knows as thermal.growth only")
@@ -249,10 +268,13 @@ def _rms_of(rests: Sequence[Array]) -> float:
     return math.sqrt(float(np.mean([0.5 * float(rest @ rest) for rest in rests])))
 
 
-def _residual(fit: Fit, left: Sequence[Array]) -> Residual:
+def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
+    """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    return Residual(_rms_of(fit.residual), _peaks(bench, fit.residual), _rms_of(left))
+    more = unknown or [np.zeros_like(rest) for rest in left]
+    rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
+    return Residual(_rms_of(rests), _peaks(bench, rests), _rms_of(held))
 
 
 def _peaks(bench: TableSet, rests: Sequence[Array]) -> float:

@@ -44,6 +44,7 @@ from rverror.views.plots.mode_shapes import mode_shape
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
 from rverror.views.plots.order_tables import table_amplitudes
 from rverror.views.plots.passports import table_passport
+from rverror.views.plots.resonances import resonance_plot
 from rverror.views.plots.run_ups import run_up_waveform
 from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
 from rverror.views.plots.speeds import campbell, speed_amplitudes, speed_map
@@ -101,6 +102,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
             "residual": residual,
             "runs": runs,
             "candidates": candidates,
+            "resonances": resonance_plot,
             "order_map": diagnosis_map,
         },
         Budget: {"contributions": contributions, "envelope": envelope},

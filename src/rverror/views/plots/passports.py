@@ -26,6 +26,7 @@ from rverror.views.plots.figure import (
     line_style,
     new_figure,
 )
+from rverror.views.plots.resonances import resonance_plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,11 +144,14 @@ def order_shares(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
 
 
 def table_figure(diagnosis: Diagnosis) -> Figure:
-    """Passport of diagnosed tables, where they tell loads, and what accounts for their orders."""
+    """Passport of diagnosed tables, where they tell loads, natural frequencies, and what accounts for their orders."""
     loads = any(np.isfinite(law.torque).any() for one in diagnosis.passport for law in one.laws)
-    figure, axes = new_figure(1 + loads, width=10.0, height=4.2)
+    speeds = bool(diagnosis.resonances)
+    figure, axes = new_figure(1 + loads + speeds, width=10.0, height=4.2)
     if loads:
         passport_plot(diagnosis.passport, ax=axes[0])
+    if speeds:
+        resonance_plot(diagnosis, ax=axes[-2])
     order_shares(diagnosis, ax=axes[-1])
     return figure
 
