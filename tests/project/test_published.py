@@ -397,6 +397,16 @@ def test_sensitivities(tables):
     assert got["lobes of one disc"][0] == pytest.approx(2 * 9.90, rel=0.1)  # closed form, rigid bearings
 
 
+def test_a_modified_profile_changes_little(tables):
+    got = numbers(tables["004 modified profile"])
+    changes = [share for name, (_, *shares) in got.items() if name not in ("printed", "none") for share in shares]
+    assert len(changes) == 8
+    assert all(0.975 < share < 1.1 for share in changes)
+    assert sum(share > 1 for share in changes) > 4
+    assert min(changes) > got["printed"][1] == 0.9
+    assert got["equidistant 10 um"][1] > 1
+
+
 def test_angles_meet_every_wave_anew():
     for order in (39, 40, 78, 80, 120, 1080, 1560):
         assert math.gcd(order, published.ANGLES) == 1
