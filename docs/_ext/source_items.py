@@ -247,7 +247,7 @@ ITEMS: tuple[Item, ...] = (
         "corrected",
         "larger than the pin circle, and one lobe too many",
         held=("ledger 001 profile",),
-        equations={1: "x = (R_c + r)", 2: "y = (R_c + r)"},
+        equations={1: r"(R_c + r) \cos(\phi)", 2: r"(R_c + r) \sin(\phi)"},
     ),
     Item(
         "001",
@@ -518,7 +518,7 @@ ITEMS: tuple[Item, ...] = (
         "corrected",
         "a length stands for a ratio, and the offset has an undefined angle",
         held=("ledger 003 profile",),
-        equations={1: "x = R_z", 2: "y = R_z"},
+        equations={1: r"\sin(z_b \phi)", 2: r"\cos(z_b \phi)"},
     ),
     Item(
         "003",
@@ -588,7 +588,7 @@ ITEMS: tuple[Item, ...] = (
         "reproduced",
         "within 7 %; 500 is not the slope of its own end points, and nothing happens at 0.070 mm",
         held=("ledger 003 spline clearance", "published 003 spline clearance"),
-        equations={4: r"T_e \approx k_c"},
+        equations={4: r"k_c \cdot C"},
         figures={1: "graph below"},
     ),
     Item(
