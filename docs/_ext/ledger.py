@@ -710,10 +710,10 @@ def _tooth_share_row() -> Row:
     )
 
 
-def _friction_law_row() -> Row:
+def _friction_row() -> Row:
     zero, slope = 50.0, 200.0
     return Row(
-        key="003 friction law",
+        key="003 friction",
         source="003",
         statement="error over a coefficient of friction of 0.01 to 0.05, said to move between 30 and 60 arcsec",
         printed=(Figure("from", 30), Figure("to", 60)),
@@ -966,7 +966,7 @@ def table() -> tuple[Row, ...]:
         _tooth_share_row(),
         _wear_row(),
         _planet_wear_row(),
-        _friction_law_row(),
+        _friction_row(),
         _mean_ratio_row(),
         _pin_radius_row(),
         _sun_row(),

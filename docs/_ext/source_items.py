@@ -597,7 +597,7 @@ ITEMS: tuple[Item, ...] = (
         "slope of 200",
         "not reproducible",
         "the law and the text contradict each other",
-        held=("ledger 003 friction law",),
+        held=("ledger 003 friction",),
         equations={5: "T_e(f)"},
     ),
     Item(
