@@ -1,7 +1,7 @@
-"""Where the recordings and the virtual test bench lie: beside the repository, never in it.
+"""Where the recordings, the virtual test bench and the source texts lie: beside the repository, never in it.
 
 The folder of the recordings is that of the environment variable RVERROR_DATA, else ``../shared/data`` beside the
-repository; the bench is the folder ``bench`` beside it.
+repository; the bench is the folder ``bench`` beside it, the texts are the folder ``sources``.
 """
 
 from __future__ import annotations
@@ -22,6 +22,13 @@ def recording(*parts: str) -> Path:
 def bench(*parts: str) -> Path:
     """Path below the virtual test bench; skips the test where there is none."""
     return _existing(_data().parent / "bench", parts)
+
+
+def source_text(number: str) -> str:
+    """Text of one of the five sources, by its number; skips the test where the texts are not there."""
+    folder = _existing(_data().parent / "sources", ())
+    (found,) = folder.glob(f"{number}_*.txt")
+    return found.read_text(encoding="utf-8")
 
 
 def _data() -> Path:

@@ -25,7 +25,8 @@ def test_every_source_and_every_statement_of_the_design_has_a_row():
     assert {row.source for row in ROWS.values()} == {"000", "001", "002", "003", "004"}
     for row in ROWS.values():
         assert row.key.startswith(row.source)
-        assert row.verdict
+        assert row.verdict.startswith(ledger.VERDICTS)
+        assert not row.verdict.endswith(".")
         assert row.formula
         assert row.computed or row.corrected
 
@@ -44,12 +45,18 @@ def test_delta_41_is_constant_unless_fixed_in_the_housing():
 
 
 def test_delta_31_is_a_radial_error_at_the_longest_arm():
-    radial, normal = figures("000 delta_31", "computed")
+    literal, radial, normal = figures("000 delta_31", "computed")
     K = 1.25 * 40 / 64
     assert radial == pytest.approx(E * math.sqrt(1 - K * K) / (1.25 * 40) / ARCSEC)
     assert radial == pytest.approx(12.88, abs=0.005)
     assert normal == pytest.approx(E / (1.25 * 39) / ARCSEC)
     assert normal == pytest.approx(21.2, abs=0.05)
+    # at the longest arm the normal stands across the eccentric direction, R_p sqrt(1 - K^2) from the pitch point to the
+    # pin, so the contact lies sqrt((a z_c)^2 + (R_p sqrt(1 - K^2) - r_p)^2) from the disc's centre
+    contact = math.hypot(48.75, 64 * math.sqrt(1 - K * K) - 3)
+    assert literal == pytest.approx(E / (contact * (48.75 / contact) ** 2) / ARCSEC)
+    assert literal == pytest.approx(26.5, abs=0.05)
+    assert all(abs(value - 12.8) > 5 for value in (literal, normal))
     lead, ripple, first = figures("000 delta_31", "corrected")
     assert first == pytest.approx(9.90, rel=1e-3)
     assert ripple < 0.01 * lead
@@ -81,10 +88,16 @@ def test_delta_11_is_the_swing_between_two_signs():
 
 
 def test_feedback_takes_away_and_has_no_last_step():
-    low, high = figures("000 feedback", "computed")
+    low, high, share, least, most = figures("000 feedback", "computed")
     assert low == pytest.approx(30.5 * (4 / 3) / 41)
     assert high == pytest.approx((30.5 + 12.8 + 8.2 + 0.9) * (4 / 3) / 41)
     assert 0.95 < low < high < 2
+    # (cos, sin) of the pressure angle against a vector that turns: amplitude 1, so (r1 + r2) / (r2 cos(alpha)) / 41
+    assert share == pytest.approx((4 / 3) / COS20 / 41)
+    assert share == pytest.approx(0.0346, abs=5e-5)
+    assert [least, most] == pytest.approx([30.5 * share, 52.4 * share])
+    assert 1 < least < most < 2
+    assert ledger.feedback_as_printed(reducer("RV-40E")).mean() == pytest.approx(0, abs=1e-12)
     gain, factor, change = figures("000 feedback", "corrected")
     steps = np.cumsum(gain ** np.arange(20))
     assert steps[-1] == pytest.approx(factor, rel=1e-12)
@@ -99,12 +112,34 @@ def test_printed_ratios_contradict_each_other():
     assert figures("000 ratios", "corrected") == [121, -39, -40]
 
 
+def test_disc_turns_by_a_lobe_for_a_turn_of_the_crank():
+    assert figures("000 disc rotation", "computed") == [-1]
+    assert figures("000 disc rotation", "corrected") == [pytest.approx(-1 / 39)]
+
+
 def test_spectral_peak_lies_at_the_pins():
     order, from_period, least, most = figures("000 spectral peak", "computed")
     assert order == pytest.approx(38.9, abs=0.05)
     assert from_period == pytest.approx(38.9, abs=0.05)
     housing, disc = figures("000 spectral peak", "corrected")
     assert least < housing < most < disc
+
+
+def test_printed_profile_is_too_large():
+    assert figures("001 profile", "computed") == [pytest.approx(64 + 3 - 1.25), pytest.approx(64 + 3 + 1.25), 40]
+    assert figures("001 profile", "computed")[:2] == pytest.approx([65.75, 68.25])
+    low, high, lobes = figures("001 profile", "corrected")
+    assert [low, high, lobes] == [pytest.approx(59.75), pytest.approx(62.25), 39]
+    ground, _ = ground_profile(
+        reducer("RV-40E"), np.linspace(0, 78 * np.pi, 5000), pin_circle_radius=64.0, pin_radius=3.0
+    )
+    assert [abs(ground).min(), abs(ground).max()] == pytest.approx([low, high], abs=1e-3)
+
+
+def test_error_does_not_repeat_with_the_input():
+    pins, discs = figures("001 Fourier series", "computed")
+    assert [pins, discs] == pytest.approx([39 / 121, 40 / 121])
+    assert figures("001 Fourier series", "corrected") == [1]
 
 
 def test_degrees_of_freedom():
@@ -183,6 +218,65 @@ def test_printed_displacement_exceeds_the_largest():
     assert difference < 1e-12
 
 
+def test_projections_on_the_line_to_the_centre():
+    # pin on +x, the disc's centre at a (K, sqrt(1 - K^2)): the longest arm
+    K = 0.78125
+    across, along = 1.25 * math.sqrt(1 - K * K), 64 - 1.25 * K
+    printed = figures("002 projections", "computed")
+    assert printed == pytest.approx([5 * along / math.hypot(along, across), 5 * across / math.hypot(along, across)])
+    # the normal there is from the pin, (R_p, 0), to the pitch point, K R_p along the eccentric direction
+    normal = 50 * complex(K, math.sqrt(1 - K * K)) - 64
+    right = figures("002 projections", "corrected")
+    assert right == pytest.approx([5 * abs(normal.real) / abs(normal), 5 * abs(normal.imag) / abs(normal)])
+    assert right == pytest.approx([5 * math.sqrt(1 - K * K), 5 * K])
+    assert printed[1] < 0.02 * right[1]
+
+
+def test_equidistant_is_not_projected():
+    root = math.sqrt(1 - 0.78125**2)
+    assert figures("002 modification", "computed") == pytest.approx([5 * root, 5 * root])
+    equidistant, shift = figures("002 modification", "corrected")
+    unit, roll, step = reducer("RV-40E"), np.array([math.acos(0.78125)]), 1e-5
+    base, inward = ground_profile(unit, roll, pin_circle_radius=64.0, pin_radius=3.0)
+    for found, changed in ((equidistant, (64.0, 3.0 + step)), (shift, (64.0 - step, 3.0))):
+        other, _ = ground_profile(unit, roll, pin_circle_radius=changed[0], pin_radius=changed[1])
+        assert found == pytest.approx(5 * ((other - base) / step * inward.conjugate()).real[0], rel=1e-4)
+
+
+def test_forces_are_not_equal():
+    # in proportion to the arms, sin(phi) / sqrt(1 + K^2 - 2 K cos(phi)) of the longest, over the loaded half
+    phi = (np.arange(20000) + 0.5) / 20000 * math.pi
+    arm = np.sin(phi) / np.sqrt(1 + 0.78125**2 - 2 * 0.78125 * np.cos(phi))
+    assert figures("002 meshing forces", "computed") == [1]
+    assert figures("002 meshing forces", "corrected") == [pytest.approx(1 / arm.mean(), rel=0.01)]
+
+
+def test_profile_of_003_with_a_length_for_a_ratio():
+    assert figures("003 profile", "computed") == pytest.approx([76.5 * 0.3, 76.5 * 2.3])
+    assert figures("003 profile", "computed") == pytest.approx([23, 176], abs=0.06)
+    assert figures("003 profile", "corrected") == pytest.approx([75.2, 77.8])
+    ground, _ = ground_profile(
+        reducer("RV-003"), np.linspace(0, 78 * np.pi, 5000), pin_circle_radius=76.5, pin_radius=0.0
+    )
+    assert [abs(ground).min(), abs(ground).max()] == pytest.approx([75.2, 77.8], abs=1e-3)
+
+
+def test_wear_as_a_share_of_the_tooth():
+    # half of the pitch, m pi
+    assert figures("003 sun tooth", "computed") == [pytest.approx(14 / math.pi)]
+    assert figures("003 sun tooth", "computed") == [pytest.approx(4.46, abs=0.005)]
+    assert figures("003 sun tooth", "printed") == [4]
+
+
+def test_friction_law_and_its_text_disagree():
+    first, last, baseline = figures("003 friction", "computed")
+    assert [first, last] == [48, 40]
+    assert 50 - 200 * baseline == pytest.approx(42.6)
+    low, high = figures("003 friction", "printed")
+    assert first - last == pytest.approx(8)
+    assert low < last < first < high
+
+
 def test_spline_slope():
     said, of_table = figures("003 spline clearance", "printed")
     assert said == 500
@@ -216,10 +310,12 @@ def test_mean_ratio_is_a_misprint():
 
 
 def test_printed_pin_formula_is_fifty_times_too_large():
-    printed, one_contact, factor = figures("004 pin position", "computed")
+    printed, at_output, one_contact, factor = figures("004 pin position", "computed")
     assert printed == pytest.approx(39 * E / 64 / ARCSEC)
     assert printed == pytest.approx(628, abs=0.6)
     assert one_contact == pytest.approx(12.88, abs=0.005)
+    assert at_output == pytest.approx(E / 64 / ARCSEC)
+    assert at_output == pytest.approx(16.1, abs=0.05)
     assert 45 < factor < 55
     one_pin, ring = figures("004 pin position", "corrected")
     assert one_pin < 1
@@ -232,16 +328,39 @@ def test_printed_pin_formula_is_fifty_times_too_large():
 
 
 def test_sun_eccentricity_does_not_reach_the_output():
-    assert figures("004 sun eccentricity", "computed") == pytest.approx([40 / 9 * 0.010 / 6.75 / ARCSEC])
-    assert figures("004 sun eccentricity", "corrected") == pytest.approx([0], abs=1e-9)
+    turned = 0.010 / 6.75 / ARCSEC  # of a sun whose mesh is off by e_s
+    assert figures("004 sun eccentricity", "computed") == pytest.approx([40 / 9 * turned, turned / 121])
+    assert turned / 121 == pytest.approx(2.5, abs=0.05)
+    floating, one_mesh = figures("004 sun eccentricity", "corrected")
+    assert floating == pytest.approx(0, abs=1e-9)
+    # amplitude (z2/z1) e / (R n r2 cos(alpha)) along the line of action
+    assert one_mesh == pytest.approx(2 * 3 * 0.010 / (121 * 2 * 20.25 * COS20) / ARCSEC, rel=1e-4)
+
+
+def test_the_outputs_encoder_counts_alone():
+    share, both, line, input_line = figures("004 encoders", "computed")
+    assert share == pytest.approx(0.39 / 121)
+    assert both == pytest.approx(math.sqrt(1.24**2 + share**2))
+    assert both == pytest.approx(1.24, abs=1e-5)
+    assert both / 56.33 == pytest.approx(0.02, abs=0.005)
+    assert line == pytest.approx(72)  # 0.02 deg
+    assert line > 57.42
+    assert input_line == pytest.approx(36 / 121)
 
 
 def test_maximum_is_peak_to_peak():
-    peak_to_peak, largest, difference = figures("004 maximum", "computed")
+    peak_to_peak, largest, difference, from_reverse = figures("004 maximum", "computed")
     assert peak_to_peak == pytest.approx(figures("004 maximum", "printed")[0])
     assert largest == pytest.approx(0.0093 * 60)
     assert difference == pytest.approx(1.092 - 56.33 / 60)
-    assert round(difference, 2) != 0.13
+    assert round(difference, 2) == 0.15
+    assert from_reverse == pytest.approx(1.092 - 57.42 / 60)
+    assert math.floor(100 * from_reverse) / 100 == figures("004 maximum", "printed")[1] == 0.13
+
+
+def test_clearance_as_a_stiffness_jumps():
+    assert figures("004 bearing clearance", "computed") == pytest.approx([3e5 * 0.012])
+    assert figures("004 bearing clearance", "corrected") == [0]
 
 
 def test_sampling_folds_the_meshes():

@@ -7,6 +7,7 @@ import numpy as np
 import published
 import pytest
 
+from oracle import REALISTIC, Errors, Oracle
 from pages import DOCS
 from rverror.geartrain.mechanism import reducer
 
@@ -222,6 +223,8 @@ def test_load_lessens_the_error_where_there_is_clearance(tables):
     got = numbers(tables["002 load"])
     assert got["printed, at 1600 rpm"] == [80, 78, pytest.approx(0.975)]
     assert got["clearance 0 um"][2] > 0.99
+    for name in ("bearings", "bearings and flanks"):  # clearances alone: no fall
+        assert got[f"no part errors, clearance in {name}"][2] > 1
     for gap in (20, 30):
         low, high, ratio = got[f"clearance {gap} um"]
         assert 60 < high < low < 90
@@ -320,6 +323,15 @@ def test_force_and_frequency(tables):
     factor = 39 * (30 / 12) / unit.ratio
     torque = 135 * 2 * 20 * (arm**2).mean() / (factor * arm.max())
     assert published.torque_of_003() == pytest.approx(torque, rel=0.01)
+    assert rows["the same, rigid bearings"] == pytest.approx(142, abs=0.5)
+    # bearings that yield: the largest force of a gear train written anew, 40 crank angles of half a turn
+    angles = (np.arange(40) + 0.5) / 40 * math.pi / 40
+    for name, force in (("torque at which the largest pin force is 135 N", 135.0), ("the same, rigid bearings", 150.0)):
+        train = Oracle(unit, angles, sense=1, torque=1e3 * float(rows[name]), springs=REALISTIC)
+        compression = train.contacts(train.base(), Errors(unit, 1))[0][..., : 2 * unit.pins]
+        assert REALISTIC.pin * compression.max() == pytest.approx(force, rel=5e-3)
+    assert rows["largest pin force at that torque, where bearings yield"] == pytest.approx(150, abs=0.5)
+    assert float(rows["torque at which the largest pin force is 135 N"]) == pytest.approx(127.5, abs=0.1)
     assert rows["by either of two discs"] == pytest.approx(2 * 39 * 1800 / 101 / 60)
     assert rows["pins passed by one disc"] == pytest.approx(463, abs=0.5)
     assert abs(rows["by either of two discs"] / 22 - 1) < 0.06
@@ -395,6 +407,16 @@ def test_shares(tables):
     assert sum(draws) / len(draws) == pytest.approx(1 / 3, abs=0.08)
 
 
+def test_a_modified_profile_changes_little(tables):
+    got = numbers(tables["004 modified profile"])
+    changes = [share for name, (_, *shares) in got.items() if name not in ("printed", "none") for share in shares]
+    assert len(changes) == 8
+    assert all(0.975 < share < 1.1 for share in changes)
+    assert sum(share > 1 for share in changes) > 4
+    assert min(changes) > got["printed"][1] == 0.9
+    assert got["equidistant 10 um"][1] > 1
+
+
 def test_printed_shares_are_those_of_effects(tables):
     table = tables["004 sensitivities"]
     printed, effects = column(table, "printed share, %"), column(table, "share of effects, %")
@@ -412,8 +434,13 @@ def test_sensitivities(tables):
     assert lag_high - lag_low == pytest.approx(39 + 38.2, rel=0.03)
     assert got["pin diameter"][:2].max() < 0.3
     assert got["pin diameter"][2] > 20 > 10 > -got["pin diameter"][3] > 0
-    for name in ("sun eccentricity", "assembly: carrier", "assembly: sun"):
+    for name in ("sun eccentricity", "assembly: carrier", "assembly: sun", "eccentric sun in a rigid bearing"):
         assert got[name][:2].max() < 0.1
+    # along the line of action, at one of two meshes: amplitude (z2/z1) e / (R n r2 cos(alpha))
+    one_mesh = 2 * 3 * 0.015 / (121 * 2 * 20.25 * math.cos(math.radians(20))) / ARCSEC
+    assert one_mesh == pytest.approx(4.03, abs=0.005)
+    assert got["a planet as eccentric"][1] == pytest.approx(one_mesh, abs=0.03)
+    assert one_mesh < column(table, "printed effect")[2] == 6.3
     assert got["lobes of one disc"][1] == max(row[:2].max() for row in got.values())
     assert got["lobes of one disc"][0] == pytest.approx(2 * 9.90, rel=0.1)  # closed form, rigid bearings
 
