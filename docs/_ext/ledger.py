@@ -21,6 +21,8 @@ from rverror.geartrain.feedback import feedback_factor, loop_gain
 from rverror.geartrain.kinematics import folded_order, frame_orders, fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.compose import influence
+from rverror.model.effects import Model
+from rverror.statics.friction import Friction, efficiency
 
 #: Size of every error in source 000's case study, mm.
 ERROR = 0.005
@@ -523,6 +525,29 @@ def _planet_wear_row() -> Row:
     )
 
 
+def _friction_row() -> Row:
+    unit = _rv003()
+    losses = efficiency(
+        Model(unit),
+        _theta(unit)[:1],
+        torque=1e3,
+        friction=Friction(pin=0.05, mesh=0.05),
+        direction=1.0,
+        method="closed",
+    )
+    return Row(
+        key="003 friction",
+        source="003",
+        statement="error over a friction of 0.01 to 0.05: between 30 and 60 arcsec; and a law for it",
+        printed=(Figure("from", 30), Figure("to", 60), Figure("at no friction", 50), Figure("slope", -200)),
+        formula=r"$T_{e0} - \alpha f$",
+        computed=(Figure("at 0.01", 50 - 200 * 0.01), Figure("at 0.05", 50 - 200 * 0.05)),
+        corrected=(Figure("pins and flanks take at 0.05, closed form", 100 * (1 - losses.mean), "%", 2),),
+        verdict="law and text disagree: 8 arcsec of change in a span of 30. In the equilibrium the sign depends on the "
+        "errors: [published numbers](published.md#003-friction)",
+    )
+
+
 def _mean_ratio_row() -> Row:
     unit = _rv003()
     mean, speed = 100.593, 1800.0
@@ -667,6 +692,7 @@ def table() -> tuple[Row, ...]:
         _spline_row(),
         _wear_row(),
         _planet_wear_row(),
+        _friction_row(),
         _mean_ratio_row(),
         _pin_radius_row(),
         _sun_row(),

@@ -206,6 +206,14 @@ def test_wear_slopes():
     assert planet / expected > 1.7
 
 
+def test_friction_law_and_its_text_disagree():
+    assert figures("003 friction", "computed") == pytest.approx([48, 40])
+    low, high, none, slope = figures("003 friction", "printed")
+    assert [none + slope * f for f in (0.01, 0.05)] == pytest.approx(figures("003 friction", "computed"))
+    assert low < min(figures("003 friction", "computed"))
+    assert max(figures("003 friction", "computed")) < high
+
+
 def test_mean_ratio_is_a_misprint():
     error, speed, ratio = figures("003 mean ratio", "computed")
     assert error == pytest.approx(100 * (1 - 100.593 / 101))
