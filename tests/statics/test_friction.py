@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rverror
+from pages import DOCS, text
 from rverror import Efficiency, Friction, Model, NotConvergedError, Reducer, Stiffness, effect, efficiency, hysteresis
 from rverror.statics.friction import mean_mesh_slip
 from strategies import angles, reducers
@@ -390,6 +392,36 @@ def test_pins_by_one_disc_on_its_pitch_point() -> None:
     np.testing.assert_allclose(found.losses["pin"].mean(), by_hand, rtol=2e-3)
 
 
+def test_the_pages_figures() -> None:
+    """Each number of the table and of the text beside it."""
+    page = text(DOCS / "theory" / "friction.md")
+    theta = 2 * np.pi * np.arange(101) / 101
+    rows = re.findall(r"^\| (\d+) N m \| (.*) \|$", page, flags=re.MULTILINE)
+    assert [int(torque) for torque, _ in rows] == [412, 103, 20]
+    for torque, cells in rows:
+        load = float(torque) * 1e3
+        ahead, closed = (of(theta=theta, torque=load, method=method) for method in ("equilibrium", "closed"))
+        back = of(theta=theta, torque=load, drives="output")
+        *shares, at_input = map(float, cells.split(" | "))
+        made = [ahead.mean, closed.mean, back.mean, *(ahead.by_part[part] for part in PARTS)]
+        np.testing.assert_allclose(shares, 100 * np.array(made), atol=0.051)
+        assert at_input == pytest.approx(ahead.input_torque.mean() / 1e3, abs=5.1e-4)
+    change = of(theta=theta).error_change.mean() / rverror.ARCSEC
+    windup = rverror.equilibrium(Model(UNIT), theta, torque="412 N*m", direction=1.0).transmission_error.mean()
+    assert f"lags by {-change:.1f} arcsec" in page
+    assert f"{100 * change * rverror.ARCSEC / windup:.1f} % of the windup" in page
+    idle = of(theta=theta, torque=0).input_torque.mean() / 1e3
+    assert f"{idle:.3f} N m at the input, {121 * idle:.1f} N m seen" in page
+    twice = replace(scaled(STATED, 2.0), drag=6e3)
+    assert f"{of(theta=theta, torque=0, friction=twice).input_torque.mean() / 1e3:.3f} N m for twice" in page
+    assert f"teeth it is {100 * of(theta=theta, friction=replace(STATED, pin=0.01, mesh=0.01)).mean:.1f} %" in page
+    width = hysteresis(Model(UNIT), theta[:16], torques=[0, 12.36e3, 412e3], friction=STATED).width.mean(axis=1)
+    none, few, rated = width / rverror.ARCSEC
+    assert f"{rated:.1f} arcsec at the rated torque, {few:.1f} at 3 %" in page
+    assert f"{none:.1f} at\nnone" in page
+    of(friction=Friction(pin=0.7))  # wedges above
+
+
 # --- no load, at rest, self-locking -----------------------------------------------------------------------------------
 
 
@@ -409,6 +441,7 @@ def test_jammed_pins_rub_without_a_load() -> None:
     jammed = Model(UNIT, (effect("cycloid.pin_radius", pin="all", deviation="10 um"),))
     found = efficiency(jammed, THETA, torque=0, friction=Friction(pin=0.05), direction=1.0)
     np.testing.assert_allclose(found.input_torque * 121, found.losses["pin"], rtol=1e-6)
+    assert found.input_torque.mean() == pytest.approx(2.3e3, rel=0.01)  # the page's
     assert (found.input_torque > 100 * of(torque=0, friction=Friction(pin=0.05)).input_torque).all()
 
 
@@ -427,7 +460,7 @@ def test_self_locking_is_said() -> None:
 
 def test_what_has_no_balance_or_no_sense_is_refused() -> None:
     with pytest.raises(NotConvergedError, match=r"forces and friction do not balance at 16 of 16 angles .*wedge"):
-        of(friction=Friction(pin=1.0))
+        of(friction=Friction(pin=0.8))
     with pytest.raises(ValueError, match=r"torque = 3 N\*m: the output drives with more than the drag, 4 N\*m"):
         of(torque="3 N*m", drives="output")
     with pytest.raises(ValueError, match=r"crank_bearing = 0\.002 needs crank_bearing_radius"):

@@ -212,7 +212,7 @@ def efficiency(
     >>> rubs = Friction(pin=0.05, mesh=0.05)
     >>> found = efficiency(unit, np.linspace(0, 0.15, 9), torque="412 N*m", friction=rubs)
     >>> round(found.mean, 2), sorted(found.by_part, key=found.by_part.get)[-1]
-    (0.92, 'pin')
+    (0.93, 'pin')
     """
     unit = _reducer(model)
     if drives not in ("input", "output"):
