@@ -3,7 +3,7 @@ r"""Friction: what pins, gear flanks and bearings lose, and what it does to forc
 Each contact c that carries F_c and slides at v_c adds a force or couple f_c F_c against the slip.  With t_c the row by
 which the parts' motion V slides there, v_c = t_c . V, the balance of all parts is
 
-.. math:: \sum_c F_c J_c + \sum_c f_c |F_c|\, \mathrm{sign}(v_c)\, t_c = T.
+.. math:: \sum_c F_c J_c + \sum_c f_c \lvert F_c \rvert\, \mathrm{sign}(v_c)\, t_c = T.
 
 No energy has such forces, so Newton steps on the balance itself start from the pose without friction.  Nominal motion
 closes no contact, J_c V = 0, so the power that goes in comes out again but for the sum of f_c F_c v_c, exactly.
