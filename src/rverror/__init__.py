@@ -27,6 +27,7 @@ from rverror.model.compose import Influence, influence, transmission_error, tran
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
 from rverror.model.model_file import append_effects, load_model, save_model
+from rverror.statics.friction import Efficiency, Friction, Hysteresis, efficiency, hysteresis
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
@@ -104,10 +105,13 @@ __all__ = [
     "Diagnosis",
     "Drive",
     "Effect",
+    "Efficiency",
     "Equilibrium",
     "ErrorBudget",
     "ErrorVector",
+    "Friction",
     "FrontPoint",
+    "Hysteresis",
     "Index",
     "Inertia",
     "Influence",
@@ -155,12 +159,14 @@ __all__ = [
     "draft_mapping",
     "draw",
     "effect",
+    "efficiency",
     "equilibrium",
     "error_budget",
     "extended",
     "folded_order",
     "frame_orders",
     "fundamental_orders",
+    "hysteresis",
     "influence",
     "input_files",
     "line_style",

@@ -70,6 +70,12 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "contact_pressure": lambda model: (
         rverror.contact_pressure(model, THETA, torque=20e3, disc_width=9.0, gear_width=8.0).pressure["pin"].sum(axis=1)
     ),
+    "efficiency": lambda model: (
+        rverror.efficiency(model, THETA, torque=20e3, friction=rverror.Friction(pin=0.1, mesh=0.1)).error_change
+    ),
+    "hysteresis": lambda model: (
+        rverror.hysteresis(model, THETA, torques=[-20e3, 20e3], friction=rverror.Friction(pin=0.1)).rising
+    ),
     "lost_motion": waveform(rverror.lost_motion),
     "backlash": waveform(rverror.backlash),
     "torsion_curve": lambda model: rverror.torsion_curve(model, THETA, torques=[-20e3, 20e3]).angle,
@@ -111,7 +117,7 @@ def test_modes_are_those_of_the_gear_train_at_its_marks() -> None:
     np.testing.assert_allclose(rverror.modes(AHEAD_OF_ZERO, theta=0.0, torque=20e3).frequency, ahead, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["lost_motion", "backlash", "torsion_curve", "torsional_stiffness"])
+@pytest.mark.parametrize("name", ["lost_motion", "backlash", "torsion_curve", "torsional_stiffness", "hysteresis"])
 def test_misreading_is_no_turn_of_the_output(name: str) -> None:
     read = AHEAD_OF_ZERO.with_effects(READ)
     np.testing.assert_array_equal(ROWS[name](read), ROWS[name](AHEAD_OF_ZERO))

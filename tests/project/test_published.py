@@ -9,6 +9,7 @@ import pytest
 
 from oracle import REALISTIC, Errors, Oracle
 from pages import DOCS
+from rverror import Model, modes
 from rverror.geartrain.mechanism import reducer
 
 PAGE = DOCS / "published.md"
@@ -313,6 +314,24 @@ def test_contact_stiffness(tables):
     assert 0 < np.argmin(ripple) < ripple.size - 1
 
 
+def test_friction(tables):
+    """The law's own numbers, and what friction does to lost motion by virtual work: windup grows with the forces."""
+    table = tables["003 friction"]
+    f, law, ripple, lost, forward, reverse, passed = np.array(table.rows, dtype=float).T
+    assert law[1] == pytest.approx(48)
+    assert law[-1] == pytest.approx(40)
+    assert law[1] - law[-1] < (60 - 30) / 3
+    assert 1 - law[-1] / law[1] == pytest.approx(0.17, abs=0.005)
+    assert 1 - ripple[-1] / ripple[1] == pytest.approx(0.06, abs=0.005)
+    assert (np.diff(ripple) < 0).all()
+    assert (np.diff(lost) > 0).all()
+    assert (np.diff(forward) > 0).all()
+    assert (reverse[1:] < reverse[0]).all()
+    assert passed[0] == pytest.approx(100)
+    assert (np.diff(passed) < 0).all()
+    np.testing.assert_allclose((100 / passed - 1)[1:] / f[1:], (100 / passed[1] - 1) / f[1], rtol=0.12)
+
+
 def test_force_and_frequency(tables):
     rows = {row[0]: row[1] for row in tables["003 contact force"].rows}
     # equal springs on the loaded half of both discs: largest force T F l_max / (2 sum l^2), the sum by quadrature
@@ -513,3 +532,17 @@ def test_a_preload_takes_lost_motion_and_not_ripple():
     # each of both bearings in series plays its clearance either way: 2 (c + c) r6-ward, through both directions
     assert loose[3] - none[3] > 200 > 10 > none[3] - fifty[3] > 0
     assert most[4] > 0.5 * none[4]
+
+
+def test_lubrication(tables):
+    """Friction costs power and widens the loop in proportion; neither it nor damping makes the printed 15 %."""
+    got = numbers(tables["004 lubrication"])
+    damping = got.pop("damping 0.06 in place of 0.03, 1000 rpm")
+    assert abs(damping[0]) < 1e-3
+    low, high, passed, width = np.array(list(got.values())).T
+    assert 75 < passed[-1] < 80
+    nominal = Model(reducer("RV-40E"))
+    assert modes(nominal, theta=0.0, torque="412 N*m").frequency[0] == pytest.approx(188, abs=0.5)
+    np.testing.assert_allclose([low[0], high[0], width[0]], 0, atol=1e-9)
+    assert -3 < low.min() < 0 < high.max() < 3
+    np.testing.assert_allclose(width[1:] / width[1], [1, 2.5, 5], rtol=0.05)

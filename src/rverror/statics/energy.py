@@ -421,14 +421,17 @@ class System:
     def journal_forces(self, journals: Array) -> tuple[Array, Array]:
         """Squares of the closings and force of each journal, which floats in its clearance or is pressed all around."""
         distance = np.sqrt((journals**2).sum(axis=-1))
-        closing = np.maximum(distance - self.clearance, 0.0)
-        behind = np.maximum(-self.clearance - distance, 0.0)
+        closing, behind = np.maximum(distance - self.clearance, 0.0), self.behind(journals)
         share = self._journal_share(distance, closing)
         return closing**2 + behind**2, (self.journal_stiffness * share)[..., None] * journals
 
     def _journal_share(self, distance: Array, closing: Array) -> Array:
         """Force of a journal over its stiffness and distance: 2 where rollers on both sides carry."""
         return np.where(distance < -self.clearance, 2.0, closing / np.where(distance > 0, distance, 1.0))
+
+    def behind(self, journals: Array) -> Array:
+        """How far each journal's rollers away from its force are still closed."""
+        return np.asarray(np.maximum(-self.clearance - np.sqrt((journals**2).sum(axis=-1)), 0.0))
 
     def pressed_around(self, journals: Array) -> Flags:
         """Journals whose rollers carry on both sides."""

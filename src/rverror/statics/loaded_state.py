@@ -146,6 +146,9 @@ class Tangent:
     pin_force : ndarray, shape (n, discs, pins)
         N.
     flank_force : ndarray, shape (n, 2 cranks)
+    joint_force : ndarray, shape (n, joints, 2)
+    joint_pressed : ndarray, shape (n, joints)
+        What the rollers of each bearing press in all, N: more than its force where those on both sides carry.
     """
 
     contacts: Geometry
@@ -155,6 +158,8 @@ class Tangent:
     joint: Array
     pin_force: Array
     flank_force: Array
+    joint_force: Array
+    joint_pressed: Array
 
 
 def equilibrium(
@@ -398,7 +403,7 @@ class Statics:
 
     def solutions(
         self, effects: tuple[Effect, ...], start: Array | None = None, *, quick: bool = False
-    ) -> Iterator[_Solution]:
+    ) -> Iterator[Settled]:
         """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near.
 
         Quickly, what is condensed is trusted wherever the loaded flanks, and no others, carry.
@@ -484,7 +489,7 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
     return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
 
 
-def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> _Solution:
+def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> Settled:
     errors = preloaded(error_closing(stretch.contacts, effects), stretch.reducer)
     try:
         stretch = stretch.softer(errors.compliance)
@@ -495,7 +500,7 @@ def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, 
     share = stretch.reducer.contact_law.profile_curvature
     condensed = None if nominal.clearance.size else stretch.condensed
     if not share:
-        return _Solution(stretch, errors, nominal, condensed, *_least(stretch, nominal, condensed, start, quick=quick))
+        return Settled(stretch, errors, nominal, condensed, *_least(stretch, nominal, condensed, start, quick=quick))
     steps = np.zeros(contacts.motion.theta.size, dtype=np.intp)
     pins = turned(contacts, nominal, errors, np.zeros_like(nominal.load) if start is None else start, share)
     for _ in range(_MOST_TURNS):
@@ -505,7 +510,7 @@ def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, 
         last, pins = pins, turned(contacts, nominal, errors, x, share)
         if last.same(pins, closed.pins):
             break
-    return _Solution(stretch, errors, last.system, held, x, closed, steps)
+    return Settled(stretch, errors, last.system, held, x, closed, steps)
 
 
 def _least(
@@ -536,8 +541,8 @@ def _least(
 
 
 @dataclass(frozen=True)
-class _Solution:
-    """Settled pose of one stretch of angles."""
+class Settled:
+    """Settled pose of one stretch of angles, its contacts, and what it was found with."""
 
     stretch: Stretch
     errors: Errors
@@ -553,7 +558,7 @@ class _Solution:
         """Geometry of the contacts."""
         return self.stretch.contacts
 
-    def unloaded(self) -> _Solution:
+    def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
         return replace(self, unloading=-self._answer(self.energy.load))
 
@@ -610,11 +615,12 @@ class _Solution:
     def tangent(self) -> Tangent:
         """Stiffness of every contact."""
         system, closed, where = self.energy, self.closed, self._journals()
-        n = len(self.x)
+        n, force = len(self.x), self._joint_forces()
         stiffness = np.broadcast_to(self.stretch.elasticity.joint, (n, where.size))
-        joint = stiffness[..., None, None] * np.eye(2)
+        joint, pressed = stiffness[..., None, None] * np.eye(2), np.sqrt((force**2).sum(axis=-1))
         if where.any():
             joint[:, where] = system.journal_matrices(closed.journals)
+            pressed[:, where] += 2 * system.journal_stiffness * system.behind(closed.journals)
         return Tangent(
             contacts=self.contacts,
             x=self.x + self.unloading,
@@ -623,6 +629,8 @@ class _Solution:
             joint=joint,
             pin_force=self._pressed,
             flank_force=system.flank_law.force(closed.flanks, system.flank_stiffness),
+            joint_force=force,
+            joint_pressed=pressed,
         )
 
     def _journals(self) -> npt.NDArray[np.bool_]:

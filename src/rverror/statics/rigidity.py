@@ -187,7 +187,7 @@ def torsion_curve(model: Model, theta: Any, *, torques: Any) -> TorsionCurve:
     (5, 2)
     >>> stiffness = curve.stiffness(low="206 N*m", high="412 N*m")  # N*mm/rad
     """
-    size = _torques(torques)
+    size = row_of_torques(torques)
     lower, upper = _ends(model, theta, 0.0)
     middle = (lower + upper) / 2
     angle = [np.zeros(middle.size) if value == 0 else _position(model, theta, value) - middle for value in size]
@@ -253,8 +253,22 @@ def _position(model: Model, theta: Any, torque: float) -> Array:
     return found.transmission_error
 
 
-def _torques(torques: Any) -> Array:
-    """Row of torques, N*mm."""
+def row_of_torques(torques: Any) -> Array:
+    """Torques as given, with or without units, in N*mm.
+
+    Parameters
+    ----------
+    torques : array_like or quantity, shape (m,)
+
+    Returns
+    -------
+    ndarray, shape (m,)
+
+    Raises
+    ------
+    ValueError
+        If they are not a row of finite numbers.
+    """
     if isinstance(torques, Sequence) and not isinstance(torques, str):
         return np.array([units.to_core(value, "torque") for value in torques], dtype=np.float64)
     row = units.to_core_array(torques, "torque")
