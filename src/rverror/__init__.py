@@ -37,6 +37,11 @@ from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.validation import validated
 
+# Compensation: what a controller adds to the command, and what it leaves.
+from rverror.compensation.correction import Correction
+from rverror.compensation.making import Compensation, compensate
+from rverror.compensation.table_files import load_compensation, save_compensation
+
 # Tolerances: what they make of the error, and which to buy.
 from rverror.tolerances import cost as costs
 from rverror.tolerances import distribution as distributions
@@ -82,9 +87,11 @@ __all__ = [
     "Bench",
     "Budget",
     "Comparison",
+    "Compensation",
     "Conditions",
     "ContactCorrection",
     "ContactLaw",
+    "Correction",
     "CriticalSpeed",
     "Diagnosis",
     "Drive",
@@ -125,6 +132,7 @@ __all__ = [
     "budget_text",
     "coloured_noise",
     "compare",
+    "compensate",
     "contact_correction",
     "cost_front",
     "costs",
@@ -145,6 +153,7 @@ __all__ = [
     "input_files",
     "line_style",
     "linearise",
+    "load_compensation",
     "load_mapping",
     "load_model",
     "load_orders",
@@ -162,6 +171,7 @@ __all__ = [
     "read_case",
     "reducer",
     "run_from_arrays",
+    "save_compensation",
     "save_model",
     "save_widths",
     "simulate",

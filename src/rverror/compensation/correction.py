@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -85,13 +86,13 @@ class Correction:
 
     def limited(self, points: int) -> Correction:
         """Without the orders that so many even points a turn cannot hold: fewer than four a wave."""
-        cases = [_kept(case, case.orders * _FEWEST <= points) for case in self.table.cases]
+        cases = [only(case, case.orders * _FEWEST <= points) for case in self.table.cases]
         return replace(self, table=replace(self.table, cases=tuple(cases)))
 
     def points(self, condition: TableCondition, allowed: float) -> int:
         """Even points a turn between which straight lines leave no more than so much rms, rad, four a wave at least."""
         highest = float(self.orders.max(initial=1.0))
-        count = 2 ** math.ceil(math.log2(max(_FEWEST * highest, 16)))
+        count: int = 2 ** math.ceil(math.log2(max(_FEWEST * highest, 16)))
         while count < _MOST and self.between(count, condition) > allowed:
             count *= 2
         return count
@@ -229,5 +230,6 @@ def _at(case: OrderCase, orders: Array) -> Waves:
     return waves
 
 
-def _kept(case: OrderCase, wanted: Array) -> OrderCase:
-    return replace(case, orders=case.orders[wanted], waves=case.waves[wanted], sigma=None)
+def only(case: OrderCase, wanted: npt.NDArray[np.bool_]) -> OrderCase:
+    """A case with some of its orders."""
+    return replace(case, orders=case.orders[wanted], waves=case.waves[wanted])

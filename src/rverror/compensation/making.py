@@ -19,7 +19,7 @@ from rverror.compensation.correction import Correction, from_effects, wave_sum
 from rverror.compensation.over_conditions import LEAST_CONDITIONS, VARIABLES, ConditionLaw, law_of
 from rverror.compensation.regular import CHANCE, Record, Regular, at_orders, candidates_of, merged, records_of, regular
 from rverror.geartrain.kinematics import Conditions, samples_needed, true_period
-from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
@@ -319,7 +319,9 @@ def _gathered(foretold: _Foretold, runs: Sequence[Run | OrderTable], notes: list
         fresh: list[str] = []
         for record in records_of(one, model, foretold, fresh):
             candidates, folded = candidates_of(model.mechanism, record)
-            data.records.append(replace(record, slowest=float(candidates.min(initial=math.inf))) if candidates.size else record)
+            data.records.append(
+                replace(record, slowest=float(candidates.min(initial=math.inf))) if candidates.size else record
+            )
             data.candidates.append(candidates)
             data.folded.update(folded)
         notes += [note for note in fresh if note not in notes]
@@ -485,8 +487,10 @@ def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> lis
         beyond = [v for v in beyond if not min(known) * (1 - 1e-6) <= v <= max(known) * (1 + 1e-6)]
         if beyond:
             what = name.replace("input_", "")
-            held = "the causes foretell it, orders are taken as at the nearest" if named and name == "torque" else (
-                "waves are taken as at the nearest that was"
+            held = (
+                "the causes foretell it, orders are taken as at the nearest"
+                if named and name == "torque"
+                else ("waves are taken as at the nearest that was")
             )
             notes.append(
                 f"{what} {', '.join(with_unit(v, dimension) for v in beyond)} is outside of what was measured "
@@ -539,8 +543,8 @@ def _listed(
             for k, size in zip(case.orders.tolist(), np.abs(case.waves).tolist(), strict=True):
                 squares.setdefault(k, []).append(size**2)
     rest = dict(left)
-    for one in found:
-        for k in one.orders.tolist():
+    for k in squares:
+        for one in found:
             rest.setdefault(k, []).extend(one.lines(k))
     listed = []
     for k, values in squares.items():
@@ -563,6 +567,13 @@ def _stays(
     """What stays, and why."""
     told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
     taken = {one.order for one in listed}
+    lines = [line for one in found if (line := one.between())]
+    if lines:
+        order, size = max(lines, key=lambda line: line[1])
+        told.append(
+            f"a line of order {brief(order, 5)}, {brief(size / units.ARCSEC, 2)} arcsec: no whole order, so that "
+            "no table over a turn holds it"
+        )
     if not taken and found:
         count = max(c.size for c in data.candidates)
         told.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")

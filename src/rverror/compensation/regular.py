@@ -123,6 +123,28 @@ class Regular:
     after: Array
     left: Array
 
+    def between(self) -> tuple[float, float] | None:
+        """Order and amplitude, rad, of the strongest line between whole orders, where it stands out of the noise.
+
+        Of two turns and more, where every order between is noise unless something turns at it.
+        """
+        record = self.record
+        if record.turns < 2 - 1e-9:
+            return None
+        turns = math.floor(record.turns + 1e-6)
+        lines = _even_lines(record, self.left, turns)
+        every = np.arange(1, lines.size + 1) / turns
+        apart = np.flatnonzero(np.abs(every - np.round(every)) * turns > 0.5)
+        best = apart[np.argmax(lines[apart])]
+        near = lines[apart][max(np.searchsorted(apart, best) - _BESIDE, 0) :][: 2 * _BESIDE]
+        freedom = _WORTH * near.size
+        ratio = lines[best] / max(float(np.median(near)) / math.log(2), 1e-300)
+        if (1 + 2 * ratio / freedom) ** (-freedom / 2) > CHANCE / apart.size:
+            return None
+        fine = every[best] + np.linspace(-1, 1, 101) / turns
+        power = _projected(record.theta, self.left, fine)
+        return float(fine[np.argmax(power)]), math.sqrt(float(power.max()))
+
     def lines(self, order: float) -> list[float]:
         """Amplitude of an order in the residual of each stretch, noise included, rad."""
         turning = self.left * np.exp(-1j * order * self.record.theta)
@@ -209,10 +231,11 @@ def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels
     ahead = theta - theta.min()
     if turns >= 2 - 1e-9:
         count = math.floor(turns + 1e-6)
-        return np.minimum(np.floor(ahead / _TURN).astype(np.intp), count - 1)
+        return np.asarray(np.minimum(np.floor(ahead / _TURN), count - 1), dtype=np.intp)
     if passes >= _PASSES:
         return label
-    return np.minimum((ahead / (np.ptp(theta) * (1 + 1e-9)) * _STRETCHES).astype(np.intp), _STRETCHES - 1)
+    share = ahead / (float(np.ptp(theta)) * (1 + 1e-9))
+    return np.asarray(np.floor(share * _STRETCHES), dtype=np.intp)
 
 
 def candidates_of(mechanism: Mechanism, record: Record) -> tuple[Array, tuple[float, ...]]:
@@ -391,7 +414,10 @@ def at_orders(record: Record, orders: Array) -> Regular:
     whole += _RIDGE * np.diag(np.diag(whole))
     sizes = np.linalg.solve(whole, base.T @ np.stack([record.error, record.measured], axis=1))
     # what is slow is found beside the waves of all stretches: those of one alone could not tell order 1 from it
-    error, measured = record.error - base[:, :slow] @ sizes[:slow, 0], record.measured - base[:, :slow] @ sizes[:slow, 1]
+    error, measured = (
+        record.error - base[:, :slow] @ sizes[:slow, 0],
+        record.measured - base[:, :slow] @ sizes[:slow, 1],
+    )
     before, after, left = np.zeros(labels.size), np.zeros(labels.size), np.zeros(error.size)
     gains = np.zeros((labels.size, orders.size))
     squares, right = whole[slow:, slow:], wave.T @ error
@@ -409,9 +435,7 @@ def at_orders(record: Record, orders: Array) -> Regular:
         # squared error without each order less that with it
         gains[n] = (2 * (rest @ each) + (each**2).sum(axis=0)) / rest.size
     found = sizes[slow:, 0]
-    return Regular(
-        record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left
-    )
+    return Regular(record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left)
 
 
 def merged(records: Sequence[Regular]) -> list[Regular]:

@@ -11,7 +11,7 @@ import numpy as np
 from rverror.geartrain.action_line import ErrorVector
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Index, Indices, IndexValue, Source, angles
+from rverror.geartrain.source import Index, IndexValue, Indices, Source, angles
 
 _SENSES = {"forward": 1.0, "reverse": -1.0}
 
