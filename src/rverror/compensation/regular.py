@@ -24,8 +24,7 @@ from rverror.runs.order_table import TableCondition, Waves
 Labels = npt.NDArray[np.intp]
 
 _TURN = 2 * math.pi
-#: Chance that any order of a run stands out where all is noise; where some do, the share of those taken that do so by
-#: chance.
+#: Chance that any order of a run stands out where all is noise.
 CHANCE = 0.01
 #: Stretches into which a run is cut that holds no two turns and passes no angle thrice.
 _STRETCHES = 6
@@ -45,6 +44,7 @@ _MULTIPLES = 30
 _FEW_MULTIPLES = 8  # where every one is tried
 _EXTENSION = 8  # slow waves over a travel that is passed again and again
 _ROUNDS = 8
+_EXPECTED = 50  # steps of expectation and maximisation
 _RIDGE = 1e-12  # slow waves over a part of a turn are all but one another
 _LEAKS = 0.1  # of the strongest order of a round: below, it may be spilled by it
 _MESHES = 3  # multiples of a mesh order that fold
@@ -295,29 +295,49 @@ def regular(record: Record, candidates: Array, *, chance: float = CHANCE) -> Reg
 
 
 def _standing_out(record: Record, candidates: Array, chance: float) -> Array:
-    """Orders whose power is beyond chance, the strongest first, each round beside those before it."""
+    """Orders that are more likely to help than not, once one stands out beyond chance; each round beside those before.
+
+    Taken whole, a wave lowers the expected squared error where more than half of it is expected to be there.
+    """
     chosen = np.zeros(0)
     for _ in range(_ROUNDS):
-        left = _left(record, chosen)
-        open_ = np.setdiff1d(candidates, chosen)
-        if not open_.size:
+        sizes, left = _left(record, chosen)
+        power, noise, freedom = _power(record, left, candidates)
+        taken = np.isin(candidates, chosen)
+        power[taken] = sizes
+        # of noise as much power has the chance exp(-rarity): an F of 2 and so many degrees of freedom
+        rarity = freedom / 2 * np.log1p(2 * power / np.maximum(noise, 1e-300) / freedom)
+        if not chosen.size and rarity.max() < math.log(candidates.size / chance):
             break
-        power, noise, freedom = _power(record, left, open_, candidates)
-        # chance of as much power, an F of 2 and so many degrees of freedom; the n-th smallest counts below n times the
-        # level over all: of one that means nothing no more than with one test for all, of many no less than each needs
-        odds = (1 + 2 * power / np.maximum(noise, 1e-300) / freedom) ** (-freedom / 2)
-        rank = np.argsort(odds)
-        below = np.flatnonzero(odds[rank] <= chance * (chosen.size + 1 + np.arange(rank.size)) / candidates.size)
-        if not below.size:
+        loud = ~taken & (_share(rarity) > 0.5)
+        if not loud.any():
             break
-        loud = odds <= odds[rank[below[-1]]]
         if not record.whole:  # over a part of a turn the strong spill over the weak, and neighbours are one line
             loud &= power > _LEAKS * power[loud].max()
             for n in np.flatnonzero(loud).tolist():
-                near = np.abs(open_ - open_[n]) * record.turns < 1
+                near = (np.abs(candidates - candidates[n]) * record.turns < 1) & ~taken
                 loud[n] = power[n] >= power[near].max()
-        chosen = np.union1d(chosen, open_[loud])
+        chosen = np.union1d(chosen, candidates[loud])
     return chosen
+
+
+def _share(ratio: Array) -> Array:
+    """Share of each wave that is expected to be there, from its power over that of known noise, of all orders together.
+
+    Waves that are there are taken as normal, of several scales r over the noise; how many of each, by expectation and
+    maximisation from all orders.  Under scale r a ratio x has the density exp(-x / (1 + r)) / (1 + r), and r / (1 + r)
+    of the wave is expected.
+    """
+    most = max(float(ratio.max()), 4.0)
+    scales = np.concatenate([[0.0], 4.0 ** np.arange(math.ceil(math.log(most, 4)) + 1)])
+    logs = -ratio[:, None] / (1 + scales) - np.log1p(scales)
+    density = np.exp(logs - logs.max(axis=1, keepdims=True))
+    weights = np.full(scales.size, 1 / scales.size)
+    for _ in range(_EXPECTED):
+        own = density * weights
+        own /= own.sum(axis=1, keepdims=True)
+        weights = own.mean(axis=0)
+    return np.asarray(own @ (scales / (1 + scales)))
 
 
 def _foretelling(record: Record, candidates: Array, chance: float) -> Array:
@@ -339,10 +359,12 @@ def _foretelling(record: Record, candidates: Array, chance: float) -> Array:
     return chosen
 
 
-def _left(record: Record, orders: Array) -> Array:
+def _left(record: Record, orders: Array) -> tuple[Array, Array]:
+    """Squared amplitude of given orders, and what they leave."""
     base = _base(record, orders)
     sizes = np.linalg.lstsq(base, record.error, rcond=1e-12)[0]
-    return np.asarray(record.error - base @ sizes)
+    waves = sizes[base.shape[1] - 2 * orders.size :].reshape(2, -1)
+    return (waves**2).sum(axis=0), record.error - base @ sizes
 
 
 def _base(record: Record, orders: Array) -> Array:
@@ -350,7 +372,7 @@ def _base(record: Record, orders: Array) -> Array:
     return np.hstack([record.slow(), np.cos(phase), np.sin(phase)])
 
 
-def _power(record: Record, left: Array, orders: Array, known: Array) -> tuple[Array, Array, Array]:
+def _power(record: Record, left: Array, orders: Array) -> tuple[Array, Array, Array]:
     """Squared amplitude at given orders, what noise alone has there, and degrees of freedom of the latter.
 
     Noise is the median over the orders beside it that the travel tells apart, where those between whole turns alone:
@@ -362,7 +384,7 @@ def _power(record: Record, left: Array, orders: Array, known: Array) -> tuple[Ar
         every = np.arange(1, lines.size + 1) / turns
         between = np.abs(every - np.round(every)) * turns > 0.5 if turns > 1 else np.ones(every.size, dtype=bool)
     else:
-        count = int(known.max() * record.turns) + _BESIDE
+        count = int(orders.max() * record.turns) + _BESIDE
         every = np.arange(1, count + 1) / record.turns
         lines = _projected(record.theta, left, every)
         between = np.ones(every.size, dtype=bool)
