@@ -31,6 +31,7 @@ from rverror.compensation.over_conditions import LEAST_CONDITIONS
 from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_told
 from rverror.diagnosis.loop import diagnose
 from rverror.geartrain.mechanism import Reducer
+from rverror.model.compensation import WAVE
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.runs.measurement import Run, load_run
@@ -95,7 +96,7 @@ def _compensate(options: argparse.Namespace) -> None:
     if options.report:
         write_output(options.report, to_html(made, files=files, table=table))
     if options.save and table is not None:
-        if any(effect.key == "compensation.wave" for effect in model.effects):
+        if any(effect.key == WAVE.key for effect in model.effects):
             raise InputError(f"{options.model}: it has a compensation already, which the new table replaces; remove it")
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
-from rverror.model.compensation import order_index
+from rverror.model.compensation import WAVE, order_index
 from rverror.model.effects import Effect, effect
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 
@@ -34,6 +34,13 @@ class Correction:
         Waves of c over the commanded output angle, one case for each direction and condition for which they were made.
     reach : tuple of two float, optional
         Output angles between which it holds, rad; None: over whole turns.
+
+    Examples
+    --------
+    >>> at = TableCondition(direction=1.0)
+    >>> case = OrderCase(condition=at, orders=np.array([40.0]), waves=np.array([1e-5 + 0j]))
+    >>> Correction(121.0, OrderTable(cases=(case,))).at(np.array([0.0, np.pi / 40]), at)
+    array([ 1.e-05, -1.e-05])
     """
 
     ratio: float
@@ -145,17 +152,17 @@ class Correction:
         Returns
         -------
         tuple of Effect
-            ``compensation.wave`` of every order in each direction.
+            Waves of every order, alike and opposite in the two directions.
         """
-        found = []
-        for sense, name in ((1.0, "forward"), (-1.0, "reverse")):
-            orders, waves = self.waves(self.condition(sense, torque))
-            found += [
-                effect("compensation.wave", direction=name, order=order_index(k), cos=z.real, sin=-z.imag)
-                for k, z in zip(orders.tolist(), waves.tolist(), strict=True)
-                if z
-            ]
-        return tuple(found)
+        orders, forward = self.waves(self.condition(1.0, torque))
+        _, reverse = self.waves(self.condition(-1.0, torque))
+        halves = (("alike", (forward + reverse) / 2), ("opposite", (forward - reverse) / 2))
+        return tuple(
+            effect(WAVE.key, order=order_index(k), sense=sense, cos=z.real, sin=-z.imag)
+            for sense, waves in halves
+            for k, z in zip(orders.tolist(), waves.tolist(), strict=True)
+            if z
+        )
 
     def condition(self, direction: float, torque: float | None = None) -> TableCondition:
         """Condition in a direction at a load; of those for which it was made the middle one, where left out."""
@@ -190,7 +197,7 @@ def wave_sum(theta: Array, orders: Array, waves: Waves) -> Array:
 
 
 def from_effects(ratio: float, effects: Sequence[Effect]) -> Correction:
-    """The correction that a model's ``compensation.wave`` effects hold: `Correction.effects`, back again.
+    """The correction that a model's waves of a table hold: `Correction.effects`, back again.
 
     Parameters
     ----------
@@ -202,15 +209,18 @@ def from_effects(ratio: float, effects: Sequence[Effect]) -> Correction:
     -------
     Correction
     """
-    cases = []
-    for sense, name in ((1.0, "forward"), (-1.0, "reverse")):
-        own = [e for e in effects if e.key == "compensation.wave" and e.indices["direction"] == name]
-        if own:
-            orders = np.array([float(e.indices["order"]) for e in own])
-            waves = np.array([complex(e.values[0], -e.values[1]) for e in own])
-            rank = np.argsort(orders)
-            cases.append(OrderCase(condition=TableCondition(direction=sense), orders=orders[rank], waves=waves[rank]))
-    return Correction(ratio, OrderTable(cases=tuple(cases)))
+    own = [e for e in effects if e.key == WAVE.key]
+    orders = np.unique([float(e.indices["order"]) for e in own])
+    halves = {sense: np.zeros(orders.size, dtype=np.complex128) for sense in ("alike", "opposite")}
+    for e in own:
+        halves[str(e.indices["sense"])][orders == float(e.indices["order"])] += complex(e.values[0], -e.values[1])
+    cases = tuple(
+        OrderCase(
+            condition=TableCondition(direction=sense), orders=orders, waves=halves["alike"] + sense * halves["opposite"]
+        )
+        for sense in (1.0, -1.0)
+    )
+    return Correction(ratio, OrderTable(cases=cases if own else ()))
 
 
 def _distance(one: TableCondition, other: TableCondition) -> float:

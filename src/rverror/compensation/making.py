@@ -17,10 +17,20 @@ from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
 from rverror.base.viewed import Viewed
 from rverror.compensation.correction import Correction, from_effects, wave_sum
 from rverror.compensation.over_conditions import LEAST_CONDITIONS, VARIABLES, ConditionLaw, law_of
-from rverror.compensation.regular import CHANCE, Record, Regular, at_orders, candidates_of, merged, records_of, regular
+from rverror.compensation.regular import (
+    CHANCE,
+    DirectedRun,
+    Regular,
+    at_orders,
+    candidates_of,
+    merged,
+    records_of,
+    regular,
+)
 from rverror.geartrain.kinematics import Conditions, samples_needed, true_period
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
+from rverror.model.compensation import WAVE
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
@@ -31,11 +41,10 @@ _TURN = 2 * math.pi
 _LONGEST = 12  # output turns over which a model is looked at
 _PLAIN = 2048  # samples a turn of a drive's model
 _TINY = 1e-3  # of a model's largest wave: below, no wave of it is told from rounding
-_SLOW_WORDS = {"sensor.ratio_error": "a ratio error is mended by the ratio", "sensor.drift": "drift follows time"}
 _MOST_LISTED = 5
 
 
-class Found(Protocol):
+class HasModel(Protocol):
     """What has a model: a diagnosis."""
 
     @property
@@ -131,6 +140,15 @@ class Compensation(Viewed):
         What no fit saw.
     traces : tuple of CompensatedTrace
         For plots; empty of order tables.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> theta = np.linspace(0, 4 * np.pi, 2001)
+    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * np.random.default_rng(1).normal(size=2001))
+    >>> made = compensate(rverror.Model(rverror.Drive(ratio=14.0)), [run])
+    >>> made.worth, made.correction.orders.size
+    (False, 0)
     """
 
     correction: Correction
@@ -151,7 +169,7 @@ class Compensation(Viewed):
 
 
 def compensate(
-    found: Model | Found,
+    found: Model | HasModel,
     runs: Sequence[Run | OrderTable],
     *,
     torques: Sequence[Any] = (),
@@ -229,14 +247,15 @@ class _Foretold:
 
     def __init__(self, model: Model, notes: list[str], *, marked: bool) -> None:
         self.model = model
-        self.old = tuple(e for e in model.effects if e.key == "compensation.wave")
+        self.old = tuple(e for e in model.effects if e.key == WAVE.key)
         self.slow = tuple(e for e in model.effects if _no_table_takes(e))
         self.told = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
         if self.told and not marked and not any(source(e.key).acts == "marks" for e in self.told):
             notes.append("the zero is not on the gear's marks, so the model's effects foretell no phase: left out")
             self.told = ()
         for effect in self.slow:
-            why = _SLOW_WORDS.get(effect.key, "it follows time or speed and not the angle")
+            slope = source(effect.key).follows == "angle"
+            why = "an error that grows is mended by the ratio" if slope else "it follows time or speed, not the angle"
             notes.append(f"{effect.key} stays and is not counted: {why}")
         self._waves: dict[tuple[float, float | None], tuple[Array, Waves]] = {}
 
@@ -296,7 +315,7 @@ def _no_table_takes(effect: Effect) -> bool:
 class _Data:
     """Records of samples with their candidates, and cases of tables less what the model foretells."""
 
-    records: list[Record]
+    records: list[DirectedRun]
     candidates: list[Array]
     folded: set[float]
     cases: list[OrderCase]
@@ -499,7 +518,7 @@ def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> lis
     return notes
 
 
-def _reach(records: Sequence[Record]) -> tuple[float, float] | None:
+def _reach(records: Sequence[DirectedRun]) -> tuple[float, float] | None:
     if not records or any(record.whole for record in records):
         return None
     return max(float(r.theta.min()) for r in records), min(float(r.theta.max()) for r in records)

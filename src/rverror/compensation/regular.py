@@ -51,7 +51,7 @@ _MESHES = 3  # multiples of a mesh order that fold
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class DirectedRun:
     """One run, or all passes of one run in one direction.
 
     Attributes
@@ -103,7 +103,7 @@ class Regular:
 
     Attributes
     ----------
-    record : Record
+    record : DirectedRun
     orders : ndarray, shape (k,)
     waves : ndarray of complex, shape (k,)
         rad.
@@ -115,7 +115,7 @@ class Regular:
         Residual of every sample with waves from the other stretches, rad.
     """
 
-    record: Record
+    record: DirectedRun
     orders: Array
     waves: Waves
     gains: Array
@@ -155,8 +155,8 @@ class Regular:
 Foretells = Callable[[Conditions, TableCondition], tuple[Array, Array]]
 
 
-def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -> list[Record]:
-    """Record of each direction of a run.
+def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -> list[DirectedRun]:
+    """One for each direction of a run.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -
         label = np.concatenate([np.full(part.stop - part.start, n) for n, part in enumerate(passes)])
         label = label if len(passes) > 1 else np.zeros(at.size, dtype=np.intp)
         found.append(
-            Record(
+            DirectedRun(
                 name=f"{name}, {way(float(sense))}" if np.unique(run.direction).size > 1 else name,
                 condition=condition,
                 theta=theta[at],
@@ -238,7 +238,7 @@ def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels
     return np.asarray(np.floor(share * _STRETCHES), dtype=np.intp)
 
 
-def candidates_of(mechanism: Mechanism, record: Record) -> tuple[Array, tuple[float, ...]]:
+def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tuple[float, ...]]:
     """Orders that may repeat, growing, and the folded ones that are left out.
 
     Whole orders where the run holds a turn, and multiples of what turns in the mechanism; over a part of a turn the
@@ -270,12 +270,12 @@ def candidates_of(mechanism: Mechanism, record: Record) -> tuple[Array, tuple[fl
     return np.array(sorted(kept)), folded
 
 
-def regular(record: Record, candidates: Array, *, chance: float = CHANCE) -> Regular:
+def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -> Regular:
     """Orders of a record that stand out of the noise and foretell stretches that were left out.
 
     Parameters
     ----------
-    record : Record
+    record : DirectedRun
     candidates : ndarray, shape (m,)
     chance : float
         That any candidate stands out of noise alone.
@@ -294,7 +294,7 @@ def regular(record: Record, candidates: Array, *, chance: float = CHANCE) -> Reg
         orders = orders[good]
 
 
-def _standing_out(record: Record, candidates: Array, chance: float) -> Array:
+def _standing_out(record: DirectedRun, candidates: Array, chance: float) -> Array:
     """Orders that are more likely to help than not, once one stands out beyond chance; each round beside those before.
 
     Taken whole, a wave lowers the expected squared error where more than half of it is expected to be there.
@@ -340,7 +340,7 @@ def _share(ratio: Array) -> Array:
     return np.asarray(own @ (scales / (1 + scales)))
 
 
-def _foretelling(record: Record, candidates: Array, chance: float) -> Array:
+def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array:
     """Orders by what they take off passes left out, the most first: the gain of each pass against their spread.
 
     Over a part of a turn that is passed again and again all that repeats is a line spectrum of its own, and no order
@@ -359,7 +359,7 @@ def _foretelling(record: Record, candidates: Array, chance: float) -> Array:
     return chosen
 
 
-def _left(record: Record, orders: Array) -> tuple[Array, Array]:
+def _left(record: DirectedRun, orders: Array) -> tuple[Array, Array]:
     """Squared amplitude of given orders, and what they leave."""
     base = _base(record, orders)
     sizes = np.linalg.lstsq(base, record.error, rcond=1e-12)[0]
@@ -367,12 +367,12 @@ def _left(record: Record, orders: Array) -> tuple[Array, Array]:
     return (waves**2).sum(axis=0), record.error - base @ sizes
 
 
-def _base(record: Record, orders: Array) -> Array:
+def _base(record: DirectedRun, orders: Array) -> Array:
     phase = record.theta[:, None] * orders
     return np.hstack([record.slow(), np.cos(phase), np.sin(phase)])
 
 
-def _power(record: Record, left: Array, orders: Array) -> tuple[Array, Array, Array]:
+def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Array, Array]:
     """Squared amplitude at given orders, what noise alone has there, and degrees of freedom of the latter.
 
     Noise is the median over the orders beside it that the travel tells apart, where those between whole turns alone:
@@ -402,7 +402,7 @@ def _power(record: Record, left: Array, orders: Array) -> tuple[Array, Array, Ar
     return power, noise, freedom
 
 
-def _even_lines(record: Record, left: Array, turns: int) -> Array:
+def _even_lines(record: DirectedRun, left: Array, turns: int) -> Array:
     """Squared amplitudes of the orders 1/turns, 2/turns, ... over whole turns, from even angles."""
     rank = np.argsort(record.theta, kind="stable")
     angle = record.theta[rank]
@@ -416,12 +416,12 @@ def _projected(theta: Array, left: Array, orders: Array) -> Array:
     return np.array([abs(2 / theta.size * complex(left @ np.exp(-1j * k * theta))) ** 2 for k in orders.tolist()])
 
 
-def at_orders(record: Record, orders: Array) -> Regular:
+def at_orders(record: DirectedRun, orders: Array) -> Regular:
     """Waves of given orders, and what those of all stretches but one foretell of that one, for each.
 
     Parameters
     ----------
-    record : Record
+    record : DirectedRun
     orders : ndarray, shape (k,)
 
     Returns

@@ -131,7 +131,23 @@ def save_compensation(
     Raises
     ------
     InputError
-        If nothing survives, the format is unknown, no case has the load, or the file exists or cannot be written.
+        If nothing survives, the format is unknown, or the file exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import rverror
+    >>> theta = np.linspace(0, 4 * np.pi, 2001)
+    >>> te = 2e-5 * np.cos(14 * theta) + 1e-6 * np.random.default_rng(1).normal(size=2001)
+    >>> unit = rverror.Model(rverror.Drive(ratio=14.0))
+    >>> made = rverror.compensate(unit, [rverror.run_from_arrays(input_angle=14 * theta, te=te)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = save_compensation(Path(folder, "table.csv"), made)
+    ...     table = load_compensation(Path(folder, "table.csv"), unit)
+    >>> added = table.at(np.zeros(1), made.correction.condition(1.0))
+    >>> bool(abs(added[0] + 2e-5) < 1e-6), written.format
+    (True, 'csv')
     """
     if format not in FORMATS:
         raise InputError(f"format = {shown(format)}: must be one of {', '.join(FORMATS)}")
@@ -217,6 +233,22 @@ def load_compensation(path: PathLike, ratio: Reducer | Drive | Model | float) ->
     ------
     InputError
         If it is no such table, or one for another ratio.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import rverror
+    >>> theta = np.linspace(0, 4 * np.pi, 2001)
+    >>> te = 2e-5 * np.cos(14 * theta) + 1e-6 * np.random.default_rng(1).normal(size=2001)
+    >>> unit = rverror.Model(rverror.Drive(ratio=14.0))
+    >>> made = rverror.compensate(unit, [rverror.run_from_arrays(input_angle=14 * theta, te=te)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = save_compensation(Path(folder, "table.csv"), made)
+    ...     table = load_compensation(Path(folder, "table.csv"), unit)
+    >>> added = table.at(np.zeros(1), made.correction.condition(1.0))
+    >>> bool(abs(added[0] + 2e-5) < 1e-6)
+    True
     """
     text, wanted = read_text(path), ratio_of(ratio)
     if text.lstrip().startswith("{"):

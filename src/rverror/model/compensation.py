@@ -13,43 +13,48 @@ from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Index, IndexValue, Indices, Source, angles
 
-_SENSES = {"forward": 1.0, "reverse": -1.0}
+_SENSES = ("alike", "opposite")
+
+
+#: Orders below it are whole numbers, as other indices are; of any size as their text.
+_MOST = 1000
 
 
 class _Orders(Sequence[IndexValue]):
-    """Any order above 0: a whole number, or the text of another one; listed are the whole ones below a thousand."""
+    """Any order above 0: a whole number below a thousand, as listed, or the text of any."""
 
     def __len__(self) -> int:
-        return 999
+        return _MOST - 1
 
     @overload
     def __getitem__(self, at: int) -> IndexValue: ...
     @overload
     def __getitem__(self, at: slice) -> Sequence[IndexValue]: ...
     def __getitem__(self, at: int | slice) -> IndexValue | Sequence[IndexValue]:
-        return range(1, 1000)[at]
+        return range(1, _MOST)[at]
 
     def __contains__(self, value: object) -> bool:
         try:
             number = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
             return False
-        return math.isfinite(number) and number > 0
+        return 0 < number < (_MOST if isinstance(value, int) else math.inf)
 
 
 _ORDERS = _Orders()
 
 
-def wave(pose: Pose, *, direction: str, order: IndexValue) -> ErrorVector:
-    """One wave of a compensation table: c cos(k theta) + s sin(k theta) added to the command in one direction.
+def wave(pose: Pose, *, order: IndexValue, sense: str) -> ErrorVector:
+    """One wave of a compensation table: c cos(k theta) + s sin(k theta) added to the command, as an output angle.
 
     Parameters
     ----------
     pose : Pose
-    direction : str
-        ``"forward"`` or ``"reverse"``: the motion in which the controller adds it.
     order : int or str
-        k, waves per output turn; a number that is not whole is given as its text, ``"73.857"``.
+        k, waves per output turn: a whole number below 1000, or any as its text, ``"73.857"``.
+    sense : str
+        ``"alike"`` in both directions, or ``"opposite"``: positive forward.  A table has half the sum and half the
+        difference of its two directions.
 
     Returns
     -------
@@ -61,9 +66,9 @@ def wave(pose: Pose, *, direction: str, order: IndexValue) -> ErrorVector:
     Runs of a unit that is compensated hold the command as the input's angle, so that what the table adds is part of
     their error.  docs page ``theory/compensation.md``.
     """
-    along = np.asarray(pose.direction) == _SENSES[direction]
     phase = float(order) * pose.theta
-    return ErrorVector(contact="output", vector=(along * np.stack([np.cos(phase), np.sin(phase)]))[:, None])
+    sign = pose.direction if sense == "opposite" else 1.0
+    return ErrorVector(contact="output", vector=(sign * np.stack([np.cos(phase), np.sin(phase)]))[:, None])
 
 
 def order_index(order: float) -> IndexValue:
@@ -74,7 +79,7 @@ def order_index(order: float) -> IndexValue:
     >>> order_index(40.0), order_index(73.857)
     (40, '73.857')
     """
-    return round(order) if order.is_integer() else repr(order)
+    return round(order) if order.is_integer() and order < _MOST else repr(order)
 
 
 def _own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
@@ -84,13 +89,13 @@ def _own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
 WAVE = Source(
     "compensation.wave", wave,
     (
-        Index("direction", lambda mechanism: tuple(_SENSES), lambda mechanism: tuple(_SENSES)),
         Index("order", lambda mechanism: _ORDERS, lambda mechanism: range(1, 2)),
+        Index("sense", lambda mechanism: _SENSES, lambda mechanism: _SENSES),
     ),
     angles(300, "cos", "sin"),
     "output", _own_order, "none: what a controller adds", "a wave of a compensation table in the path of the command",
     acts="output", in_drives=True, tried=False,
-    equation=r"$\delta = c\cos k\theta + s\sin k\theta$ in the direction in which the table is applied",
+    equation=r"$\delta = c\cos k\theta + s\sin k\theta$, alike or of opposite sign forward and reverse",
 )  # fmt: skip
 
 SOURCES = (WAVE,)

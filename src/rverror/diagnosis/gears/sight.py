@@ -251,7 +251,7 @@ def compressed(bench: Any, full: EverySample, grid: AngleGrid) -> Few:
     gram = _gram(full, full.readout(grid, 0.0), rows_beyond)
     # what an offset makes up for is left with rounding: it counts as nothing beside its size before
     before = np.linalg.norm(full.record.whiten.filtered(rows_beyond), axis=1)
-    scale = np.concatenate([np.sqrt(np.maximum(np.diag(gram)[: grid.points], 1e-300)), np.maximum(before, 1e-150)])
+    scale = np.concatenate([np.sqrt(np.maximum(np.diag(gram)[: grid.points], 1e-300)), np.maximum(before, 1e-300)])
     gram /= np.outer(scale, scale)
     gram[np.diag_indices_from(gram)] += 1e-11  # a grid finer than what was travelled leaves some of it unseen
     root = scipy.linalg.cholesky(gram, lower=False) * scale
