@@ -1,6 +1,7 @@
 """Compensation on virtual benches whose physics is not the package's, and on recordings of others.
 
     python benchmarks/compensation.py [--units 12] [--seed 1] [--noise 400]
+    python benchmarks/compensation.py [--recordings FOLDER] [--figure docs/theory/compensation.png]
 
 Each unit is fitted on two turns in each direction at 20 N*m.  Held against it: a third turn, which no fit saw, and a
 turn at 200 N*m.  Beside the orders that survive stand a plain lookup table (the mean of each of 512 bins), all
@@ -19,6 +20,7 @@ import tempfile  # noqa: E402
 import warnings  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
 from dataclasses import replace  # noqa: E402
+from importlib import resources  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
@@ -28,7 +30,7 @@ from real_bench.units import ARCSEC, Simulated, Unit, both_ways, draw, grid, mod
 import rverror  # noqa: E402
 from rverror.runs.order_table import TableCondition  # noqa: E402
 
-FAMILIES = ("plain", "stiffness", "law")
+FAMILIES = ("plain", "stiffness", "power_law")
 LOAD, OTHER = 20.0, 200.0  # N*m
 TURNS, POINTS, BINS = 3, 2048, 512
 WORDS = ("before", "lookup", "all", "orders", "causes")
@@ -150,10 +152,80 @@ def false_alarms(count: int) -> None:
     theta = 2 * np.pi * TURNS * np.arange(TURNS * POINTS) / (TURNS * POINTS)
     worth = 0
     for seed in range(count):
-        noise = rverror.coloured_noise(theta.size, rms=0.5 * ARCSEC, correlation=8, seed=seed)
+        chance = np.random.default_rng(seed)
+        noise = rverror.coloured_noise(theta.size, rms=0.5 * ARCSEC, step=1.0, correlation=8.0, random=chance)
         run = rverror.run_from_arrays(input_angle=121 * theta, te=noise, direction="forward")
         worth += rverror.compensate(model, [run]).worth
     print(f"noise alone: {worth} of {count} runs have an order that is compensated")
+
+
+#: What is left out of each recording; period of a plain table, rad, and waves of it; degree of what is slow in all of
+#: it, taken off beforehand, in what the table and all harmonics are fitted to, and in what is left out.
+RECORDINGS = {
+    "planetary-14to1": ("last 4 s", 2 * np.pi, 60, None, 0, 0),
+    "worm-225": ("each worm turn", 2 * np.pi / 225, 24, 2, 0, 0),
+    "worm-360": ("each worm turn", 2 * np.pi / 360, 24, 2, 0, 0),
+    "strain-wave-101": ("last fifth", 2 * np.pi / 101, 8, None, 9, 5),
+}
+
+
+def recordings(folder: Path) -> None:
+    """Recordings of others: what no fit saw, before and after, with what is slow in it taken off alike."""
+    for name, (what, period, count, drift, within, slow) in RECORDINGS.items():
+        model = rverror.load_model(folder / name / "model.toml")
+        run = rverror.load_run(folder / name / "run.csv", model)
+        theta, error = run.nominal_angle(model), run.error(model)
+        error = error if drift is None else without_slow(theta, error, drift)
+        if what == "last 4 s":
+            folds = [run.time > run.time.max() - 4.0]
+        elif what == "last fifth":
+            folds = [theta > theta.max() - np.ptp(theta) / 5]
+        else:
+            turn = np.floor((theta - theta.min()) / period)
+            folds = [turn == k for k in range(int((np.ptp(theta) + 1e-9) / period))]
+        left: dict[str, list[np.ndarray]] = {word: [] for word in ("before", "lookup", "all", "orders")}
+        for out in folds:
+            columns = {n: getattr(run, n) for n in ("input_angle", "output_angle", "te_column", "direction", "time")}
+            fit = replace(run, **{n: None if v is None else v[~out] for n, v in columns.items()}, extra={})
+            made = rverror.compensate(model, [fit])
+            for sense in np.unique(run.direction):
+                new, old = out & (run.direction == sense), ~out & (run.direction == sense)
+                flat = without_slow(theta[old], error[old], within)
+                k = 2 * np.pi / period * np.arange(1, count + 1)
+                waves = np.hstack([np.cos(np.outer(theta, k)), np.sin(np.outer(theta, k))])
+                sizes = np.linalg.lstsq(waves[old], flat, rcond=None)[0]
+                bins = np.floor(np.mod(theta, period) / period * 2 * count).astype(int)
+                means = [flat[bins[old] == n].mean() if (bins[old] == n).any() else 0.0 for n in range(2 * count)]
+                middle = (np.arange(2 * count) + 0.5) / (2 * count) * period
+                table = np.interp(np.mod(theta[new], period), middle, means, period=period)
+                at = TableCondition(direction=float(sense), torque=run.torque)
+                added = {"before": 0.0, "lookup": -table, "all": -waves[new] @ sizes}
+                added["orders"] = made.correction.at(theta[new], at)
+                for word, correction in added.items():
+                    left[word].append(without_slow(theta[new], error[new] + correction, slow))
+        texts = ", ".join(f"{word} {rms(np.concatenate(parts)):.3f}" for word, parts in left.items())
+        print(f"{name}, {what} unseen: {texts}")
+
+
+def without_slow(theta: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
+    """Values less a polynomial of the angle."""
+    base = np.polynomial.legendre.legvander((theta - theta.mean()) / np.ptp(theta) * 2, degree)
+    return values - base @ np.linalg.lstsq(base, values, rcond=None)[0]
+
+
+def figure(path: Path) -> None:
+    """Picture of the page: the demo's forward run, its last turn in no fit."""
+    demo = resources.files("rverror") / "data" / "demo"
+    model = rverror.load_model(str(demo / "model.toml"))
+    run = rverror.load_run(str(demo / "forward.csv"), model)
+    theta = run.nominal_angle(model)
+    last = theta > theta.max() - 2 * np.pi
+    made = rverror.compensate(model, [cut(run, ~last)], unseen=[cut(run, last)])
+    drawn, axes = rverror.new_figure(2)
+    made.plot(ax=axes[0])
+    made.plot(kind="waveform", ax=axes[1])
+    drawn.savefig(path, dpi=110)
+    print(rverror.to_text(made))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -161,7 +233,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--units", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=int, default=400)
+    parser.add_argument("--recordings", type=Path, help="folder of the recordings: those alone")
+    parser.add_argument("--figure", type=Path, help="write the picture of the page alone")
     options = parser.parse_args(arguments)
+    if options.figure or options.recordings:
+        if options.figure:
+            figure(options.figure)
+        if options.recordings:
+            recordings(options.recordings)
+        return
     false_alarms(options.noise)
     units(options.seed, options.units)
 

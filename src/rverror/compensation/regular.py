@@ -341,9 +341,9 @@ def _share(ratio: Array) -> Array:
 
 
 def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array:
-    """Orders by what they take off passes left out, the most first: the gain of each pass against their spread.
+    """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
 
-    Over a part of a turn that is passed again and again all that repeats is a line spectrum of its own, and no order
+    The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a line spectrum of its own, and no order
     between shows the noise; what differs between passes does.
     """
     chosen = np.zeros(0)
@@ -355,7 +355,7 @@ def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array
         gain = last - best.after
         if gain.mean() <= level * gain.std(ddof=1) / math.sqrt(gain.size):
             break
-        chosen, last = np.union1d(chosen, [order]), best.after
+        chosen, last, level = np.union1d(chosen, [order]), best.after, 1.0
     return chosen
 
 

@@ -15,6 +15,7 @@ from rverror.views.plots.figure import (
     BLUE,
     DASHED,
     ORANGE,
+    ORDER,
     axes_for,
     check_axes,
     in_shown_unit,
@@ -56,10 +57,10 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     for at, high, low in zip(place, before, left, strict=True):
         if np.isfinite(low):
             ax.plot([at, at], [low, high], color=BLACK, lw=0.5, zorder=0)
-    ax.set_xticks(place, [f"{one.order:.6g}" for one in drawn], rotation=45)
+    ax.set_xticks(place, [f"{one.order:.6g}" for one in drawn])
     ax.set_yscale("log")
     of = f", the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    ax.set(xlabel="order, per output turn", ylabel=f"amplitude, {shown_unit('angle')}", title=f"orders compensated{of}")
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", title=f"orders compensated{of}")
     legend_below(ax)
     return ax
 
