@@ -48,7 +48,7 @@ def test_a_table_and_results_with_a_run_that_no_fit_saw(
     page = Path("o.html").read_text()
     assert "seen by no fit" in page
     assert "<svg" in page
-    assert [e.key for e in rverror.load_model("new.toml").effects] == ["compensation.wave"]
+    assert {e.key for e in rverror.load_model("new.toml").effects} == {"compensation.wave"}
 
 
 @pytest.mark.parametrize("form", ["json", "linuxcnc"])

@@ -42,7 +42,7 @@ _SAMPLED = 0.95  # of the Nyquist order
 _LEAST_CYCLES = 2.0  # of a wave over a travel of less than a turn
 _MULTIPLES = 30
 _FEW_MULTIPLES = 8  # where every one is tried
-_EXTENSION = 8  # slow waves over a travel that is passed again and again
+_EXTENSION = 4  # slow waves over a travel that is passed again and again
 _ROUNDS = 8
 _EXPECTED = 50  # steps of expectation and maximisation
 _RIDGE = 1e-12  # slow waves over a part of a turn are all but one another
@@ -343,8 +343,8 @@ def _share(ratio: Array) -> Array:
 def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array:
     """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
 
-    The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a line spectrum of its own, and no order
-    between shows the noise; what differs between passes does.
+    The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a
+    line spectrum of its own, and no order between shows the noise; what differs between passes does.
     """
     chosen = np.zeros(0)
     last = at_orders(record, chosen).after
