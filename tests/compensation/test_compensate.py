@@ -185,3 +185,22 @@ def test_strain_wave_joint_holds_little_that_a_table_over_its_angle_could_take()
     assert rms(left[1]) < rms(left[0])
     assert {one.order for one in made.orders} <= {101.0 * h for h in range(1, 10)}
     assert not rverror.compensate(model, [run]).worth or made.worth
+
+
+def test_speed_is_a_condition_of_a_run_with_time() -> None:
+    """Each speed's wave goes with it; two runs whose speeds differ in their digits are of one speed."""
+    theta = np.linspace(0, 4 * np.pi, 2001)
+
+    def run(seconds: float, size: float, torque: float) -> rverror.Run:
+        te = size * ARCSEC * np.cos(14 * theta) + np.random.default_rng(1).normal(size=theta.size) * 1e-7
+        return rverror.run_from_arrays(
+            input_angle=14 * theta, te=te, time=np.linspace(0, seconds, theta.size), torque=torque, direction="forward"
+        )
+
+    model = rverror.Model(rverror.Drive(ratio=14.0))
+    slow, fast = run(100.0, 5.0, 1e4), run(10.0, 9.0, 1e4)
+    unseen = [run(100.3, 5.0, 1e4), run(10.04, 9.0, 1e4)]
+    made = rverror.compensate(model, [slow, fast], unseen=unseen)
+    assert all(one.after < 0.05 * one.before for one in made.unseen)
+    loads = rverror.compensate(model, [slow, run(100.4, 15.0, 3e4)], unseen=[run(100.2, 10.0, 2e4)])
+    assert loads.unseen[0].after < 0.05 * loads.unseen[0].before

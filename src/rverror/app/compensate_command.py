@@ -82,6 +82,10 @@ def _compensate(options: argparse.Namespace) -> None:
             f"--torque: a {options.format} table has one load, {len(torques)} are given; use --format json"
         )
     model = load_model(options.model)
+    if options.save and any(effect.key == WAVE.key for effect in model.effects):
+        raise InputError(
+            f"{options.model}: it has a table already, which the new one replaces; remove its {WAVE.key} for --save"
+        )
     mapping = read_command.given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
@@ -96,8 +100,6 @@ def _compensate(options: argparse.Namespace) -> None:
     if options.report:
         write_output(options.report, to_html(made, files=files, table=table))
     if options.save and table is not None:
-        if any(effect.key == WAVE.key for effect in model.effects):
-            raise InputError(f"{options.model}: it has a compensation already, which the new table replaces; remove it")
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]
         append_effects(options.model, options.save, effects, overwrite=True)

@@ -223,14 +223,14 @@ def from_effects(ratio: float, effects: Sequence[Effect]) -> Correction:
     return Correction(ratio, OrderTable(cases=cases if own else ()))
 
 
-def _distance(one: TableCondition, other: TableCondition) -> float:
-    """How far two conditions are apart beside their load: shares of the speed, and of 10 K."""
+def _distance(one: TableCondition, other: TableCondition) -> int:
+    """How far two conditions are apart beside their load: in twentieths of the speed and in steps of 2 K."""
     off = 0.0
     if one.input_speed and other.input_speed:
-        off += abs(math.log(one.input_speed / other.input_speed))
+        off += abs(math.log(one.input_speed / other.input_speed)) // 0.05
     if one.temperature is not None and other.temperature is not None:
-        off += abs(one.temperature - other.temperature) / 10
-    return off
+        off += abs(one.temperature - other.temperature) // 2
+    return int(off)
 
 
 def _at(case: OrderCase, orders: Array) -> Waves:

@@ -23,6 +23,7 @@ from rverror.compensation.regular import (
     Regular,
     at_orders,
     candidates_of,
+    condition_of,
     merged,
     records_of,
     regular,
@@ -230,7 +231,7 @@ def compensate(
         foretold = _Foretold(replace(model, effects=foretold.passive), notes, marked=False)
         data = _gathered(foretold, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
-    made = _made(foretold, data, _wanted(data, unseen, asked), notes)
+    made = _made(foretold, data, _wanted(model, data, unseen, asked), notes)
     return replace(
         made,
         index=index,
@@ -338,9 +339,7 @@ def _gathered(foretold: _Foretold, runs: Sequence[Run | OrderTable], notes: list
         fresh: list[str] = []
         for record in records_of(one, model, foretold, fresh):
             candidates, folded = candidates_of(model.mechanism, record)
-            data.records.append(
-                replace(record, slowest=float(candidates.min(initial=math.inf))) if candidates.size else record
-            )
+            data.records.append(replace(record, slowest=float(candidates[0])) if candidates.size else record)
             data.candidates.append(candidates)
             data.folded.update(folded)
         notes += [note for note in fresh if note not in notes]
@@ -357,21 +356,20 @@ def _helps(data: _Data) -> bool:
     return with_model < without
 
 
-def _wanted(data: _Data, unseen: Sequence[Run | OrderTable], torques: Sequence[float]) -> list[TableCondition]:
+def _wanted(
+    model: Model, data: _Data, unseen: Sequence[Run | OrderTable], torques: Sequence[float]
+) -> list[TableCondition]:
     """Conditions beside those that were measured for which the correction is made."""
     wanted = []
     for one in unseen:
         if isinstance(one, OrderTable):
             wanted += [case.condition for case in one.cases]
         else:
-            wanted += [_condition_of(one, float(sense)) for sense in np.unique(one.direction)]
+            theta, ratio = one.nominal_angle(model), abs(model.mechanism.ratio)
+            wanted += [condition_of(one, theta, float(sense), ratio) for sense in np.unique(one.direction)]
     measured = [r.condition for r in data.records] + [case.condition for case in data.cases]
     wanted += [replace(condition, torque=torque) for torque in torques for condition in measured]
     return list(dict.fromkeys(wanted))
-
-
-def _condition_of(run: Run, sense: float) -> TableCondition:
-    return TableCondition(direction=sense, torque=run.torque, temperature=run.temperature)
 
 
 def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
@@ -425,7 +423,7 @@ def _made(foretold: _Foretold, data: _Data, wanted: Sequence[TableCondition], no
     )
     before, after = _held(of_runs, data, after_tables)
     listed = _listed(foretold.model, correction, of_runs, laws, left, [c for c, _, _ in rows])
-    stays = _stays(foretold, data, of_runs, listed, after)
+    stays = _stays(data, of_runs, listed, after)
     if not listed or after.rms >= before.rms:
         correction = replace(correction, table=OrderTable(cases=()))
         return Compensation(correction, (), before, before, foretold.model, stays=stays, notes=tuple(notes))
@@ -528,8 +526,9 @@ def _reach(records: Sequence[DirectedRun]) -> tuple[float, float] | None:
 
 
 def _held(found: Sequence[Regular], data: _Data, after: dict[TableCondition, float]) -> tuple[HeldError, HeldError]:
+    """Error of what was left out: stretches, with what a law over the conditions leaves of their waves; conditions."""
     before_squares = np.concatenate([np.zeros(0), *(one.before for one in found)])
-    after_squares = np.concatenate([np.zeros(0), *(one.after for one in found)])
+    after_squares = np.concatenate([np.zeros(0), *(one.after + after.get(one.record.condition, 0.0) for one in found)])
     if data.cases:
         table_before = [0.5 * float(np.sum(np.abs(waves) ** 2)) for waves in data.measured]
         before_squares = np.concatenate([before_squares, table_before])
@@ -577,11 +576,7 @@ def _listed(
 
 
 def _stays(
-    foretold: _Foretold,
-    data: _Data,
-    found: Sequence[Regular],
-    listed: Sequence[CompensatedOrder],
-    after: HeldError,
+    data: _Data, found: Sequence[Regular], listed: Sequence[CompensatedOrder], after: HeldError
 ) -> tuple[str, ...]:
     """What stays, and why."""
     told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
@@ -648,7 +643,7 @@ def _parts(foretold: _Foretold, correction: Correction, run: Run) -> list[tuple[
     parts = []
     for sense in np.unique(run.direction):
         at = run.direction == sense
-        condition = _condition_of(run, float(sense))
+        condition = condition_of(run, theta, float(sense), abs(correction.ratio))
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
         parts.append((theta[at], error[at] - error[at].mean(), changed - changed.mean()))
     return parts

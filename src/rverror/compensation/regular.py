@@ -190,12 +190,7 @@ def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -
                 raise InputError(f"{name}: {problem}") from problem
             notes += [f"{name}: {note}" for note in faults.notes()]
             at = at[faults.kept]
-        speed = None
-        if run.time is not None and len(passes) == 1:
-            speed = abs(model.mechanism.ratio) * float(np.ptp(theta[at]) / max(np.ptp(run.time[at]), 1e-300))
-        condition = TableCondition(
-            direction=float(sense), torque=run.torque, input_speed=speed, temperature=run.temperature
-        )
+        condition = condition_of(run, theta, float(sense), abs(model.mechanism.ratio))
         where = replace(
             run.conditions(model),
             theta=theta[at],
@@ -218,6 +213,25 @@ def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -
             )
         )
     return found
+
+
+def condition_of(run: Run, theta: Array, sense: float, ratio: float) -> TableCondition:
+    """Under what a run was measured in one direction; its speed where it has time and turns once that way.
+
+    Parameters
+    ----------
+    run : Run
+    theta : ndarray, shape (n,)
+        Its nominal output angles, rad.
+    sense : float
+    ratio : float
+        Size of it.
+    """
+    speed, own = None, [part for part in _passes(run.direction) if run.direction[part.start] == sense]
+    if run.time is not None and len(own) == 1:
+        way, lasted = float(np.ptp(theta[own[0]])), float(np.ptp(run.time[own[0]]))
+        speed = float(f"{ratio * way / lasted:.2g}") if lasted else None  # that of two runs differs in its digits
+    return TableCondition(direction=sense, torque=run.torque, input_speed=speed, temperature=run.temperature)
 
 
 def _passes(direction: Array) -> list[slice]:
@@ -464,20 +478,13 @@ def merged(records: Sequence[Regular]) -> list[Regular]:
     """One result for each condition: of several runs under one condition the mean wave of each order."""
     by: dict[TableCondition, list[Regular]] = {}
     for one in records:
-        key = replace(one.record.condition, input_speed=_rounded(one.record.condition.input_speed))
-        by.setdefault(key, []).append(one)
+        by.setdefault(one.record.condition, []).append(one)
     found = []
-    for condition, group in by.items():
+    for group in by.values():
         orders = np.unique(np.concatenate([one.orders for one in group]))
         weight = np.array([float(one.record.theta.size) for one in group])
         rows = np.zeros((len(group), orders.size), dtype=np.complex128)
         for row, one in zip(rows, group, strict=True):
             row[np.searchsorted(orders, one.orders)] = one.waves
-        first = replace(group[0].record, condition=condition)
-        found.append(replace(group[0], record=first, orders=orders, waves=(weight @ rows) / weight.sum()))
+        found.append(replace(group[0], orders=orders, waves=(weight @ rows) / weight.sum()))
     return found
-
-
-def _rounded(speed: float | None) -> float | None:
-    """Mean speeds of runs differ in their last digits."""
-    return None if speed is None else float(f"{speed:.3g}")
