@@ -11,7 +11,7 @@ import numpy as np
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.compensation.making import CompensatedOrder, CompensatedTrace, HeldError, Unseen
+from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances.allocation import terms

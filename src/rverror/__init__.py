@@ -39,7 +39,8 @@ from rverror.diagnosis.validation import validated
 
 # Compensation: what a controller adds to the command, and what it leaves.
 from rverror.compensation.correction import Correction
-from rverror.compensation.making import Compensation, compensate
+from rverror.compensation.making import compensate
+from rverror.compensation.outcome import Compensation
 from rverror.compensation.table_files import load_compensation, save_compensation
 
 # Tolerances: what they make of the error, and which to buy.

@@ -26,7 +26,8 @@ from rverror.app.terminal import (
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
 from rverror.base.text import check_name
-from rverror.compensation.making import Compensation, compensate
+from rverror.compensation.making import compensate
+from rverror.compensation.outcome import Compensation
 from rverror.compensation.over_conditions import LEAST_CONDITIONS
 from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_told
 from rverror.diagnosis.loop import diagnose

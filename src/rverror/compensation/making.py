@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,8 +14,9 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
-from rverror.base.viewed import Viewed
-from rverror.compensation.correction import Correction, from_effects, wave_sum
+from rverror.compensation.correction import Correction, from_effects
+from rverror.compensation.foretold import Foretold
+from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, Compensation, HeldError, Unseen
 from rverror.compensation.over_conditions import LEAST_CONDITIONS, VARIABLES, ConditionLaw, law_of
 from rverror.compensation.regular import (
     CHANCE,
@@ -28,20 +29,12 @@ from rverror.compensation.regular import (
     records_of,
     regular,
 )
-from rverror.geartrain.kinematics import Conditions, samples_needed, true_period
-from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
-from rverror.model.compensation import WAVE
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.spectrum import frames_of_order
-from rverror.statics.prediction import predict
 
-_TURN = 2 * math.pi
-_LONGEST = 12  # output turns over which a model is looked at
-_PLAIN = 2048  # samples a turn of a drive's model
-_TINY = 1e-3  # of a model's largest wave: below, no wave of it is told from rounding
 _MOST_LISTED = 5
 
 
@@ -52,121 +45,6 @@ class HasModel(Protocol):
     def model(self) -> Model:
         """With the causes that were found."""
         ...
-
-
-@dataclass(frozen=True)
-class CompensatedOrder:
-    """One order that is compensated.
-
-    Attributes
-    ----------
-    order : float
-        Per output turn.
-    frames : tuple of str
-        Which it fits.
-    amplitude : float
-        Root of the mean squared amplitude over the conditions, rad.
-    left : float
-        The same of what stretches or conditions left out keep of it, rad.
-    law : str
-        How it hangs on direction and condition; ``"measured"`` where each condition has its own wave, ``"foretold"``
-        where the model alone says it.
-    """
-
-    order: float
-    frames: tuple[str, ...]
-    amplitude: float
-    left: float
-    law: str
-
-
-@dataclass(frozen=True)
-class HeldError:
-    """Error of data that were left out, and in what interval that of the next run is expected.
-
-    Attributes
-    ----------
-    rms : float
-        Root of the mean square of all that was left out, rad.
-    low, high : float
-        95 % interval of the rms of one further turn, stretch or condition; NaN where fewer than two were left out.
-    """
-
-    rms: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Unseen:
-    """A run or table that no fit saw: rms with the offset of each direction taken off, without and with the table."""
-
-    file: str
-    before: float
-    after: float
-
-
-@dataclass(frozen=True, eq=False)
-class CompensatedTrace:
-    """Error of a run without and with the correction, rad; with it from stretches left out, or of a run never seen."""
-
-    name: str
-    theta: Array
-    before: Array
-    after: Array
-    unseen: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Compensation(Viewed):
-    """Result of `compensate`.
-
-    Attributes
-    ----------
-    correction : Correction
-        Empty where nothing survives.
-    orders : tuple of CompensatedOrder
-        The largest first.
-    before, after : HeldError
-        Of data left out, without and with the correction.
-    model : Model
-        From which causes were taken.
-    index : str
-        Label of the zero to which the angles are tied.
-    stays : tuple of str
-        What stays, and why.
-    notes : tuple of str
-        Warnings: what was set aside, what lies outside of what was measured.
-    unseen : tuple of Unseen
-        What no fit saw.
-    traces : tuple of CompensatedTrace
-        For plots; empty of order tables.
-
-    Examples
-    --------
-    >>> import rverror
-    >>> theta = np.linspace(0, 4 * np.pi, 2001)
-    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * np.random.default_rng(1).normal(size=2001))
-    >>> made = compensate(rverror.Model(rverror.Drive(ratio=14.0)), [run])
-    >>> made.worth, made.correction.orders.size
-    (False, 0)
-    """
-
-    correction: Correction
-    orders: tuple[CompensatedOrder, ...]
-    before: HeldError
-    after: HeldError
-    model: Model
-    index: str = ""
-    stays: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    unseen: tuple[Unseen, ...] = ()
-    traces: tuple[CompensatedTrace, ...] = field(default=())
-
-    @property
-    def worth(self) -> bool:
-        """Whether anything survives."""
-        return bool(self.orders)
 
 
 def compensate(
@@ -225,10 +103,10 @@ def compensate(
     index = _one_zero([*runs, *unseen])
     asked = [units.named_core("torques", torque, "torque") for torque in torques]
     notes: list[str] = []
-    foretold = _Foretold(model, notes, marked=index != "unknown")
+    foretold = Foretold(model, notes, marked=index != "unknown")
     data = _gathered(foretold, runs, notes)
     if foretold.tells and not _helps(data):
-        foretold = _Foretold(replace(model, effects=foretold.passive), notes, marked=False)
+        foretold = Foretold(replace(model, effects=foretold.passive), notes, marked=False)
         data = _gathered(foretold, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
     made = _made(foretold, data, _wanted(model, data, unseen, asked), notes)
@@ -238,75 +116,6 @@ def compensate(
         unseen=tuple(_held_against(foretold, made.correction, one) for one in unseen),
         traces=(*made.traces, *_unseen_traces(foretold, made.correction, unseen)),
     )
-
-
-# --- what the model foretells -----------------------------------------------------------------------------------------
-
-
-class _Foretold:
-    """Waves of a model's effects under any condition, each solved once."""
-
-    def __init__(self, model: Model, notes: list[str], *, marked: bool) -> None:
-        self.model = model
-        self.old = tuple(e for e in model.effects if e.key == WAVE.key)
-        self.slow = tuple(e for e in model.effects if _no_table_takes(e))
-        self.told = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
-        if self.told and not marked and not any(source(e.key).acts == "marks" for e in self.told):
-            notes.append("the zero is not on the gear's marks, so the model's effects foretell no phase: left out")
-            self.told = ()
-        for effect in self.slow:
-            slope = source(effect.key).follows == "angle"
-            why = "an error that grows is mended by the ratio" if slope else "it follows time or speed, not the angle"
-            notes.append(f"{effect.key} stays and is not counted: {why}")
-        self._waves: dict[tuple[float, float | None], tuple[Array, Waves]] = {}
-
-    @property
-    def tells(self) -> bool:
-        """Whether any effect is corrected by what the model says."""
-        return bool(self.told)
-
-    @property
-    def passive(self) -> tuple[Effect, ...]:
-        """Effects that are no part of the correction: an earlier table, and what no table takes."""
-        return (*self.old, *self.slow)
-
-    def waves(self, condition: TableCondition) -> tuple[Array, Waves]:
-        """Orders and waves of the output error, rad."""
-        key = (condition.direction, condition.torque)
-        if key not in self._waves:
-            self._waves[key] = self._solved(condition) if self.told else (np.zeros(0), np.zeros(0, dtype=complex))
-        return self._waves[key]
-
-    def _solved(self, condition: TableCondition) -> tuple[Array, Waves]:
-        mechanism = self.model.mechanism
-        turns = true_period(mechanism)
-        if turns > _LONGEST:
-            raise InputError(
-                f"ratio {brief(mechanism.ratio)}: all parts stand as before after {turns} output turns, more than "
-                f"{_LONGEST}; remove the model's effects, so that the runs alone are compensated"
-            )
-        count = turns * (samples_needed(mechanism) if isinstance(mechanism, Reducer) else _PLAIN)
-        theta = turns * _TURN * np.arange(count) / count
-        where = Conditions(theta, condition.direction, condition.torque or None, temperature=condition.temperature)
-        error = predict(replace(self.model, effects=self.told), where).transmission_error
-        lines = 2 * np.fft.rfft(error)[1 : count // 2] / count
-        strong = np.flatnonzero(np.abs(lines) > max(_TINY * np.abs(lines).max(), 1e-3 * _TINY * units.ARCSEC))
-        return (strong + 1) / turns, np.asarray(lines[strong], dtype=np.complex128)
-
-    def __call__(self, where: Conditions, condition: TableCondition) -> tuple[Array, Array]:
-        """What the model makes of the error, and what of that no table can take, rad."""
-        slow = self._added(self.slow, where)
-        return wave_sum(where.theta, *self.waves(condition)) + slow + self._added(self.old, where), slow
-
-    def _added(self, effects: tuple[Effect, ...], where: Conditions) -> Array:
-        if not effects:
-            return np.zeros(where.theta.size)
-        return predict(replace(self.model, effects=effects), where).transmission_error
-
-
-def _no_table_takes(effect: Effect) -> bool:
-    entry = source(effect.key)
-    return not entry.periodic or entry.follows != "angle"
 
 
 # --- what was measured ------------------------------------------------------------------------------------------------
@@ -323,7 +132,7 @@ class _Data:
     measured: list[Waves]
 
 
-def _gathered(foretold: _Foretold, runs: Sequence[Run | OrderTable], notes: list[str]) -> _Data:
+def _gathered(foretold: Foretold, runs: Sequence[Run | OrderTable], notes: list[str]) -> _Data:
     model = foretold.model
     data = _Data([], [], set(), [], [])
     old = from_effects(model.mechanism.ratio, foretold.old)
@@ -383,7 +192,7 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 # --- the correction ---------------------------------------------------------------------------------------------------
 
 
-def _made(foretold: _Foretold, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
+def _made(foretold: Foretold, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
     of_runs = [regular(record, c) for record, c in zip(data.records, data.candidates, strict=True)]
     of_runs = _with_the_others(of_runs)
     rows = [(one.record.condition, one.orders, one.waves) for one in merged(of_runs)]
@@ -605,7 +414,7 @@ def _stays(
     return tuple(told)
 
 
-def _said(foretold: _Foretold, notes: list[str]) -> tuple[str, ...]:
+def _said(foretold: Foretold, notes: list[str]) -> tuple[str, ...]:
     readings = sorted({e.key for e in foretold.told if source(e.key).acts == "reading"})
     more = []
     if readings:
@@ -619,7 +428,7 @@ def _said(foretold: _Foretold, notes: list[str]) -> tuple[str, ...]:
 # --- data that no fit saw ---------------------------------------------------------------------------------------------
 
 
-def _held_against(foretold: _Foretold, correction: Correction, one: Run | OrderTable) -> Unseen:
+def _held_against(foretold: Foretold, correction: Correction, one: Run | OrderTable) -> Unseen:
     old = from_effects(correction.ratio, foretold.old)
     if isinstance(one, OrderTable):
         before, after = [], []
@@ -636,7 +445,7 @@ def _held_against(foretold: _Foretold, correction: Correction, one: Run | OrderT
     return Unseen(one.path, sizes[0], sizes[1])
 
 
-def _parts(foretold: _Foretold, correction: Correction, run: Run) -> list[tuple[Array, Array, Array]]:
+def _parts(foretold: Foretold, correction: Correction, run: Run) -> list[tuple[Array, Array, Array]]:
     """Angles, error without and with the correction of each direction of a run, offset taken off."""
     theta, error = run.nominal_angle(foretold.model), run.error(foretold.model)
     old = from_effects(correction.ratio, foretold.old)
@@ -650,7 +459,7 @@ def _parts(foretold: _Foretold, correction: Correction, run: Run) -> list[tuple[
 
 
 def _unseen_traces(
-    foretold: _Foretold, correction: Correction, unseen: Sequence[Run | OrderTable]
+    foretold: Foretold, correction: Correction, unseen: Sequence[Run | OrderTable]
 ) -> tuple[CompensatedTrace, ...]:
     return tuple(
         CompensatedTrace(one.path, *part, unseen=True)

@@ -18,7 +18,7 @@ from rverror.base.numbers import brief, way
 from rverror.base.text import PathLike, read_text, shown, split_lines, write_text
 from rverror.base.units import ARCSEC
 from rverror.compensation.correction import Correction, only
-from rverror.compensation.making import Compensation
+from rverror.compensation.outcome import Compensation
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import ratio_of

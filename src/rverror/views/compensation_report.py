@@ -12,7 +12,7 @@ from rverror.base import units
 from rverror.base.numbers import in_arcsec
 from rverror.base.text import file_name
 from rverror.base.units import ARCSEC
-from rverror.compensation.making import Compensation, HeldError
+from rverror.compensation.outcome import Compensation, HeldError
 from rverror.compensation.table_files import WrittenTable, correction_json, table_told
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped

@@ -20,7 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.compensation.making import Compensation
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes

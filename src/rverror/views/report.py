@@ -11,7 +11,7 @@ from functools import singledispatch
 from typing import Any
 
 from rverror.base.errors import InputError
-from rverror.compensation.making import Compensation
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes

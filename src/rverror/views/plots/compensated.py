@@ -9,7 +9,7 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.text import file_name
-from rverror.compensation.making import Compensation
+from rverror.compensation.outcome import Compensation
 from rverror.views.plots.figure import (
     BLACK,
     BLUE,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
-from rverror.compensation.making import Compensation
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.geartrain.mechanism import Reducer
