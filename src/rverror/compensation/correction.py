@@ -20,18 +20,19 @@ _TURN = 2 * math.pi
 _FINE = 8  # samples a wave of the highest order, to see what waves leave between the points of a table
 _FEWEST = 4  # points a wave of the highest order: below, a table leaves 1 - cos(pi/4) = 29 % of it and more
 _MOST = 1 << 17
+_SETTLES = 8  # each takes off all but the slope of the correction, a few per cent
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What is added to the command, as an angle of the output: the input is told R (theta + c(theta)) for theta.
+    """Waves of what is added to the command, as an angle of the output: the input is told R (theta + c) for theta.
 
     Attributes
     ----------
     ratio : float
         R, input turns per output turn.
     table : OrderTable
-        Waves of c over the commanded output angle, one case for each direction and condition for which they were made.
+        Waves over the output angle, one case for each direction and condition for which they were made.
     reach : tuple of two float, optional
         Output angles between which it holds, rad; None: over whole turns.
 
@@ -88,7 +89,7 @@ class Correction:
         return orders, np.asarray(rows[low] + (share - low) * (rows[high] - rows[low]), dtype=np.complex128)
 
     def at(self, theta: Array, condition: TableCondition) -> Array:
-        """c at commanded output angles, rad, shape (n,)."""
+        """Sum of the waves at output angles, rad, shape (n,): what is added, to first order."""
         return wave_sum(theta, *self.waves(condition))
 
     def limited(self, points: int) -> Correction:
@@ -111,12 +112,15 @@ class Correction:
         -----
         At worst 1 - cos(pi k / N) of order k, halfway between two points at its crest.
         """
-        orders, waves = self.waves(condition)
-        fine = _FINE * max(points, math.ceil(float(orders.max(initial=1.0))))
-        theta = _TURN * np.arange(fine) / fine
-        knots = _TURN * np.arange(points + 1) / points
-        left = wave_sum(theta, orders, waves) - np.interp(theta, knots, wave_sum(knots, orders, waves))
+        theta = self._angles(points)
+        step = _TURN / points
+        knots = theta[0] + step * np.arange(math.ceil(float(np.ptp(theta)) / step) + 2)
+        left = self.at(theta, condition) - np.interp(theta, knots, self.at(knots, condition))
         return float(np.sqrt(np.mean(left**2)))
+
+    def rms(self, condition: TableCondition) -> float:
+        """Root mean square about the mean, over a turn or what it reaches over, rad."""
+        return float(np.std(self.at(self._angles(), condition)))
 
     def slipped(self, angle: float, condition: TableCondition) -> float:
         """What the waves leave of themselves where the table's zero slips by an angle: rms, rad.
@@ -125,21 +129,51 @@ class Correction:
         -----
         2 sin(k angle / 2) of order k: more than the whole of it from a sixth of its wave on.
         """
-        orders, waves = self.waves(condition)
-        return float(np.sqrt(0.5 * np.sum(np.abs(2 * np.sin(orders * angle / 2) * waves) ** 2)))
+        theta = self._angles()
+        theta = theta if self.reach is None else theta[theta + angle <= self.reach[1]]
+        return float(np.sqrt(np.mean((self.at(theta + angle, condition) - self.at(theta, condition)) ** 2)))
 
     def of_itself(self, condition: TableCondition) -> float:
-        """What is left since the table is looked up at the command and not where the input then stands: at most, rad.
+        """What waves leave that are summed at the command and not where the input then stands: at most, rad.
 
         Notes
         -----
         The error is te(theta + c) + c with c = -te(theta), whose size is that of c'(theta) c(theta) to second order.
+        `settled` leaves nothing.
         """
-        orders, waves = self.waves(condition)
-        count = int(_FINE * 2 ** math.ceil(math.log2(max(float(orders.max(initial=1.0)), 16))))
-        theta = _TURN * np.arange(count) / count
-        own = wave_sum(theta, orders, waves)
-        return float(np.abs(own - wave_sum(theta + own, orders, waves)).max())
+        theta = self._angles()
+        own = self.at(theta, condition)
+        return float(np.abs(own - self.at(self._bounded(theta + own), condition)).max())
+
+    def settled(self, theta: Array, condition: TableCondition) -> Array:
+        """Solution of c = w(theta + c), w the sum of the waves: what leads to where the waves cancel the error.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (n,)
+            Commanded output angles, rad.
+        condition : TableCondition
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad.
+        """
+        added = self.at(theta, condition)
+        for _ in range(_SETTLES):
+            added = self.at(self._bounded(theta + added), condition)
+        return added
+
+    def _bounded(self, theta: Array) -> Array:
+        return theta if self.reach is None else np.clip(theta, *self.reach)
+
+    def _angles(self, points: int = 0) -> Array:
+        """Even angles over a turn, or what it reaches over: some to each wave, and between so many points a turn."""
+        highest = max(float(self.orders.max(initial=1.0)), 16.0, points)
+        count = _FINE * 2 ** math.ceil(math.log2(highest))
+        low, high = self.reach or (0.0, _TURN)
+        number = max(math.ceil((high - low) / _TURN * count - 1e-9), 2)
+        return np.asarray(low + _TURN / count * np.arange(number), dtype=np.float64)
 
     def effects(self, torque: float | None = None) -> tuple[Effect, ...]:
         """The correction at one load as effects of a model: of a unit in whose controller the table is.

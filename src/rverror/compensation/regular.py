@@ -39,6 +39,7 @@ _SLOW = 9
 _BESIDE = 25
 _WORTH = 0.96
 _SAMPLED = 0.95  # of the Nyquist order
+_APART = 0.25  # of a wave over a travel that is passed again and again
 _LEAST_CYCLES = 2.0  # of a wave over a travel of less than a turn
 _MULTIPLES = 30
 _FEW_MULTIPLES = 8  # where every one is tried
@@ -271,8 +272,10 @@ def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tup
     moving = [base * m for base in bases for m in range(1, _MULTIPLES + 1) if least <= base * m]
     listed = [float(k) for k in range(1, int(highest) + 1)] if record.whole else []
     if record.passed and not record.whole:
-        listed = [j / (2 * record.turns) for j in range(1, _EXTENSION + 1)]
-        listed += sorted({base * m for base in bases for m in range(1, _FEW_MULTIPLES + 1)})
+        listed = sorted({base * m for base in bases for m in range(1, _FEW_MULTIPLES + 1)})
+        slow = [j / (2 * record.turns) for j in range(1, _EXTENSION + 1)]
+        # two waves that go together over the travel would cancel each other, each of any size
+        listed += [k for k in slow if all(abs(k - other) * record.turns > _APART for other in listed)]
         moving = []
     for order in sorted(set(moving)):
         if all(abs(order - other) * record.turns > 0.5 for other in listed):

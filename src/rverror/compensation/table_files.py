@@ -91,7 +91,8 @@ class WrittenTable:
     waves : float
         Rms of those waves, rad.
     of_itself : float
-        What is left since it is looked up at the command and not where the input then stands, at most, rad.
+        What is left of waves that are summed at the command and not where the input then stands, at most, rad; none of
+        points, which are solved for that.
     left_out : tuple of float
         Orders that the form cannot hold.
     """
@@ -165,21 +166,19 @@ def save_compensation(
         table = by_points(correction, forward.torque, points)
         text = _csv(table, made, forward.torque) if format == "csv" else _linuxcnc(table)
     write_text(path, text, overwrite=overwrite)
-    sizes, every = (
-        [float(np.sqrt(0.5 * np.sum(np.abs(one.waves(c)[1]) ** 2))) for c in (forward, reverse)]
-        for one in (correction, made.correction)
-    )
+    sizes = [correction.rms(c) for c in (forward, reverse)]
     worse = forward if sizes[0] >= sizes[1] else reverse
-    lost = max(whole**2 - held**2 for whole, held in zip(every, sizes, strict=True))
+    rest = replace(made.correction, table=_orders_of(made.correction.table, left_out))
+    lost = max(rest.rms(c) for c in (forward, reverse))
     return WrittenTable(
         format=format,
         torque=None if format == "json" else forward.torque,
         points=points,
-        expected=math.sqrt(made.after.rms**2 + between**2 + max(lost, 0.0)),
+        expected=math.sqrt(made.after.rms**2 + between**2 + lost**2),
         between=between,
         slipped=correction.slipped(math.radians(1), worse),
         waves=max(sizes),
-        of_itself=max(correction.of_itself(c) for c in (forward, reverse)),
+        of_itself=0.0 if points else max(correction.of_itself(c) for c in (forward, reverse)),
         left_out=left_out,
     )
 
@@ -206,11 +205,15 @@ def held_by(correction: Correction, format: str) -> tuple[Correction, tuple[floa
     return held, tuple(np.setdiff1d(correction.orders, held.orders).tolist())
 
 
+def _orders_of(table: OrderTable, orders: tuple[float, ...]) -> OrderTable:
+    return replace(table, cases=tuple(only(case, np.isin(case.orders, orders)) for case in table.cases))
+
+
 def by_points(correction: Correction, torque: float | None, points: int) -> CommandTable:
     """A correction at one load by even points from end to end of its reach, or of a turn."""
     low, high = correction.reach or (0.0, _TURN)
     angle = np.linspace(low, high, points)
-    forward, reverse = (correction.at(angle, correction.condition(sense, torque)) for sense in (1.0, -1.0))
+    forward, reverse = (correction.settled(angle, correction.condition(sense, torque)) for sense in (1.0, -1.0))
     return CommandTable(correction.ratio, angle, forward, reverse, correction.reach is None)
 
 
@@ -403,10 +406,14 @@ def table_told(table: WrittenTable) -> list[str]:
             f"table{load} of {table.points} points: straight lines between them leave "
             f"{brief(table.between / ARCSEC, 2)} arcsec rms; {brief(table.expected / ARCSEC, 3)} are expected with it"
         )
+    if table.of_itself:
+        told.append(
+            f"summed at the command and not where the input then stands, the waves leave "
+            f"{brief(table.of_itself / ARCSEC, 2)} arcsec at most"
+        )
     told.append(
-        f"looked up at the command and not where the input then stands: {brief(table.of_itself / ARCSEC, 2)} arcsec at "
-        f"most; a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "
-        f"{brief(table.waves / ARCSEC, 3)} that it takes off"
+        f"a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "
+        f"{brief(table.waves / ARCSEC, 3)} that the table takes off"
     )
     if table.left_out:
         told.append(f"orders {', '.join(map(brief, table.left_out))} stay: a {table.format} table cannot hold them")
