@@ -29,6 +29,7 @@ from real_bench.units import ARCSEC, Simulated, Unit, both_ways, draw, grid, mod
 
 import rverror  # noqa: E402
 from rverror.runs.order_table import TableCondition  # noqa: E402
+from rverror.views.plots.compensated import compensation_figure  # noqa: E402
 
 FAMILIES = ("plain", "stiffness", "power_law")
 LOAD, OTHER = 20.0, 200.0  # N*m
@@ -221,10 +222,7 @@ def figure(path: Path) -> None:
     theta = run.nominal_angle(model)
     last = theta > theta.max() - 2 * np.pi
     made = rverror.compensate(model, [cut(run, ~last)], unseen=[cut(run, last)])
-    drawn, axes = rverror.new_figure(2)
-    made.plot(ax=axes[0])
-    made.plot(kind="waveform", ax=axes[1])
-    drawn.savefig(path, dpi=110)
+    compensation_figure(made).savefig(path, dpi=110)
     print(rverror.to_text(made))
 
 

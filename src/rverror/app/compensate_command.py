@@ -90,20 +90,30 @@ def _compensate(options: argparse.Namespace) -> None:
     mapping = read_command.given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
+    figure = _figure_maker() if options.plot else None
     made = compensate(_with_causes(model, runs, unseen, torques), runs, torques=torques, unseen=unseen)
     print(to_text(made), end="")
     table = _written(made, options, torques)
     files = input_files(inputs)
     if options.json:
         write_json(options.json, to_json(made, files=files, table=table))
-    if options.plot:
-        write_picture(options.plot, made.plot().figure)
+    if figure is not None and made.worth:
+        write_picture(options.plot, figure(made))
     if options.report:
         write_output(options.report, to_html(made, files=files, table=table))
     if options.save and table is not None:
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]
         append_effects(options.model, options.save, effects, overwrite=True)
+
+
+def _figure_maker() -> Any:
+    """Check that plots can be made before the work starts."""
+    from rverror.views.plots.compensated import compensation_figure
+    from rverror.views.plots.figure import new_figure
+
+    new_figure(1)  # raises without matplotlib
+    return compensation_figure
 
 
 def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[float]) -> WrittenTable | None:

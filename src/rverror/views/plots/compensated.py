@@ -20,6 +20,7 @@ from rverror.views.plots.figure import (
     check_axes,
     in_shown_unit,
     legend_below,
+    new_figure,
     over_angle,
     plain,
     shown_unit,
@@ -28,6 +29,7 @@ from rverror.views.plots.figure import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _BEFORE, _AFTER = ORANGE, BLUE
 
@@ -57,7 +59,7 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     for at, high, low in zip(place, before, left, strict=True):
         if np.isfinite(low):
             ax.plot([at, at], [low, high], color=BLACK, lw=0.5, zorder=0)
-    ax.set_xticks(place, [f"{one.order:.6g}" for one in drawn])
+    ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     ax.set_yscale("log")
     of = f", the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
     ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", title=f"orders compensated{of}")
@@ -96,3 +98,12 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
     over_angle(ax, ylabel=signal_label("angle"), title=plain(file_name(trace.name) or "run"))
     legend_below(ax)
     return ax
+
+
+def compensation_figure(made: Compensation) -> Figure:
+    """Orders, and below them the error of a run where there is one: of `compensate --plot`."""
+    figure, axes = new_figure(2 if made.traces else 1)
+    compensated_orders(made, ax=axes[0])
+    if made.traces:
+        compensated_waveform(made, ax=axes[1])
+    return figure
