@@ -163,3 +163,20 @@ def test_speed_and_temperature_count_where_they_vary() -> None:
     law = law_of(wave + noise(1, 16), at, 0.001)
     assert set(law.terms) == {(1, 0, 0), (0, 1, 0)}
     assert law.text in ("torque + speed", "speed + torque")
+
+
+def test_what_is_calculated_has_no_orders_below_a_thousandth_of_an_arcsec() -> None:
+    """Without noise hundreds of orders stand out; none that no table needs is taken."""
+    model = rverror.Model(UNIT, (rverror.effect("cycloid.pin_position", pin=3, radial="6 um"),))
+    runs = rverror.simulate_runs(model, torques=[50e3], method="equilibrium", points=1024, revolutions=2)
+    made = rverror.compensate(rverror.Model(UNIT), runs)
+    assert made.after.rms < 0.02 * ARCSEC
+    assert made.after.rms < 0.01 * made.before.rms
+    assert min(one.amplitude for one in made.orders) > 0.001 * ARCSEC
+
+
+def test_of_one_turn_it_is_said_that_nothing_shows_the_next() -> None:
+    made = rverror.compensate(DRIVE, [run_of({20.0: 5.0}, 1, turns=1)])
+    assert any("nothing shows the next one to be alike" in note for note in made.notes)
+    assert made.before.rms / ARCSEC == pytest.approx(math.hypot(5 / math.sqrt(2), 1.0), rel=0.05)
+    assert made.after.rms / ARCSEC == pytest.approx(1.0, rel=0.1)

@@ -14,6 +14,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
+from rverror.base.units import ARCSEC
 from rverror.geartrain.kinematics import Conditions, folded_order, fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
@@ -24,10 +25,14 @@ from rverror.runs.order_table import TableCondition, Waves
 Labels = npt.NDArray[np.intp]
 
 _TURN = 2 * math.pi
+#: White noise that every reading has, and an amplitude below which no table needs an order: what is calculated has no
+#: noise that would set a bound.
+_FLOOR = 0.001 * ARCSEC
 #: Chance that any order of a run stands out where all is noise.
 CHANCE = 0.01
 #: Stretches into which a run is cut that holds no two turns and passes no angle thrice.
 _STRETCHES = 6
+_PIECES = 60  # of a turn, every sixth of which is left out together
 #: Passes over the same angles in one direction from which on slow things are regular too.
 _PASSES = 3
 #: Degree of what is slow and left out of account over turns: a drift that settles; and over less than a turn at most,
@@ -44,7 +49,7 @@ _LEAST_CYCLES = 2.0  # of a wave over a travel of less than a turn
 _MULTIPLES = 30
 _FEW_MULTIPLES = 8  # where every one is tried
 _EXTENSION = 4  # slow waves over a travel that is passed again and again
-_ROUNDS = 8
+_ROUNDS = 4
 _EXPECTED = 50  # steps of expectation and maximisation
 _RIDGE = 1e-12  # slow waves over a part of a turn are all but one another
 _LEAKS = 0.1  # of the strongest order of a round: below, it may be spilled by it
@@ -192,6 +197,8 @@ def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -
             notes += [f"{name}: {note}" for note in faults.notes()]
             at = at[faults.kept]
         condition = condition_of(run, theta, float(sense), abs(model.mechanism.ratio))
+        if 1 - 1e-9 <= turns < 2 - 1e-9 and len(passes) == 1:
+            notes.append(f"{name}: less than two turns, so that nothing shows the next one to be alike")
         where = replace(
             run.conditions(model),
             theta=theta[at],
@@ -242,7 +249,10 @@ def _passes(direction: Array) -> list[slice]:
 
 
 def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels:
-    """Turns; else passes; else even stretches of the travel."""
+    """Turns; else passes; else even stretches of the travel, of a turn many short ones by turns.
+
+    Over a turn without a sixth of it orders that are neighbours could not be told apart.
+    """
     ahead = theta - theta.min()
     if turns >= 2 - 1e-9:
         count = math.floor(turns + 1e-6)
@@ -250,6 +260,8 @@ def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels
     if passes >= _PASSES:
         return label
     share = ahead / (float(np.ptp(theta)) * (1 + 1e-9))
+    if turns >= 1 - 1e-9:
+        return np.asarray(np.floor(share * _PIECES) % _STRETCHES, dtype=np.intp)
     return np.asarray(np.floor(share * _STRETCHES), dtype=np.intp)
 
 
@@ -302,7 +314,7 @@ def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -
     Regular
     """
     pick = _standing_out if record.whole or not record.passed else _foretelling
-    orders = pick(record, candidates, chance)
+    orders = pick(record, candidates, chance) if candidates.size else candidates
     while True:
         found = at_orders(record, orders)
         good = found.gains.sum(axis=0) > 0
@@ -323,10 +335,10 @@ def _standing_out(record: DirectedRun, candidates: Array, chance: float) -> Arra
         taken = np.isin(candidates, chosen)
         power[taken] = sizes
         # of noise as much power has the chance exp(-rarity): an F of 2 and so many degrees of freedom
-        rarity = freedom / 2 * np.log1p(2 * power / np.maximum(noise, 1e-300) / freedom)
+        rarity = freedom / 2 * np.log1p(2 * power / noise / freedom)
         if not chosen.size and rarity.max() < math.log(candidates.size / chance):
             break
-        loud = ~taken & (_share(rarity) > 0.5)
+        loud = ~taken & (_share(rarity) > 0.5) & (power > _FLOOR**2)
         if not loud.any():
             break
         if not record.whole:  # over a part of a turn the strong spill over the weak, and neighbours are one line
@@ -379,7 +391,8 @@ def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array
 def _left(record: DirectedRun, orders: Array) -> tuple[Array, Array]:
     """Squared amplitude of given orders, and what they leave."""
     base = _base(record, orders)
-    sizes = np.linalg.lstsq(base, record.error, rcond=1e-12)[0]
+    square = base.T @ base
+    sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), base.T @ record.error)
     waves = sizes[base.shape[1] - 2 * orders.size :].reshape(2, -1)
     return (waves**2).sum(axis=0), record.error - base @ sizes
 
@@ -414,7 +427,7 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     noise, freedom = np.empty(orders.size), np.empty(orders.size)
     for n, at in enumerate(middle.tolist()):
         near = beside[max(at - _BESIDE, 0) : at + _BESIDE]
-        noise[n] = np.median(near) / math.log(2)
+        noise[n] = max(float(np.median(near)) / math.log(2), 4 * _FLOOR**2 / record.theta.size)
         freedom[n] = max(_WORTH * near.size, 2.0)
     return power, noise, freedom
 
@@ -460,7 +473,7 @@ def at_orders(record: DirectedRun, orders: Array) -> Regular:
     before, after, left = np.zeros(labels.size), np.zeros(labels.size), np.zeros(error.size)
     gains = np.zeros((labels.size, orders.size))
     squares, right = whole[slow:, slow:], wave.T @ error
-    keep = not record.whole and not record.passed  # of a part of a turn the offset is slow too
+    keep = not record.passed  # of stretches of one pass the offset is that of the run
     for n, label in enumerate(labels.tolist()):
         own = record.block == label
         part = wave[own]
