@@ -176,7 +176,7 @@ def test_what_is_calculated_has_no_orders_below_a_thousandth_of_an_arcsec() -> N
 
 
 def test_of_one_turn_it_is_said_that_nothing_shows_the_next() -> None:
-    made = rverror.compensate(DRIVE, [run_of({20.0: 5.0}, 1, turns=1)])
+    made = rverror.compensate(DRIVE, [run_of({20.0: 5.0}, 1, turns=1, points=2048)])
     assert any("nothing shows the next one to be alike" in note for note in made.notes)
     assert made.before.rms / ARCSEC == pytest.approx(math.hypot(5 / math.sqrt(2), 1.0), rel=0.05)
     assert made.after.rms / ARCSEC == pytest.approx(1.0, rel=0.1)

@@ -42,6 +42,7 @@ _SLOW = 9
 #: Half the orders beside one by whose median the noise is told, and degrees of freedom for each of them: the median of
 #: exponential variables is as good as 0.48 of as many.
 _BESIDE = 25
+_FEWEST_BESIDE = 6
 _WORTH = 0.96
 _SAMPLED = 0.95  # of the Nyquist order
 _APART = 0.25  # of a wave over a travel that is passed again and again
@@ -317,7 +318,7 @@ def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -
     orders = pick(record, candidates, chance) if candidates.size else candidates
     while True:
         found = at_orders(record, orders)
-        good = found.gains.sum(axis=0) > 0
+        good = (found.gains.sum(axis=0) > 0) & (np.abs(found.waves) > _FLOOR)
         if good.all():
             return found
         orders = orders[good]
@@ -426,7 +427,9 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     middle = np.searchsorted(where, orders)
     noise, freedom = np.empty(orders.size), np.empty(orders.size)
     for n, at in enumerate(middle.tolist()):
-        near = beside[max(at - _BESIDE, 0) : at + _BESIDE]
+        # a narrower span at low orders keeps the noise's colour; over a part of a turn strong orders spill into it
+        half = min(max(at // 4, _FEWEST_BESIDE), _BESIDE) if record.whole else _BESIDE
+        near = beside[max(at - half, 0) : at + half]
         noise[n] = max(float(np.median(near)) / math.log(2), 4 * _FLOOR**2 / record.theta.size)
         freedom[n] = max(_WORTH * near.size, 2.0)
     return power, noise, freedom
