@@ -11,7 +11,9 @@ import numpy as np
 
 import rverror
 from rverror.base.units import ARCSEC
+from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
+from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
 
@@ -153,6 +155,31 @@ def diagnosis(
     )
 
 
+def compensation() -> rverror.Compensation:
+    """A compensation of two loads and both directions, one run of which no fit saw, by hand."""
+    at = [TableCondition(direction=s, torque=t) for s in (1.0, -1.0) for t in (20e3, 60e3)]
+    cases = tuple(
+        OrderCase(condition=c, orders=np.array([1.0, 40.0]), waves=np.array([-5 * ARCSEC, 2j * ARCSEC])) for c in at
+    )
+    return rverror.Compensation(
+        correction=rverror.Correction(121.0, rverror.OrderTable(cases=cases)),
+        orders=(
+            CompensatedOrder(1.0, (HOSTILE,), 5 * ARCSEC, 0.25 * ARCSEC, "measured"),
+            CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "foretold"),
+        ),
+        before=HeldError(4 * ARCSEC, math.nan, math.nan),
+        after=HeldError(0.5 * ARCSEC, 0.4 * ARCSEC, 0.6 * ARCSEC),
+        model=MODEL,
+        stays=(HOSTILE,),
+        notes=(HOSTILE, "second note"),
+        unseen=(Unseen(HOSTILE, 4 * ARCSEC, 0.5 * ARCSEC),),
+        traces=(
+            CompensatedTrace(HOSTILE, THETA, 5 * ARCSEC * np.cos(THETA), 0 * THETA),
+            CompensatedTrace("unseen.csv", THETA, 5 * ARCSEC * np.cos(THETA), 0 * THETA, unseen=True),
+        ),
+    )
+
+
 @functools.cache
 def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
@@ -197,6 +224,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "ErrorBudget": (budget, {}),
         "Allocation": (allocation, {"stack": stack}),
         "Front": (front, {}),
+        "Compensation": (compensation(), {}),
         "Diagnosis": (diagnosis("unexplained"), {}),
         "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
         "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),

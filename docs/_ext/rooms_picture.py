@@ -21,8 +21,9 @@ PICTURE = ROOT / "docs" / "rooms.svg"
 PLACES = {
     "app": (340, "command line, batches"),
     "reference": (602, "cases for other tools"),
-    "views": (480, "text, pages, tables, plots"),
+    "views": (450, "text, pages, tables, plots"),
     "tolerances": (120, "budget, units, allocation"),
+    "compensation": (645, "tables for controllers"),
     "diagnosis": (340, "residual to named cause"),
     "runs": (360, "files, checks, virtual bench"),
     "dynamics": (590, "modes, error at speed"),
@@ -33,7 +34,7 @@ PLACES = {
 }
 #: Files that stand side by side in the room of the gear train, in the order of the power.
 PARTS = ("involute", "crank", "cycloid", "coupling", "feedback", "thermal")
-WIDTH, ROW, BOX = 716, 76, (200, 44)  # px
+WIDTH, ROW, BOX = 756, 76, (200, 44)  # px
 WIDE = (560, 74)  # of the gear train
 
 _STYLE = """

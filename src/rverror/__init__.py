@@ -50,6 +50,12 @@ from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.validation import validated
 
+# Compensation: what a controller adds to the command, and what it leaves.
+from rverror.compensation.correction import Correction
+from rverror.compensation.making import compensate
+from rverror.compensation.outcome import Compensation
+from rverror.compensation.table_files import load_compensation, save_compensation
+
 # Tolerances: what they make of the error, and which to buy.
 from rverror.tolerances import cost as costs
 from rverror.tolerances import distribution as distributions
@@ -97,10 +103,12 @@ __all__ = [
     "BenchUncertainty",
     "Budget",
     "Comparison",
+    "Compensation",
     "Conditions",
     "ContactCorrection",
     "ContactLaw",
     "ContactPressure",
+    "Correction",
     "CriticalSpeed",
     "Diagnosis",
     "Drive",
@@ -148,6 +156,7 @@ __all__ = [
     "budget_text",
     "coloured_noise",
     "compare",
+    "compensate",
     "contact_correction",
     "contact_pressure",
     "cost_front",
@@ -171,6 +180,7 @@ __all__ = [
     "input_files",
     "line_style",
     "linearise",
+    "load_compensation",
     "load_mapping",
     "load_model",
     "load_orders",
@@ -189,6 +199,7 @@ __all__ = [
     "reducer",
     "run_from_arrays",
     "run_up",
+    "save_compensation",
     "save_model",
     "save_widths",
     "simulate",

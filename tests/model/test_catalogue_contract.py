@@ -69,6 +69,7 @@ NAMES = {
     "sensor.time_offset": ("", "offset"),
     "shaft.eccentricity": ("shaft harmonic", "cos sin"),
     "empirical.order": ("frame harmonic", "cos sin"),
+    "compensation.wave": ("order sense", "cos sin"),
 }
 #: Neither constant nor periodic: they grow along the run.
 RAMPS = ("sensor.ratio_error", "sensor.drift")

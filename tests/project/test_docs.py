@@ -253,6 +253,7 @@ READ = {
         {"frame": "output", "harmonic": 7, "sense": "opposite"},
         lambda g: g.sign * TORQUE * g.wave(7 * g.theta),
     ),
+    "compensation.wave": ({"order": "7.5", "sense": "opposite"}, lambda g: g.sign * g.wave(7.5 * g.theta)),
 }
 TORQUE, SECONDS = 7.0, 0.5  # N*mm; s for each radian of the output
 

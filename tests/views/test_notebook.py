@@ -21,7 +21,7 @@ from rverror.views.sheets import MOST_ROWS
 
 PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
          "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
-         "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+         "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
 
 
@@ -121,6 +121,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "OrderTable",
         "ErrorBudget",
         "Allocation",
+        "Compensation",
         "Diagnosis",
         "Diagnosis, nothing missing",
         "Diagnosis, torque",

@@ -25,7 +25,7 @@ from rverror.views.tables import columns, described
 KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
          "TorsionCurve", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
          "VirtualUnits", "ErrorBudget", "Allocation", "Front",
-         "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+         "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 

@@ -8,12 +8,11 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rverror.app import dynamics_commands, read_command, reference_commands, tolerance_commands
+from rverror.app import compensate_command, dynamics_commands, read_command, reference_commands, tolerance_commands
 from rverror.app.batch import SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
@@ -22,6 +21,7 @@ from rverror.app.terminal import (
     given_twice,
     make_folder,
     quantity,
+    rounded,
     say_replaced,
     tell,
     write_json,
@@ -37,8 +37,8 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.validation import validated
 from rverror.geartrain.mechanism import reducer
 from rverror.geartrain.source import Source
-from rverror.model.catalogue import CATALOGUE, source
-from rverror.model.effects import Effect, Model
+from rverror.model.catalogue import CATALOGUE
+from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
 from rverror.runs.order_file import orders_text, write_orders
@@ -151,6 +151,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
+    compensate_command.add_commands(commands)
     read_command.add_commands(commands)
     tolerance_commands.add_commands(commands)
     dynamics_commands.add_commands(commands)
@@ -309,7 +310,7 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
     if options.save:
         say_replaced(options.save)
         # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error
-        effects = [_rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
+        effects = [rounded(effect) for effect in result.model.effects[len(result.declared.effects) :]]
         append_effects(options.model, options.save, effects, overwrite=True)
         if not effects:
             tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
@@ -318,15 +319,6 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
                 f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within "
                 "their uncertainty"
             )
-
-
-def _rounded(effect: Effect) -> Effect:
-    """Effect with its sizes as a person would write them, far finer than any interval."""
-    values = []
-    for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True):
-        size = f"{units.to_display(value, parameter.dimension):.6g} {units.DISPLAY_UNITS[parameter.dimension]}"
-        values.append(units.parse(size, parameter.dimension))
-    return replace(effect, values=tuple(values))
 
 
 def _figure_maker() -> Any:
@@ -390,7 +382,7 @@ def _demo(options: argparse.Namespace) -> None:
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
     write_json(written[0], to_json(result, files=input_files([model_path, *run_paths])))
     say_replaced(written[1])
-    append_effects(model_path, written[1], [_rounded(a.effect) for a in result.added], overwrite=True)
+    append_effects(model_path, written[1], [rounded(a.effect) for a in result.added], overwrite=True)
     try:
         from rverror.views.plots.drawing import diagnosis_figure, to_bytes
 

@@ -7,12 +7,15 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import write_bytes, write_text
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
 
 
 class Progress:
@@ -106,6 +109,15 @@ def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
         return units.parse(text, dimension)
     except ValueError as problem:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
+
+
+def rounded(effect: Effect) -> Effect:
+    """Effect with its sizes as a person would write them, far finer than any interval."""
+    values = []
+    for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True):
+        size = f"{units.to_display(value, parameter.dimension):.6g} {units.DISPLAY_UNITS[parameter.dimension]}"
+        values.append(units.parse(size, parameter.dimension))
+    return replace(effect, values=tuple(values))
 
 
 def say_replaced(path: str | Path) -> None:

@@ -16,9 +16,9 @@ from types import MappingProxyType
 
 from rverror.geartrain import coupling, crank, cycloid, involute, thermal
 from rverror.geartrain.source import Source
-from rverror.model import empirical, load, sensor, shaft
+from rverror.model import compensation, empirical, load, sensor, shaft
 
-_FILES = (involute, crank, cycloid, coupling, thermal, load, sensor, shaft, empirical)
+_FILES = (involute, crank, cycloid, coupling, thermal, load, sensor, shaft, empirical, compensation)
 
 _OWN: Mapping[str, Source] = MappingProxyType({entry.key: entry for file in _FILES for entry in file.SOURCES})
 _ADDED: ContextVar[Mapping[str, Source]] = ContextVar("sources added by `extended`", default=MappingProxyType({}))

@@ -20,6 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
@@ -577,6 +578,30 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             residual_after=(joined(trace.residual[1] for trace in traces), signal),
         ),
     }
+
+
+@_table.register
+def _of_compensation(result: Compensation) -> Table:
+    stages = (result.before, result.after)
+    sizes = (result.unseen, ANGLE)
+    variables = {
+        **_along(
+            "order",
+            **_fields(result.orders, NUMBER, "order"),
+            **_fields(result.orders, ANGLE, "amplitude", "left"),
+            law=[one.law for one in result.orders],
+            frames=["; ".join(one.frames) for one in result.orders],
+        ),
+        **_along("stage", stage=["before", "after"], **_fields(stages, ANGLE, "rms", "low", "high")),
+        **_along("unseen", "unseen_", file=[one.file for one in result.unseen], **_fields(*sizes, "before", "after")),
+    }
+    about = {
+        "model": _name(result.model),
+        "index": result.index,
+        "stays": "\n".join(result.stays),
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Compensation", "order", variables, about)
 
 
 @_table.register

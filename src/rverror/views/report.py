@@ -11,6 +11,7 @@ from functools import singledispatch
 from typing import Any
 
 from rverror.base.errors import InputError
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
@@ -19,6 +20,7 @@ from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import ContactCorrection
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
+from rverror.views.compensation_report import compensation_html, compensation_json
 from rverror.views.contact_report import contact_json, contact_text
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
 from rverror.views.dynamics_report import modes_json, speeds_json
@@ -36,9 +38,9 @@ def to_text(result: Any, /, **options: Any) -> str:
     Parameters
     ----------
     result
-        A Diagnosis, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison, Equilibrium,
-        TorsionCurve, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack
-        or Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
+        A Diagnosis, Compensation, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison,
+        Equilibrium, TorsionCurve, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run,
+        OrderTable, Stack or Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
         a Comparison how many orders are told, `most`.
@@ -132,7 +134,7 @@ def to_html(result: Any, /, **options: Any) -> str:
     result
         Whatever `to_text` takes.
     **options
-        A Diagnosis takes its `files`.
+        A Diagnosis takes its `files`; so does a Compensation, and the `table` that was written of it.
 
     Returns
     -------
@@ -169,5 +171,7 @@ for _kind, _text, _json in (
     to_text.register(_kind, _text)
     to_json.register(_kind, _json)
 to_html.register(Diagnosis, diagnosis_html)
+to_html.register(Compensation, compensation_html)
+to_json.register(Compensation, compensation_json)
 to_json.register(Modes, modes_json)
 to_json.register(SpeedResponse, speeds_json)

@@ -20,6 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import at_input_speed, brief, count_of, way, with_unit
 from rverror.base.text import describe, joined
 from rverror.base.units import ARCSEC
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
@@ -636,6 +637,43 @@ def _about_added(thing: Diagnosis) -> Iterable[str]:
             others = ", ".join(describe(key, indices) for key, indices in added.indistinguishable)
             yield f"These runs cannot tell {name} from: {others}"
         yield from (f"{name}: {note}" for note in added.notes)
+
+
+@sheet.register
+def _of_compensation(thing: Compensation) -> Sheet:
+    stages, _ = _shown(thing, "stage")
+    orders, _ = _shown(thing, "order")
+    unseen, _ = _shown(thing, "unseen")
+    verdict = f"{count_of(len(thing.orders), 'order')} compensated" if thing.worth else "nothing to compensate"
+    return (
+        *_title("Compensation", thing.model.name or thing.model.mechanism.name),
+        Sentence(verdict),
+        *_beside(
+            {
+                "error of data left out, arcsec": ["without", "with"],
+                "rms": stages["rms"],
+                "one more, 95 %": _intervals(stages["low"], stages["high"]),
+            }
+        ),
+        *_beside(
+            {
+                "seen by no fit, rms, arcsec": unseen["file"],
+                "without": unseen["before"],
+                "with": unseen["after"],
+            }
+        ),
+        *_beside(
+            {
+                "order": orders["order"],
+                "amplitude, arcsec": orders["amplitude"],
+                "left, arcsec": orders["left"],
+                "over direction and condition": orders["law"],
+                "fits": orders["frames"],
+            }
+        ),
+        *(Sentence(f"Stays: {text}") for text in thing.stays),
+        *_notes(thing.notes),
+    )
 
 
 def _contributions(thing: Budget | ErrorBudget) -> Sheet:

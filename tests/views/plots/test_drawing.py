@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
+from every_kind import compensation
 from pages import DOCS
 from rverror import (
     Bench,
@@ -390,6 +391,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "bare order table": orders_from_arrays(
             direction=[1, -1, -1], order=[39, 39, 1], cos=[1e-5, 1e-6, 3e-6], sin=[0, 0, 1e-5]
         ),
+        "compensation": compensation(),
         "diagnosis": found,
         "nothing added": replace(found, added=(), candidates=()),
         "torque ripple": replace(found, traces=ripple, quantity="torque"),
@@ -416,7 +418,7 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 NAMES = (
     "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "modes", "speeds", "run-up",
-    "run", "torque run", "order table", "bare order table", "diagnosis",
+    "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
 
@@ -427,6 +429,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
 FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run", "order table",
+           "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 

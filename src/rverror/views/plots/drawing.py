@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
@@ -29,6 +30,7 @@ from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.views.plots.budgets import contributions, costs, distribution, envelope, front_of, widths
+from rverror.views.plots.compensated import compensated_orders, compensated_waveform
 from rverror.views.plots.diagnosed import (
     candidates,
     diagnosis_figure,
@@ -105,6 +107,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
             "resonances": resonance_plot,
             "order_map": diagnosis_map,
         },
+        Compensation: {"orders": compensated_orders, "waveform": compensated_waveform},
         Budget: {"contributions": contributions, "envelope": envelope},
         ErrorBudget: {"contributions": contributions, "distribution": distribution, "envelope": envelope},
         VirtualUnits: {"distribution": distribution},

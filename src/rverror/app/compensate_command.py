@@ -1,0 +1,151 @@
+"""Command that writes a table for a controller: compensate."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from rverror.app import read_command
+from rverror.app.terminal import (
+    Progress,
+    check_outputs,
+    given_twice,
+    quantity,
+    rounded,
+    say_replaced,
+    tell,
+    write_json,
+    write_output,
+    write_picture,
+)
+from rverror.base.errors import InputError
+from rverror.base.numbers import with_unit
+from rverror.base.text import check_name
+from rverror.compensation.making import compensate
+from rverror.compensation.outcome import Compensation
+from rverror.compensation.over_conditions import LEAST_CONDITIONS
+from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_told
+from rverror.diagnosis.loop import diagnose
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.compensation import WAVE
+from rverror.model.effects import Model
+from rverror.model.model_file import append_effects, load_model
+from rverror.runs.measurement import Run, load_run
+from rverror.runs.order_table import OrderTable
+from rverror.views.envelope import input_files
+from rverror.views.report import to_html, to_json, to_text
+
+
+def add_commands(commands: Any) -> None:
+    """Add the command to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    """
+    command = commands.add_parser("compensate", help="write a table that takes off what repeats, for a controller")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("runs", nargs="+", metavar="RUN.csv")
+    command.add_argument("-o", "--output", required=True, metavar="TABLE", help="table to write")
+    command.add_argument("--format", choices=FORMATS, default="csv", help="of the table (default csv)")
+    command.add_argument(
+        "--torque", action="append", metavar='"20 N*m"', help="load of the table; of json, again for more"
+    )
+    read_command.add_mapping(command)
+    command.add_argument(
+        "--validate", nargs="+", default=[], metavar="FILE", help="runs or tables that no fit sees: before and after"
+    )
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
+    command.add_argument("--plot", metavar="OUT.png", help="write the error before and after")
+    command.add_argument("--save", metavar="NEW.toml", help="write the model of the compensated unit")
+    command.add_argument("--force", action="store_true", help="replace a table that exists")
+    command.set_defaults(run=_compensate)
+
+
+def _compensate(options: argparse.Namespace) -> None:
+    inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
+    check_outputs([options.output, options.json, options.report, options.plot, options.save], inputs)
+    if os.path.exists(options.output) and not options.force:
+        raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
+    if (twice := given_twice([*options.runs, *options.validate])) is not None:
+        raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
+    for path in inputs:
+        check_name(path)
+    torques = [quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()]
+    if len(torques) > 1 and options.format != "json":
+        raise InputError(
+            f"--torque: a {options.format} table has one load, {len(torques)} are given; use --format json"
+        )
+    model = load_model(options.model)
+    if options.save and any(effect.key == WAVE.key for effect in model.effects):
+        raise InputError(
+            f"{options.model}: it has a table already, which the new one replaces; remove its {WAVE.key} for --save"
+        )
+    mapping = read_command.given_mapping(options.mapping)
+    runs = [load_run(path, model, mapping) for path in options.runs]
+    unseen = [load_run(path, model, mapping) for path in options.validate]
+    figure = _figure_maker() if options.plot else None
+    made = compensate(_with_causes(model, runs, unseen, torques), runs, torques=torques, unseen=unseen)
+    print(to_text(made), end="")
+    table = _written(made, options, torques)
+    files = input_files(inputs)
+    if options.json:
+        write_json(options.json, to_json(made, files=files, table=table))
+    if figure is not None and made.worth:
+        write_picture(options.plot, figure(made))
+    if options.report:
+        write_output(options.report, to_html(made, files=files, table=table))
+    if options.save and table is not None:
+        say_replaced(options.save)
+        effects = [rounded(effect) for effect in made.correction.effects(table.torque)]
+        append_effects(options.model, options.save, effects, overwrite=True)
+
+
+def _figure_maker() -> Any:
+    """Check that plots can be made before the work starts."""
+    from rverror.views.plots.compensated import compensation_figure
+    from rverror.views.plots.figure import new_figure
+
+    new_figure(1)  # raises without matplotlib
+    return compensation_figure
+
+
+def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[float]) -> WrittenTable | None:
+    """The table, where there is one."""
+    if not made.worth:
+        tell(f"{options.output}: not written, nothing survives on data left out")
+        return None
+    table = save_compensation(
+        options.output, made, format=options.format, torque=torques[0] if torques else None, overwrite=options.force
+    )
+    for line in table_told(table):
+        print(f"  {line}")
+    tell(f"wrote {options.output}")
+    return table
+
+
+def _with_causes(
+    model: Model, runs: Sequence[Run | OrderTable], unseen: Sequence[Run | OrderTable], torques: Sequence[float]
+) -> Model:
+    """The model, with causes looked for where a load is asked for of which orders alone say nothing."""
+    measured, asked = _loads(runs), [*_loads(unseen), *torques]
+    new = sorted({load for load in asked if load not in measured})
+    if len(measured) >= LEAST_CONDITIONS:
+        new = [load for load in new if not min(measured) <= load <= max(measured)]
+    if not new or not measured or not isinstance(model.mechanism, Reducer):
+        return model
+    tell(f"no run at {', '.join(with_unit(load, 'torque') for load in new)}: looking for causes, which foretell loads")
+    with closing(Progress()) as progress:
+        return diagnose(model, runs, progress=progress).model
+
+
+def _loads(runs: Sequence[Run | OrderTable]) -> set[float]:
+    loads = [one.torque for one in runs if isinstance(one, Run)]
+    loads += [case.condition.torque for one in runs if isinstance(one, OrderTable) for case in one.cases]
+    return {float(np.float64(load)) for load in loads if load is not None}

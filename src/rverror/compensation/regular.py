@@ -1,0 +1,509 @@
+"""What repeats in a run: orders that stand out of the noise and foretell stretches that were left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array
+from rverror.base.chance import student
+from rverror.base.errors import InputError
+from rverror.base.numbers import way
+from rverror.base.units import ARCSEC
+from rverror.geartrain.kinematics import Conditions, folded_order, fundamental_orders
+from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.model.effects import Model
+from rverror.runs.faults import find_faults
+from rverror.runs.measurement import Run
+from rverror.runs.order_table import TableCondition, Waves
+
+Labels = npt.NDArray[np.intp]
+
+_TURN = 2 * math.pi
+#: White noise that every reading has, and an amplitude below which no table needs an order: what is calculated has no
+#: noise that would set a bound.
+_FLOOR = 0.001 * ARCSEC
+#: Chance that any order of a run stands out where all is noise.
+CHANCE = 0.01
+#: Stretches into which a run is cut that holds no two turns and passes no angle thrice.
+_STRETCHES = 6
+_PIECES = 60  # of a turn, every sixth of which is left out together
+#: Passes over the same angles in one direction from which on slow things are regular too.
+_PASSES = 3
+#: Degree of what is slow and left out of account over turns: a drift that settles; and over less than a turn at most,
+#: where the slowest order leaves room for it: of a wave of order 1 it leaves 1.4e-4.
+_DRIFT = 3
+_SLOW = 9
+#: Half the orders beside one by whose median the noise is told, and degrees of freedom for each of them: the median of
+#: exponential variables is as good as 0.48 of as many.
+_BESIDE = 25
+_FEWEST_BESIDE = 6
+_WORTH = 0.96
+_SAMPLED = 0.95  # of the Nyquist order
+_APART = 0.25  # of a wave over a travel that is passed again and again
+_LEAST_CYCLES = 2.0  # of a wave over a travel of less than a turn
+_MULTIPLES = 30
+_FEW_MULTIPLES = 8  # where every one is tried
+_EXTENSION = 4  # slow waves over a travel that is passed again and again
+_ROUNDS = 4
+_EXPECTED = 50  # steps of expectation and maximisation
+_RIDGE = 1e-12  # slow waves over a part of a turn are all but one another
+_LEAKS = 0.1  # of the strongest order of a round: below, it may be spilled by it
+_MESHES = 3  # multiples of a mesh order that fold
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedRun:
+    """One run, or all passes of one run in one direction.
+
+    Attributes
+    ----------
+    name : str
+    condition : TableCondition
+    theta, measured : ndarray, shape (n,)
+        Nominal output angle and transmission error less what no table can take, rad.
+    error : ndarray, shape (n,)
+        Transmission error less all that the model foretells, rad.
+    block : ndarray of int, shape (n,)
+        Stretch of samples that is left out together.
+    turns : float
+        Output turns between the smallest and the largest angle.
+    passed : bool
+        Whether the same angles are passed several times.
+    slowest : float
+        Lowest order that may repeat.
+    """
+
+    name: str
+    condition: TableCondition
+    theta: Array
+    measured: Array
+    error: Array
+    block: Labels
+    turns: float
+    passed: bool
+    slowest: float = 1.0
+
+    @property
+    def whole(self) -> bool:
+        """Whether it holds a whole turn, so that every whole order is one of its own."""
+        return self.turns >= 1 - 1e-9
+
+    def slow(self) -> Array:
+        """What has any size in it, shape (n, k): the offset, and a drift or bow where angle and time go together."""
+        if self.whole:
+            degree = _DRIFT if self.turns >= 2 - 1e-9 else 0
+        else:
+            degree = 0 if self.passed else min(int(self.slowest * self.turns), _SLOW)
+        middle, half = (self.theta.max() + self.theta.min()) / 2, max(float(np.ptp(self.theta)) / 2, 1e-300)
+        return np.asarray(np.polynomial.legendre.legvander((self.theta - middle) / half, degree))
+
+
+@dataclass(frozen=True, eq=False)
+class Regular:
+    """Orders of a record that survive, and how well they foretell what was left out.
+
+    Attributes
+    ----------
+    record : DirectedRun
+    orders : ndarray, shape (k,)
+    waves : ndarray of complex, shape (k,)
+        rad.
+    gains : ndarray, shape (blocks, k)
+        What each takes off the mean squared error of each stretch left out, rad^2.
+    before, after : ndarray, shape (blocks,)
+        Mean squared error of each stretch as measured and with what the others foretell, rad^2.
+    left : ndarray, shape (n,)
+        Residual of every sample with waves from the other stretches, rad.
+    """
+
+    record: DirectedRun
+    orders: Array
+    waves: Waves
+    gains: Array
+    before: Array
+    after: Array
+    left: Array
+
+    def between(self) -> tuple[float, float] | None:
+        """Order and amplitude, rad, of the strongest line between whole orders, where it stands out of the noise.
+
+        Of two turns and more, where every order between is noise unless something turns at it.
+        """
+        record = self.record
+        if record.turns < 2 - 1e-9:
+            return None
+        turns = math.floor(record.turns + 1e-6)
+        lines = _even_lines(record, self.left, turns)
+        every = np.arange(1, lines.size + 1) / turns
+        apart = np.flatnonzero(np.abs(every - np.round(every)) * turns > 0.5)
+        best = apart[np.argmax(lines[apart])]
+        near = lines[apart][max(np.searchsorted(apart, best) - _BESIDE, 0) :][: 2 * _BESIDE]
+        freedom = _WORTH * near.size
+        ratio = lines[best] / max(float(np.median(near)) / math.log(2), 1e-300)
+        if (1 + 2 * ratio / freedom) ** (-freedom / 2) > CHANCE / apart.size:
+            return None
+        fine = every[best] + np.linspace(-1, 1, 101) / turns
+        power = _projected(record.theta, self.left, fine)
+        return float(fine[np.argmax(power)]), math.sqrt(float(power.max()))
+
+    def lines(self, order: float) -> list[float]:
+        """Amplitude of an order in the residual of each stretch, noise included, rad."""
+        turning = self.left * np.exp(-1j * order * self.record.theta)
+        return [2 * abs(turning[own].mean()) for n in np.unique(self.record.block) for own in [self.record.block == n]]
+
+
+#: What a model makes of the error under conditions, and what of that no table can take, rad.
+Foretells = Callable[[Conditions, TableCondition], tuple[Array, Array]]
+
+
+def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -> list[DirectedRun]:
+    """One for each direction of a run.
+
+    Parameters
+    ----------
+    run : Run
+    model : Model
+    foretells : callable
+        What a model makes of the error, and what of that no table can take, rad.
+    notes : list of str
+        What was set aside is added.
+
+    Raises
+    ------
+    InputError
+        If the run holds no error, or more of it is wrong than can be left out.
+    """
+    name = run.path or "the run"
+    theta, error = run.nominal_angle(model), run.error(model)
+    run.check_effects(model, name)
+    found = []
+    step = float(np.ptp(theta)) / max(np.unique(theta).size - 1, 1)
+    turns = (float(np.ptp(theta)) + step) / _TURN
+    for sense in np.unique(run.direction):
+        passes = [part for part in _passes(run.direction) if run.direction[part.start] == sense]
+        longest = max(float(np.ptp(theta[part])) for part in passes)
+        passes = [part for part in passes if np.ptp(theta[part]) > 0.5 * longest]
+        at = np.concatenate([np.arange(part.start, part.stop) for part in passes])
+        if len(passes) == 1:
+            try:
+                faults = find_faults(theta[at], error[at])
+            except ValueError as problem:
+                raise InputError(f"{name}: {problem}") from problem
+            notes += [f"{name}: {note}" for note in faults.notes()]
+            at = at[faults.kept]
+        condition = condition_of(run, theta, float(sense), abs(model.mechanism.ratio))
+        if 1 - 1e-9 <= turns < 2 - 1e-9 and len(passes) == 1:
+            notes.append(f"{name}: less than two turns, so that nothing shows the next one to be alike")
+        where = replace(
+            run.conditions(model),
+            theta=theta[at],
+            direction=float(sense),
+            time=None if run.time is None else run.time[at],
+        )
+        every, untouched = foretells(where, condition)
+        label = np.concatenate([np.full(part.stop - part.start, n) for n, part in enumerate(passes)])
+        label = label if len(passes) > 1 else np.zeros(at.size, dtype=np.intp)
+        found.append(
+            DirectedRun(
+                name=f"{name}, {way(float(sense))}" if np.unique(run.direction).size > 1 else name,
+                condition=condition,
+                theta=theta[at],
+                measured=error[at] - untouched,
+                error=error[at] - every,
+                block=_blocks(theta[at], label, turns, passes=len(passes)),
+                turns=turns,
+                passed=turns >= 2 or len(passes) >= _PASSES,
+            )
+        )
+    return found
+
+
+def condition_of(run: Run, theta: Array, sense: float, ratio: float) -> TableCondition:
+    """Under what a run was measured in one direction; its speed where it has time and turns once that way.
+
+    Parameters
+    ----------
+    run : Run
+    theta : ndarray, shape (n,)
+        Its nominal output angles, rad.
+    sense : float
+    ratio : float
+        Size of it.
+    """
+    speed, own = None, [part for part in _passes(run.direction) if run.direction[part.start] == sense]
+    if run.time is not None and len(own) == 1:
+        way, lasted = float(np.ptp(theta[own[0]])), float(np.ptp(run.time[own[0]]))
+        speed = float(f"{ratio * way / lasted:.2g}") if lasted else None  # that of two runs differs in its digits
+    return TableCondition(direction=sense, torque=run.torque, input_speed=speed, temperature=run.temperature)
+
+
+def _passes(direction: Array) -> list[slice]:
+    """Stretches in one direction."""
+    ends = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), direction.size]
+    return [slice(first, last) for first, last in pairwise(ends)]
+
+
+def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels:
+    """Turns; else passes; else even stretches of the travel, of a turn many short ones by turns.
+
+    Over a turn without a sixth of it orders that are neighbours could not be told apart.
+    """
+    ahead = theta - theta.min()
+    if turns >= 2 - 1e-9:
+        count = math.floor(turns + 1e-6)
+        return np.asarray(np.minimum(np.floor(ahead / _TURN), count - 1), dtype=np.intp)
+    if passes >= _PASSES:
+        return label
+    share = ahead / (float(np.ptp(theta)) * (1 + 1e-9))
+    if turns >= 1 - 1e-9:
+        return np.asarray(np.floor(share * _PIECES) % _STRETCHES, dtype=np.intp)
+    return np.asarray(np.floor(share * _STRETCHES), dtype=np.intp)
+
+
+def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tuple[float, ...]]:
+    """Orders that may repeat, growing, and the folded ones that are left out.
+
+    Whole orders where the run holds a turn, and multiples of what turns in the mechanism; over a part of a turn the
+    latter alone, and slow waves where it is passed several times.
+    """
+    samples = np.unique(np.round(record.theta, 9)).size / record.turns
+    passes = np.unique(record.block).size if record.passed and record.turns < 1 else 1
+    highest = _SAMPLED * samples / passes / 2
+    if isinstance(mechanism, Reducer):
+        turning = fundamental_orders(mechanism)
+        bases = [*(turning[name] for name in ("housing", "crank", "sun")), abs(mechanism.ratio)]
+        meshes = [turning["gear mesh"], turning["cycloid mesh"]]
+    else:
+        bases, meshes = [abs(mechanism.ratio), *(abs(turns) for turns in mechanism.shafts.values())], []
+    least = 0.0 if record.whole else _LEAST_CYCLES / record.turns
+    moving = [base * m for base in bases for m in range(1, _MULTIPLES + 1) if least <= base * m]
+    listed = [float(k) for k in range(1, int(highest) + 1)] if record.whole else []
+    if record.passed and not record.whole:
+        listed = sorted({base * m for base in bases for m in range(1, _FEW_MULTIPLES + 1)})
+        slow = [j / (2 * record.turns) for j in range(1, _EXTENSION + 1)]
+        # two waves that go together over the travel would cancel each other, each of any size
+        listed += [k for k in slow if all(abs(k - other) * record.turns > _APART for other in listed)]
+        moving = []
+    for order in sorted(set(moving)):
+        if all(abs(order - other) * record.turns > 0.5 for other in listed):
+            listed.append(order)
+    folded = tuple(
+        folded_order(mesh * m, samples) for mesh in meshes for m in range(1, _MESHES + 1) if mesh * m > samples / 2
+    )
+    kept = [k for k in listed if k <= highest and all(abs(k - image) > 0.5 for image in folded)]
+    return np.array(sorted(kept)), folded
+
+
+def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -> Regular:
+    """Orders of a record that stand out of the noise and foretell stretches that were left out.
+
+    Parameters
+    ----------
+    record : DirectedRun
+    candidates : ndarray, shape (m,)
+    chance : float
+        That any candidate stands out of noise alone.
+
+    Returns
+    -------
+    Regular
+    """
+    pick = _standing_out if record.whole or not record.passed else _foretelling
+    orders = pick(record, candidates, chance) if candidates.size else candidates
+    while True:
+        found = at_orders(record, orders)
+        good = (found.gains.sum(axis=0) > 0) & (np.abs(found.waves) > _FLOOR)
+        if good.all():
+            return found
+        orders = orders[good]
+
+
+def _standing_out(record: DirectedRun, candidates: Array, chance: float) -> Array:
+    """Orders that are more likely to help than not, once one stands out beyond chance; each round beside those before.
+
+    Taken whole, a wave lowers the expected squared error where more than half of it is expected to be there.
+    """
+    chosen = np.zeros(0)
+    for _ in range(_ROUNDS):
+        sizes, left = _left(record, chosen)
+        power, noise, freedom = _power(record, left, candidates)
+        taken = np.isin(candidates, chosen)
+        power[taken] = sizes
+        # of noise as much power has the chance exp(-rarity): an F of 2 and so many degrees of freedom
+        rarity = freedom / 2 * np.log1p(2 * power / noise / freedom)
+        if not chosen.size and rarity.max() < math.log(candidates.size / chance):
+            break
+        loud = ~taken & (_share(rarity) > 0.5) & (power > _FLOOR**2)
+        if not loud.any():
+            break
+        if not record.whole:  # over a part of a turn the strong spill over the weak, and neighbours are one line
+            loud &= power > _LEAKS * power[loud].max()
+            for n in np.flatnonzero(loud).tolist():
+                near = (np.abs(candidates - candidates[n]) * record.turns < 1) & ~taken
+                loud[n] = power[n] >= power[near].max()
+        chosen = np.union1d(chosen, candidates[loud])
+    return chosen
+
+
+def _share(ratio: Array) -> Array:
+    """Share of each wave that is expected to be there, from its power over that of known noise, of all orders together.
+
+    Waves that are there are taken as normal, of several scales r over the noise; how many of each, by expectation and
+    maximisation from all orders.  Under scale r a ratio x has the density exp(-x / (1 + r)) / (1 + r), and r / (1 + r)
+    of the wave is expected.
+    """
+    most = max(float(ratio.max()), 4.0)
+    scales = np.concatenate([[0.0], 4.0 ** np.arange(math.ceil(math.log(most, 4)) + 1)])
+    logs = -ratio[:, None] / (1 + scales) - np.log1p(scales)
+    density = np.exp(logs - logs.max(axis=1, keepdims=True))
+    weights = np.full(scales.size, 1 / scales.size)
+    for _ in range(_EXPECTED):
+        own = density * weights
+        own /= own.sum(axis=1, keepdims=True)
+        weights = own.mean(axis=0)
+    return np.asarray(own @ (scales / (1 + scales)))
+
+
+def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array:
+    """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
+
+    The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a
+    line spectrum of its own, and no order between shows the noise; what differs between passes does.
+    """
+    chosen = np.zeros(0)
+    last = at_orders(record, chosen).after
+    level = student(chance / candidates.size, max(np.unique(record.block).size - 1, 1))
+    while chosen.size < candidates.size:
+        trials = [(at_orders(record, np.union1d(chosen, [k])), k) for k in np.setdiff1d(candidates, chosen).tolist()]
+        best, order = min(trials, key=lambda trial: float(trial[0].after.sum()))
+        gain = last - best.after
+        if gain.mean() <= level * gain.std(ddof=1) / math.sqrt(gain.size):
+            break
+        chosen, last, level = np.union1d(chosen, [order]), best.after, 1.0
+    return chosen
+
+
+def _left(record: DirectedRun, orders: Array) -> tuple[Array, Array]:
+    """Squared amplitude of given orders, and what they leave."""
+    base = _base(record, orders)
+    square = base.T @ base
+    sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), base.T @ record.error)
+    waves = sizes[base.shape[1] - 2 * orders.size :].reshape(2, -1)
+    return (waves**2).sum(axis=0), record.error - base @ sizes
+
+
+def _base(record: DirectedRun, orders: Array) -> Array:
+    phase = record.theta[:, None] * orders
+    return np.hstack([record.slow(), np.cos(phase), np.sin(phase)])
+
+
+def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Array, Array]:
+    """Squared amplitude at given orders, what noise alone has there, and degrees of freedom of the latter.
+
+    Noise is the median over the orders beside it that the travel tells apart, where those between whole turns alone:
+    the power of noise has an exponential law, whose mean is the median over log 2.
+    """
+    if record.whole:
+        turns = math.floor(record.turns + 1e-6)
+        lines = _even_lines(record, left, turns)
+        every = np.arange(1, lines.size + 1) / turns
+        between = np.abs(every - np.round(every)) * turns > 0.5 if turns > 1 else np.ones(every.size, dtype=bool)
+    else:
+        count = int(orders.max() * record.turns) + _BESIDE
+        every = np.arange(1, count + 1) / record.turns
+        lines = _projected(record.theta, left, every)
+        between = np.ones(every.size, dtype=bool)
+    if record.whole and np.array_equal(orders, np.round(orders)):
+        power = lines[np.round(orders * turns).astype(np.intp) - 1]
+    else:
+        power = _projected(record.theta, left, orders)
+    beside, where = lines[between], every[between]
+    middle = np.searchsorted(where, orders)
+    noise, freedom = np.empty(orders.size), np.empty(orders.size)
+    for n, at in enumerate(middle.tolist()):
+        # a narrower span at low orders keeps the noise's colour; over a part of a turn strong orders spill into it
+        half = min(max(at // 4, _FEWEST_BESIDE), _BESIDE) if record.whole else _BESIDE
+        near = beside[max(at - half, 0) : at + half]
+        noise[n] = max(float(np.median(near)) / math.log(2), 4 * _FLOOR**2 / record.theta.size)
+        freedom[n] = max(_WORTH * near.size, 2.0)
+    return power, noise, freedom
+
+
+def _even_lines(record: DirectedRun, left: Array, turns: int) -> Array:
+    """Squared amplitudes of the orders 1/turns, 2/turns, ... over whole turns, from even angles."""
+    rank = np.argsort(record.theta, kind="stable")
+    angle = record.theta[rank]
+    count = round(angle.size * turns / record.turns)
+    even = angle[0] + turns * _TURN * np.arange(count) / count
+    lines = np.fft.rfft(np.interp(even, angle, left[rank]))[1 : (count + 1) // 2]
+    return np.asarray(np.abs(2 * lines / count) ** 2)
+
+
+def _projected(theta: Array, left: Array, orders: Array) -> Array:
+    return np.array([abs(2 / theta.size * complex(left @ np.exp(-1j * k * theta))) ** 2 for k in orders.tolist()])
+
+
+def at_orders(record: DirectedRun, orders: Array) -> Regular:
+    """Waves of given orders, and what those of all stretches but one foretell of that one, for each.
+
+    Parameters
+    ----------
+    record : DirectedRun
+    orders : ndarray, shape (k,)
+
+    Returns
+    -------
+    Regular
+    """
+    base = _base(record, orders)
+    slow = base.shape[1] - 2 * orders.size
+    wave = base[:, slow:]
+    labels = np.unique(record.block)
+    whole = base.T @ base
+    whole += _RIDGE * np.diag(np.diag(whole))
+    sizes = np.linalg.solve(whole, base.T @ np.stack([record.error, record.measured], axis=1))
+    # what is slow is found beside the waves of all stretches: those of one alone could not tell order 1 from it
+    error, measured = (
+        record.error - base[:, :slow] @ sizes[:slow, 0],
+        record.measured - base[:, :slow] @ sizes[:slow, 1],
+    )
+    before, after, left = np.zeros(labels.size), np.zeros(labels.size), np.zeros(error.size)
+    gains = np.zeros((labels.size, orders.size))
+    squares, right = whole[slow:, slow:], wave.T @ error
+    keep = not record.passed  # of stretches of one pass the offset is that of the run
+    for n, label in enumerate(labels.tolist()):
+        own = record.block == label
+        part = wave[own]
+        others = np.linalg.solve(squares - part.T @ part, right - part.T @ error[own])
+        rest, raw = error[own] - part @ others, measured[own]
+        rest, raw = (rest, raw) if keep else (rest - rest.mean(), raw - raw.mean())
+        left[own] = rest
+        before[n], after[n] = np.mean(raw**2), np.mean(rest**2)
+        each = part * others
+        each = each[:, : orders.size] + each[:, orders.size :]
+        # squared error without each order less that with it
+        gains[n] = (2 * (rest @ each) + (each**2).sum(axis=0)) / rest.size
+    found = sizes[slow:, 0]
+    return Regular(record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left)
+
+
+def merged(records: Sequence[Regular]) -> list[Regular]:
+    """One result for each condition: of several runs under one condition the mean wave of each order."""
+    by: dict[TableCondition, list[Regular]] = {}
+    for one in records:
+        by.setdefault(one.record.condition, []).append(one)
+    found = []
+    for group in by.values():
+        orders = np.unique(np.concatenate([one.orders for one in group]))
+        weight = np.array([float(one.record.theta.size) for one in group])
+        rows = np.zeros((len(group), orders.size), dtype=np.complex128)
+        for row, one in zip(rows, group, strict=True):
+            row[np.searchsorted(orders, one.orders)] = one.waves
+        found.append(replace(group[0], orders=orders, waves=(weight @ rows) / weight.sum()))
+    return found

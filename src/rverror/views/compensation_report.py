@@ -1,0 +1,103 @@
+"""A compensation for programs and as a page: orders, error before and after, what stays, data that no fit saw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.numbers import in_arcsec
+from rverror.base.text import file_name
+from rverror.base.units import ARCSEC
+from rverror.compensation.outcome import Compensation, HeldError
+from rverror.compensation.table_files import WrittenTable, correction_json, table_told
+from rverror.views.envelope import InputFile, enveloped
+from rverror.views.html import document, escaped
+from rverror.views.notebook import page
+from rverror.views.svg import waveforms
+
+_WIDTH = 720
+_MOST_PICTURES = 4
+
+
+def compensation_json(
+    made: Compensation, *, files: Sequence[InputFile] = (), table: WrittenTable | None = None
+) -> dict[str, Any]:
+    """Compensation as plain data for `json.dump`; `table` is what was written of it, None where nothing was."""
+    return enveloped(
+        "Compensation",
+        {
+            "worth": made.worth,
+            "before": _held(made.before),
+            "after": _held(made.after),
+            "orders": [
+                {
+                    "order": one.order,
+                    "frames": list(one.frames),
+                    "amplitude_arcsec": in_arcsec(one.amplitude),
+                    "left_arcsec": None if math.isnan(one.left) else in_arcsec(one.left),
+                    "law": one.law,
+                }
+                for one in made.orders
+            ],
+            "stays": list(made.stays),
+            "notes": list(made.notes),
+            "validation": [
+                {
+                    "file": one.file,
+                    "before": {"rms_arcsec": in_arcsec(one.before)},
+                    "after": {"rms_arcsec": in_arcsec(one.after)},
+                }
+                for one in made.unseen
+            ],
+            "table": None if table is None else _table(table),
+            "correction": correction_json(made.correction, made.index),
+        },
+        files,
+    )
+
+
+def compensation_html(made: Compensation, *, files: Sequence[InputFile] = (), table: WrittenTable | None = None) -> str:
+    """Compensation as one HTML page that needs nothing else, with the error of runs before and after."""
+    parts = [page(made)]
+    if table is not None:
+        parts.append("".join(f"<p>{escaped(line)}</p>" for line in table_told(table)))
+    shown = sorted(made.traces, key=lambda trace: not trace.unseen)[:_MOST_PICTURES]
+    for trace in shown:
+        name = f"{file_name(trace.name) or 'run'}, {'seen by no fit' if trace.unseen else 'stretches left out'}"
+        rank = np.argsort(trace.theta, kind="stable")
+        before, after = (values[rank] / ARCSEC for values in (trace.before, trace.after))
+        drawn = waveforms(
+            [(f"{name}: error, arcsec", [("before", before), ("after", after)])],
+            np.degrees(trace.theta[rank]),
+            width=_WIDTH,
+            title=f"error before and after, {name}",
+        )
+        parts.append(f"<figure>{drawn}</figure>")
+    parts += [f"<p>{escaped(file.path)}, SHA-256 {file.sha256}</p>" for file in files]
+    return document("rverror: compensation", "\n".join(parts))
+
+
+def _held(one: HeldError) -> dict[str, float | None]:
+    return {
+        "heldout_rms_arcsec": in_arcsec(one.rms),
+        "low": None if math.isnan(one.low) else in_arcsec(one.low),
+        "high": None if math.isnan(one.high) else in_arcsec(one.high),
+    }
+
+
+def _table(table: WrittenTable) -> dict[str, Any]:
+    return {
+        "format": table.format,
+        "output_torque_newton_metre": None if table.torque is None else units.to_display(table.torque, "torque"),
+        "points": table.points or None,
+        "expected_rms_arcsec": in_arcsec(table.expected),
+        "between_points_rms_arcsec": in_arcsec(table.between),
+        "waves_rms_arcsec": in_arcsec(table.waves),
+        "slipped_by_one_degree_rms_arcsec": in_arcsec(table.slipped),
+        "of_itself_arcsec": in_arcsec(table.of_itself),
+        "orders_left_out": list(table.left_out),
+    }
