@@ -191,10 +191,11 @@ family("load", "thermal")
 # Order 1 comes from outside the gear train: an encoder or a coupling off its axis. An error of the input encoder is
 # divided by the ratio, 121. What grows along a run has no order. An index offset turns the waveform of the other
 # errors and leaves nothing by itself; a delay between the encoders is lost motion. `empirical.order` writes down an
-# order that was measured, in any frame, and explains nothing.
+# order that was measured, in any frame, and explains nothing; `compensation.wave` is one of a table that a controller
+# adds to the command.
 
 # %%
-family("sensor", "empirical")
+family("sensor", "empirical", "compensation")
 
 # %% [markdown]
 # ## What a load changes

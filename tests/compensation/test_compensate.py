@@ -111,7 +111,13 @@ def test_a_reducer_of_ratio_81_at_a_temperature_that_no_fit_saw() -> None:
         rverror.load_run(recording("rv-81to1", name))
         for name in ("loads-100rpm-25degC.csv", "loads-100rpm-30degC.csv", "speeds-forward-25degC.csv")
     )
-    made = rverror.compensate(model, [fitted], unseen=[warm, fast])
+    rpm = np.pi / 30
+    to_400, to_1000 = (
+        replace(fast, cases=tuple(case for case in fast.cases if low < case.condition.input_speed / rpm < high))
+        for low, high in ((0, 450), (450, 1050))
+    )
+    made = rverror.compensate(model, [fitted], unseen=[warm, fast, to_400, to_1000])
+    assert [round(one.after / ARCSEC, 2) for one in made.unseen] == [1.35, 3.81, 0.80, 1.38]  # the page's figures
     assert made.unseen[0].before / ARCSEC == pytest.approx(43.8, abs=0.2)  # 62 over root 2
     assert made.unseen[0].after / ARCSEC < 1.5
     assert made.after.low < made.unseen[0].after < made.after.high
