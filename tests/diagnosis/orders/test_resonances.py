@@ -239,3 +239,9 @@ def test_the_reducer_of_ratio_81_has_one_natural_frequency() -> None:
     assert rpm[240.0][0] == pytest.approx(1100, rel=0.06)
     assert rpm[240.0][1] < rpm[240.0][0] < rpm[240.0][2]
     assert [peak.gap for peak in found.peaks] == [False, False, True]
+    own = {peak.order: peak.alone * 81.0 * 60 / peak.order for peak in found.peaks}  # rpm of the input
+    assert (round(own[156.0]), round(own[162.0])) == (1607, 1557)
+    for order in (156.0, 162.0):
+        assert rpm[order][0] == pytest.approx(own[order], rel=0.015)
+    # whatever is between 51 and 52.5 Hz has order 240 peak where the table has no speed
+    assert all(1000 < f * 81.0 * 60 / 240 < 1100 for f in (51.0, 52.5))

@@ -249,9 +249,10 @@ def compressed(bench: Any, full: EverySample, grid: AngleGrid) -> Few:
     rows.append(full.measured[None])
     rows_beyond = np.concatenate(rows)
     gram = _gram(full, full.readout(grid, 0.0), rows_beyond)
-    # what an offset makes up for is left with rounding: it counts as nothing beside its size before
+    # what an offset makes up for is left with rounding: it counts as nothing beside its size
+    # before, which has a square
     before = np.linalg.norm(full.record.whiten.filtered(rows_beyond), axis=1)
-    scale = np.concatenate([np.sqrt(np.maximum(np.diag(gram)[: grid.points], 1e-300)), np.maximum(before, 1e-300)])
+    scale = np.concatenate([np.sqrt(np.maximum(np.diag(gram)[: grid.points], 1e-300)), np.maximum(before, 1e-150)])
     gram /= np.outer(scale, scale)
     gram[np.diag_indices_from(gram)] += 1e-11  # a grid finer than what was travelled leaves some of it unseen
     root = scipy.linalg.cholesky(gram, lower=False) * scale
