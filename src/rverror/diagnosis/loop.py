@@ -98,7 +98,7 @@ def diagnose(
     if isinstance(unit, Drive):
         found = diagnose_drive(model, samples, tell, policy=policy)
     else:
-        found = diagnose_reducer(model, samples, tell, policy=policy)
-        resonances, notes = resonances_of_runs(model, samples, policy=policy)
+        resonances, notes, telling = resonances_of_runs(model, samples, policy=policy)
+        found = diagnose_reducer(model, telling, tell, policy=policy)
         found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
     return replace(found, passport=passport_of_runs(unit, samples))

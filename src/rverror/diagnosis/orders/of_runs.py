@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.diagnosis.order_passport import OrderPassport, passport
+from rverror.diagnosis.order_passport import SAME_SETTING, OrderPassport, passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
-from rverror.diagnosis.orders.resonances import Resonance, resonances_of
+from rverror.diagnosis.orders.resonances import Resonance, resonances_of, settings_of
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_fit import order_table_from_runs
-from rverror.runs.order_table import OrderTable
+from rverror.runs.order_table import OrderCase, OrderTable
 
 _FRAMES = ("output", "housing", "crank", "sun")  # one of each order: carrier and disc have the crank's
 _HARMONICS = (1, 2)
@@ -72,8 +72,8 @@ def _orders(unit: Mechanism) -> set[float]:
 
 def resonances_of_runs(
     model: Model, runs: Sequence[Run], *, policy: Policy
-) -> tuple[tuple[Resonance, ...], tuple[str, ...]]:
-    """Natural frequencies that runs of several speeds show, and what is said of them and of runs near one.
+) -> tuple[tuple[Resonance, ...], tuple[str, ...], list[Run]]:
+    """Natural frequencies that runs of several speeds show, what is said of them, and the runs that tell causes.
 
     Parameters
     ----------
@@ -88,19 +88,48 @@ def resonances_of_runs(
     tuple of Resonance
         None where the runs do not make an order table.
     tuple of str
+    list of Run
+        All, or where there is a natural frequency the slowest of those that differ in speed alone: there it adds least.
     """
-    unit = model.mechanism
+    unit, every = model.mechanism, list(runs)
     if sum(run.time is not None for run in runs) < 2:
-        return (), ()
+        return (), (), every
     try:
         cases = _table(unit, runs, _SEEN_AT_SPEED).cases
     except InputError:  # as for a passport
-        return (), ()
+        return (), (), every
     found = resonances_of(cases, ratio=unit.ratio, policy=policy)
     notes = critical_notes(model, cases, found, policy=policy)
-    if found:
+    if not found:
+        return found, tuple(notes), every
+    slow = [runs[at] for at in slowest(cases)]
+    if len(slow) < len(every):
         notes.append(
-            "runs differ in speed, and are explained as they stand: what a natural frequency adds counts as error; "
-            "sizes without it come from a table of the runs (rverror.order_table_from_runs)"
+            f"runs differ in speed: causes are looked for in the slowest of each direction, load and temperature, "
+            f"{len(slow)} of {len(every)}, to which the natural frequency adds least; a table of all runs "
+            "(rverror.order_table_from_runs) takes off what it adds"
         )
-    return found, tuple(notes)
+    return found, tuple(notes), slow
+
+
+def slowest(cases: Sequence[OrderCase]) -> list[int]:
+    """Numbers of the cases of the least speed among those alike in direction, load and temperature.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+        A case without a speed is kept.
+
+    Returns
+    -------
+    list of int
+    """
+    least: dict[tuple[float, int, int], float] = {}
+    keys = settings_of(cases)
+    speeds = [case.condition.input_speed or 0.0 for case in cases]
+    for key, speed in zip(keys, speeds, strict=True):
+        least[key] = min(speed, least.get(key, speed))
+    return [
+        at for at, (key, speed) in enumerate(zip(keys, speeds, strict=True))
+        if speed <= least[key] * (1 + SAME_SETTING)
+    ]  # fmt: skip

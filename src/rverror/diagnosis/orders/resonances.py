@@ -207,6 +207,29 @@ def _at_one_speed(one: Resonance, other: Resonance) -> bool:
     return not (high < other_low or other_high < low)
 
 
+def settings_of(cases: Sequence[OrderCase]) -> list[tuple[float, int, int]]:
+    """Direction of each case, and the number of its torque and of its temperature among those that differ.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+
+    Returns
+    -------
+    list of (float, int, int)
+    """
+
+    def known(value: float | None) -> float:
+        return math.nan if value is None else value
+
+    conditions = [case.condition for case in cases]
+    torque = np.array([known(one.torque) for one in conditions])
+    temperature = np.array([known(one.temperature) for one in conditions])
+    torques = level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0)))
+    temperatures = level_of(temperature, SAME_TEMPERATURE)
+    return list(zip((one.direction for one in conditions), torques, temperatures, strict=True))
+
+
 def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tuple[ResonantSeries, ...]:
     """Orders over the speed, of each direction, torque and temperature; those of `Policy.speeds` speeds or more.
 
@@ -216,21 +239,10 @@ def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tu
     ratio : float
     policy : Policy
     """
-
-    def known(value: float | None) -> float:
-        return math.nan if value is None else value
-
-    torque = np.array([known(case.condition.torque) for case in cases])
-    temperature = np.array([known(case.condition.temperature) for case in cases])
-    levels = zip(
-        level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0))),
-        level_of(temperature, SAME_TEMPERATURE),
-        strict=True,
-    )
     groups: dict[tuple[float, ...], list[tuple[float, int, int]]] = {}
-    for at, (case, level) in enumerate(zip(cases, levels, strict=True)):
+    for at, (case, (direction, *level)) in enumerate(zip(cases, settings_of(cases), strict=True)):
         for place, order in enumerate(case.orders.tolist() if case.condition.input_speed else ()):
-            key = (round(order / SAME_ORDER) * SAME_ORDER, -case.condition.direction, *level)
+            key = (round(order / SAME_ORDER) * SAME_ORDER, -direction, *level)
             groups.setdefault(key, []).append((case.condition.input_speed or 0.0, at, place))
     found = []
     for (order, way, *_), group in sorted(groups.items()):
