@@ -15,7 +15,9 @@ from rverror import Conditions, Model, Reducer, Stiffness, effect
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.contacts import motion
 from rverror.model.catalogue import CATALOGUE
-from rverror.statics.prediction import Predictor
+from rverror.statics.energy import Layout, joint_rows
+from rverror.statics.loaded_state import statics_of
+from rverror.statics.prediction import Predictor, turned
 from strategies import angles, reducers
 
 UNIT = rverror.reducer("RV-40E", output="housing")
@@ -213,15 +215,57 @@ def housing_turn(unit: Reducer, theta: float, direction: float, torque: float, p
     raise AssertionError("no set of contacts")
 
 
+@pytest.mark.parametrize("sun_support", [1e2, 1e5])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_equilibrium_against_an_energy_of_its_own(direction: float) -> None:
-    """What pushes, which pins and flanks, and by how much the housing turns, from the parts as they stand."""
+def test_equilibrium_against_an_energy_of_its_own(direction: float, sun_support: float) -> None:
+    """What pushes, which pins and flanks, and by how much the housing turns, from the parts as they stand.
+
+    A sun that is held stiffly is held by the carrier, on which its motor stands.
+    """
+    soft = replace(UNIT.stiffness, sun_support=sun_support, main_bearing=1e5)
+    unit = replace(UNIT, stiffness=soft)
     for theta in (0.0, 0.7, 2.9):
         for by in (0.0, 10e-3):
             errors = (effect("cycloid.pin_position", pin=4, radial=by),)
-            state = rverror.equilibrium(Model(UNIT, errors), [theta], torque="412 N*m", direction=direction)
-            own = housing_turn(UNIT, theta, direction, 412e3, 4, by)
+            state = rverror.equilibrium(Model(unit, errors), [theta], torque="412 N*m", direction=direction)
+            own = housing_turn(unit, theta, direction, 412e3, 4, by)
             assert state.transmission_error[0] == pytest.approx(own, rel=1e-6)
+
+
+def test_a_head_on_the_carrier_sees_the_tilt_turn_with_the_cranks() -> None:
+    """The couple turns once a crank's turn, from the held carrier 40 times, from the housing 39 times."""
+    theta = 2 * np.pi * np.arange(512) / 512
+    for unit, order in ((UNIT, 40), (turned_over(UNIT), 39)):
+        entry = CATALOGUE["sensor.output_tilt"]
+        assert entry.orders(unit, {}) == (order,)
+        rows = rverror.influence(unit, theta, entry.key, direction=1.0, torque=100e3).matrix
+        waves = np.abs(np.fft.rfft(rows, axis=1))
+        assert waves.argmax(axis=1).tolist() == [order, order]
+        np.testing.assert_allclose(np.hypot(*rows), 100e3, rtol=1e-9)  # a unit vector times the torque
+
+
+def test_after_a_turn_of_the_crank_the_train_stands_as_it_did_turned_with_the_carrier() -> None:
+    """The carrier has gone back by as much as the housing went on."""
+    errors, ahead = errors_of(UNIT)[1:], 2 * np.pi / 40
+    for unit in (UNIT, turned_over(UNIT)):
+        now, then = (
+            statics_of(unit, Conditions(np.array([at]), 1.0, torque=100e3)).predict(errors).poses
+            for at in (0.3, 0.3 + ahead)
+        )
+        moved = turned(unit, now, np.array([ahead]))
+        np.testing.assert_allclose(moved, then, atol=1e-7 * np.abs(then).max())
+
+
+def test_the_suns_support_stands_on_what_is_held() -> None:
+    """A housing that is pushed aside under all other parts stretches its bearing, and a support that stands in it."""
+    for unit, stretched in ((UNIT, 0.0), (turned_over(UNIT), 1.0)):
+        where = motion(unit, Conditions(np.array([0.4]), 1.0))
+        assert isinstance(where, Contacts)
+        layout, aside = Layout(unit), np.zeros(Layout(unit).size)
+        aside[[0, *layout.disc, *layout.crank, layout.sun]] = 1.0  # all but the housing, along x
+        *bearings, main, support = (joint_rows(where)[0] @ aside)[:, 0]
+        np.testing.assert_allclose(bearings, 0, atol=1e-12)
+        assert (main, support) == (1.0, stretched)
 
 
 # --- the same everywhere else -----------------------------------------------------------------------------------------
