@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -87,6 +89,24 @@ def test_the_csv_table_is_added_to_the_inputs_command(tmp_path: Path) -> None:
     command = np.radians(-14.0 * rows[:, 0] + rows[:, 1])
     output = command / -14.0 + 20 * ARCSEC * np.cos(3 * command / -14.0)
     np.testing.assert_allclose(output, np.radians(rows[:, 0]), atol=0.01 * ARCSEC)
+
+
+def test_the_json_table_is_applied_as_its_own_sentence_says(tmp_path: Path) -> None:
+    """Read without rverror: the sentence under "added" is the formula, its sign with it."""
+    made = correction_of({3.0: -20.0 + 5j}, ratio=-14.0)
+    rverror.save_compensation(tmp_path / "t.json", compensation_of(made), format="json")
+    data = json.loads((tmp_path / "t.json").read_text())
+    formula = re.fullmatch(
+        r"input command = ratio \* \(theta \+ sum of (.*) \+ (.*)\), theta the output .*", data["added"]
+    )
+    assert formula is not None
+    theta = np.linspace(0, 2 * np.pi, 721)
+    names = {"theta": theta, "cos": np.cos, "sin": np.sin}
+    (one,) = [case for case in data["conditions"] if case["direction"] == "forward"]
+    total = sum(eval(part, {**names, **wave}) for wave in one["waves"] for part in formula.groups())
+    nominal = theta + ARCSEC * total
+    output = nominal + wave_sum(nominal, np.array([3.0]), -made.table.cases[0].waves)
+    np.testing.assert_allclose(output, theta, atol=0.01 * ARCSEC)
 
 
 def test_linuxcnc_adds_nominal_less_forward(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
-from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, statics_of
+from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import row_of_torques
 
 #: Contacts that rub, as in `Friction`.
@@ -339,9 +339,7 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
 
 
 def _reducer(model: Model) -> Reducer:
-    if not isinstance(model.mechanism, Reducer):
-        raise ValueError("friction needs a [reducer] model; a [drive] has no geometry")
-    return model.mechanism
+    return reducer_of(model.mechanism, "friction")
 
 
 def _straight(model: Model) -> Model:

@@ -255,7 +255,7 @@ def linearise(
 
 def _statics_of(model: Model, theta: Any, **conditions: Any) -> Statics:
     """Statics where the gear train stands when the bench reads theta."""
-    _check_reducer(model.mechanism)
+    reducer_of(model.mechanism)
     where = stand(model, pose(model.mechanism, theta, **conditions))
     return replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
 
@@ -291,7 +291,7 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
     ValueError
         If the mechanism is no reducer, or the torque is missing or below 0.
     """
-    _check_reducer(mechanism)
+    reducer_of(mechanism)
     if conditions.torque is None:
         raise ValueError("the equilibrium needs a torque; give one, e.g. torque='20 N*m'")
     size = units.to_core(conditions.torque, "torque")
@@ -302,9 +302,27 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
     return Statics(Travel(where), where.reducer, size)
 
 
-def _check_reducer(mechanism: Mechanism) -> None:
+def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
+    """The reducer that a question of the statics is about.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    what : str
+        Asks, for the message.
+
+    Returns
+    -------
+    Reducer
+
+    Raises
+    ------
+    ValueError
+        If it is a drive.
+    """
     if not isinstance(mechanism, Reducer):
-        raise ValueError("the equilibrium needs a [reducer] model; a [drive] has no geometry")
+        raise ValueError(f"{what} needs a [reducer] model; a [drive] has no geometry")
+    return mechanism
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.model.readings import unread
-from rverror.statics.loaded_state import equilibrium
+from rverror.statics.loaded_state import equilibrium, reducer_of
 
 
 @dataclass(frozen=True)
@@ -278,9 +278,7 @@ def row_of_torques(torques: Any) -> Array:
 
 
 def _reducer(model: Model) -> Reducer:
-    if not isinstance(model.mechanism, Reducer):
-        raise ValueError("the torsion of a reducer needs a [reducer] model; a [drive] has no geometry")
-    return model.mechanism
+    return reducer_of(model.mechanism, "the torsion of a reducer")
 
 
 def _rated_torque(model: Model) -> float:
