@@ -117,10 +117,13 @@ class Hunt:
     _ranked: dict[int, tuple[Fit, list[Proposal]]] = field(default_factory=dict, repr=False)
     _kept_gaps: list[Gaps] = field(default_factory=list, repr=False)
     _rivals: dict[object, list[Node]] = field(default_factory=dict, repr=False)
+    _turned: dict[str, Node] = field(default_factory=dict, repr=False)
 
     def with_candidates(self, candidates: tuple[Named, ...], *, pins: bool = False) -> Hunt:
         """The same with other candidates, none late; what was said of a fit under these does not hold under those."""
-        return replace(self, candidates=candidates, late=(), pins=pins, _completed={}, _ranked={}, _rivals={})
+        return replace(
+            self, candidates=candidates, late=(), pins=pins, _completed={}, _ranked={}, _rivals={}, _turned={}
+        )
 
     def coarse(self, node: Node) -> RunSet:
         """The runs in few numbers, on few angles: near enough to choose whom to refit."""
@@ -308,18 +311,21 @@ class Hunt:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
 
         A cause of one order is turned by wrong marks as it is by its own angle: only what was declared, and contacts,
-        tell them.
+        tell them.  All causes of a key are tried at all marks, so another one of that key has the same answer.
         """
         fit = node.fit
         if not self.offsets or len(fit.added) != 1:
             return node
-        bench, declared = self.coarse(node), fit.declared
-        alike = [one for one in self.candidates if one[0] == fit.added[0].key]
-        trials = []
-        for offset in self.offsets:
-            state = evaluated(bench, marked(declared, offset), declared)
-            trials += [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
-        return min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
+        key = fit.added[0].key
+        if key not in self._turned or self._turned[key].fit.bench is not fit.bench:
+            state = evaluated(self.coarse(node), fit.declared, fit.declared)
+            alike = [one for one in self.candidates if one[0] == key]
+            trials = []
+            for offset in self.offsets:
+                state = evaluated(state.bench, marked(fit.declared, offset), fit.declared, state.waves)
+                trials += [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
+            self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
+        return min(node, self._turned[key], key=lambda n: n.score)
 
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""

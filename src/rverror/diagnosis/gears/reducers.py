@@ -118,11 +118,11 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
     count = hunt.policy.offsets if alike else hunt.policy.offsets * 8
     trials = []
     for at in range(count):
-        state = evaluated(coarse.bench, marked(coarse.model, span * at / count), coarse.declared)
+        state = evaluated(coarse.bench, marked(coarse.model, span * at / count), coarse.declared, coarse.waves)
         trials.append((fitted(state, steps=1).objective, span * at / count))
     trials.sort()
     offsets = tuple(angle for _, angle in trials)
-    best = evaluated(first.bench, marked(first.model, offsets[0]), first.declared)
+    best = evaluated(first.bench, marked(first.model, offsets[0]), first.declared, first.waves)
     return replace(hunt, offsets=offsets), renoised(best)
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 
 from rverror.base.arrays import Array
@@ -152,6 +153,7 @@ class Few:
     root: Array
     names: Mapping[object, slice]
     _maps: dict[AngleGrid, Array] = field(default_factory=dict, repr=False)
+    _waves: dict[AngleGrid, tuple[Array, npt.NDArray[np.complex128]]] = field(default_factory=dict, repr=False)
 
     @property
     def width(self) -> int:
@@ -173,22 +175,26 @@ class Few:
         """Matrix from the own grid to R's rows."""
         return np.ascontiguousarray(self.root[:, : self.grid.points].T)
 
-    def _read(self, grid: AngleGrid, rows: Array, offset: float, *, slope: bool = False) -> Array:
-        """Rows on a grid, or how they change, at the own angles, so much further on.
+    def _harmonics(self, grid: AngleGrid) -> tuple[Array, npt.NDArray[np.complex128]]:
+        """Orders that the own grid can follow of a closed one's, and what R makes of a wave of each, exp(i order
+        theta), from the closed grid's start."""
+        if grid not in self._waves:
+            first = 2 * math.pi / (grid.step * grid.points)  # order of the first harmonic
+            most = min(grid.points // 2 - 1, int(_HIGHEST * 2 * math.pi / self.grid.step / first))
+            order = first * np.arange(most + 1, dtype=np.float64)
+            self._waves[grid] = order, np.exp(1j * np.outer(order, self.grid.theta - grid.start)) @ self._own
+        return self._waves[grid]
 
-        Without orders that the own grid cannot follow, where the other one is closed.
-        """
-        angle = self.grid.theta + offset
+    def _shifted(self, grid: AngleGrid, rows: Array, offset: float, *, slope: bool = False) -> Array:
+        """What R makes of rows on a grid, or of how they change, read so much further on."""
         if not grid.closed:
+            angle = self.grid.theta + offset
             readout = grid.to_samples(angle + 1e-3 * grid.step)
-            return readout.change(rows[0])[None] if slope else grid.to_samples(angle)(rows)
-        first = 2 * math.pi / (grid.step * grid.points)  # order of the first harmonic
-        most = min(grid.points // 2 - 1, int(_HIGHEST * 2 * math.pi / self.grid.step / first))
-        order = first * np.arange(most + 1)
-        sizes = np.fft.rfft(rows)[:, : most + 1] * np.where(order == 0, 1.0, 2.0) / grid.points
-        if slope:
-            sizes = sizes * 1j * order
-        return np.asarray((sizes @ np.exp(1j * np.outer(order, angle - grid.start))).real)
+            return (readout.change(rows[0])[None] if slope else grid.to_samples(angle)(rows)) @ self._own
+        order, waves = self._harmonics(grid)
+        sizes = np.fft.rfft(rows)[:, : order.size] * np.where(order == 0, 1.0, 2.0) / grid.points
+        turned = sizes * np.exp(1j * order * offset) * (1j * order if slope else 1.0)
+        return np.asarray((turned @ waves).real)
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
         """Rows on the grid of a waveform."""
@@ -197,16 +203,16 @@ class Few:
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid."""
         if offset:
-            return np.asarray(self._read(grid, rows, offset) @ self._own)
+            return self._shifted(grid, rows, offset)
         if grid == self.grid:
             return np.asarray(rows @ self._own)
         if grid not in self._maps:
-            self._maps[grid] = self._read(grid, np.eye(grid.points), 0.0) @ self._own
+            self._maps[grid] = self._shifted(grid, np.eye(grid.points), 0.0)
         return np.asarray(rows @ self._maps[grid])
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
-        return np.asarray((self._read(wave.grid, wave.error[None], offset, slope=True) @ self._own)[0])
+        return np.asarray(self._shifted(wave.grid, wave.error[None], offset, slope=True)[0])
 
     def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is no waveform of the grid."""
