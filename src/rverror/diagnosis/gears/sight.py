@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.gears.grid import AngleGrid, Readout
