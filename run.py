@@ -48,6 +48,9 @@ MODULES = {
     "plot": ("rverror", "matplotlib"),
     "test": ("rverror", "matplotlib", "pytest", "xdist", "hypothesis", "mypy", "ruff"),
 }
+#: On every core, but not with more processes than memory has room for.  A file stays with one process, as its tests
+#: share what took long to make; the files in their order, so that the last ones are short.
+IN_PARALLEL = ("-n", "auto", "--maxprocesses", "4", "--dist", "loadfile", "--no-loadscope-reorder")
 NO_NETWORK = (
     "connection",
     "name resolution",
@@ -245,8 +248,7 @@ def checks(python: str, arguments: list[str]) -> list[tuple[str, list[str]]]:
         ("ruff check", [python, "-m", "ruff", "check", "."]),
         ("ruff format", [python, "-m", "ruff", "format", "--check", "."]),
         ("mypy", [python, "-m", "mypy"]),
-        # on every core, but not with more processes than memory has room for
-        ("pytest", [python, "-m", "pytest", "-n", "auto", "--maxprocesses", "4", "--dist", "worksteal", *arguments]),
+        ("pytest", [python, "-m", "pytest", *IN_PARALLEL, *arguments]),
     ]
 
 

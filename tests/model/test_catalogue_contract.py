@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pickle
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -115,8 +116,9 @@ def states() -> dict[tuple[int, int], Any]:
 
 
 def frozen(motion: Any) -> list[bytes]:
-    arrays = [value for value in vars(motion).values() if isinstance(value, np.ndarray)]
-    return [array.tobytes() for array in arrays]
+    """What a pose was made with; what it works out from that when it is asked, it keeps beside."""
+    given = [getattr(motion, field.name) for field in fields(motion)]
+    return [array.tobytes() for array in given if isinstance(array, np.ndarray)]
 
 
 @pytest.mark.parametrize(("key", "mechanism"), CASES)

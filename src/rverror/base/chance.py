@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scipy.special import chdtri, fdtri, stdtrit
+import scipy
 
 
 def chi_square(probability: float, freedom: float) -> float:
@@ -13,7 +13,7 @@ def chi_square(probability: float, freedom: float) -> float:
     >>> round(chi_square(0.05, 2), 3)  # -2 ln 0.05
     5.991
     """
-    return float(chdtri(freedom, probability))
+    return float(scipy.special.chdtri(freedom, probability))
 
 
 def variance_ratio(probability: float, above: float, below: float) -> float:
@@ -24,7 +24,7 @@ def variance_ratio(probability: float, above: float, below: float) -> float:
     >>> round(variance_ratio(0.05, 1, 1e9) - chi_square(0.05, 1), 6)
     0.0
     """
-    return float(fdtri(above, below, 1.0 - probability))
+    return float(scipy.special.fdtri(above, below, 1.0 - probability))
 
 
 def student(probability: float, freedom: float) -> float:
@@ -35,4 +35,4 @@ def student(probability: float, freedom: float) -> float:
     >>> round(student(0.025, 1e9), 3)
     1.96
     """
-    return -float(stdtrit(freedom, probability))
+    return -float(scipy.special.stdtrit(freedom, probability))

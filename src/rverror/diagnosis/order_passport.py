@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import fdtri, stdtrit
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -574,7 +574,7 @@ def _another_law(joint: WaveFit, main: WaveFit) -> bool:
     if more <= 0 or main.spare <= 0:
         return False
     gained = max(joint.misfit - main.misfit, 0.0) / more
-    return gained > main.variance * float(fdtri(more, 2 * main.spare, ONE_LAW))
+    return gained > main.variance * float(scipy.special.fdtri(more, 2 * main.spare, ONE_LAW))
 
 
 def _mean_amplitude(
@@ -594,7 +594,7 @@ def _mean_amplitude(
     if noise == 0.0:
         return size, size, size
     freedom = min(law.constant.freedom for law in laws)
-    t = float(stdtrit(min(freedom, 1e9), 0.5 + confidence / 2))
+    t = float(scipy.special.stdtrit(min(freedom, 1e9), 0.5 + confidence / 2))
     told = power / noise**2
     less = max(told - 2 * count, 0.0)
     low = max(less + 2 * t**2 - t * math.sqrt(4 * less + 4 * t**2 + 4 * count), 0.0)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.runs.order_table import Waves
@@ -213,7 +213,7 @@ def _noise(misfit: float, spare: int, *, given: bool) -> tuple[float, float]:
 
 def _strained(misfit: float, spare: int) -> bool:
     """Whether the misfit is larger than a chi-square of the given noise is once in a hundred."""
-    return spare > 0 and misfit > float(chdtri(2 * spare, FLAGGED))
+    return spare > 0 and misfit > float(scipy.special.chdtri(2 * spare, FLAGGED))
 
 
 def _astray(left: Waves, basis: Array, *, given: bool) -> int | None:

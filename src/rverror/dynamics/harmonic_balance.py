@@ -14,9 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
-from scipy.linalg import lapack
-from scipy.sparse.linalg import LinearOperator, gmres
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -47,10 +45,10 @@ def slope(rows: Array, step: float, power: int = 1) -> Array:
     ndarray, shape (..., n)
     """
     count = rows.shape[-1]
-    waves = fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power
+    waves = scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power
     if power % 2 and count % 2 == 0:
         waves[..., -1] = 0  # the shortest wave has no slope at its samples
-    return np.asarray(fft.irfft(waves, count))
+    return np.asarray(scipy.fft.irfft(waves, count))
 
 
 @dataclass(frozen=True)
@@ -130,7 +128,7 @@ class Oscillator:
         right = balance.held(vector.T @ force)
         enough = np.linalg.norm(right)
         begin = np.zeros_like(right) if near is None else vector.T @ near
-        left = right if near is None else right - balance.equation(fft.rfft(begin))
+        left = right if near is None else right - balance.equation(scipy.fft.rfft(begin))
         for approximate, directions, restarts in (
             (balance.by_mean, _AT_MEAN, 1),
             (balance.by_neighbours, _AT_ONCE, _RESTARTS),
@@ -140,11 +138,11 @@ class Oscillator:
             def apply(row: Array, asked: Callable[[Array], Array] = asked) -> Array:
                 return asked(row.reshape(right.shape)).reshape(-1)
 
-            operator = LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
-            found, failed = gmres(
+            operator = scipy.sparse.linalg.LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
+            found, failed = scipy.sparse.linalg.gmres(
                 operator, left.reshape(-1), rtol=0.0, atol=TOLERANCE * enough, restart=directions, maxiter=restarts
             )
-            moved = fft.rfft(begin) + answer(found.reshape(right.shape))
+            moved = scipy.fft.rfft(begin) + answer(found.reshape(right.shape))
             if not failed:
                 break
         else:
@@ -154,7 +152,7 @@ class Oscillator:
                     f"speed = {speed:.6g} rad/s of the output: no periodic motion was found, {missed:.1g} of the force "
                     "is left; choose another speed, more damping, or fewer modes that keep their inertia"
                 )
-        return np.asarray(vector @ fft.irfft(moved, self.count))
+        return np.asarray(vector @ scipy.fft.irfft(moved, self.count))
 
 
 #: Waves of an approximate answer to a force, (m, n // 2 + 1), and the force that the equation asks for it, (m, n).
@@ -199,7 +197,7 @@ class _Balance:
     def equation(self, waves: npt.NDArray[np.complex128]) -> Array:
         """What force waves of a motion ask for, (m, n)."""
         curved = -((self.speed * self.system.orders) ** 2) * waves
-        rows = fft.irfft(np.concatenate([waves, self._rate * waves, curved]), self.system.count)
+        rows = scipy.fft.irfft(np.concatenate([waves, self._rate * waves, curved]), self.system.count)
         m = self.system.size
         return self.held(rows[2 * m :] + np.einsum("ijn,jn->in", self._both, rows[: 2 * m]))
 
@@ -220,11 +218,11 @@ class _Balance:
         varying[every, self.system.size + every] -= damped[:, None]
 
         def answer(rows: Array) -> npt.NDArray[np.complex128]:
-            return np.asarray(admittance * fft.rfft(rows))
+            return np.asarray(admittance * scipy.fft.rfft(rows))
 
         def asked(rows: Array) -> Array:
             waves = answer(rows)
-            moved = fft.irfft(np.concatenate([waves, self._rate * waves]), self.system.count)
+            moved = scipy.fft.irfft(np.concatenate([waves, self._rate * waves]), self.system.count)
             return rows + self.held(np.einsum("ijn,jn->in", varying, moved))
 
         return answer, asked
@@ -254,14 +252,14 @@ class _Balance:
             row = place[:, None, None] * m + np.arange(m)[:, None]
             column = place[(angle + offset) % n][:, None, None] * m + np.arange(m)
             band[2 * width + row - column, column] += block
-        factors, pivots, _ = lapack.dgbtrf(band, width, width, overwrite_ab=True)
+        factors, pivots, _ = scipy.linalg.lapack.dgbtrf(band, width, width, overwrite_ab=True)
         waves = smooth[0] + 2 * np.cos(np.outer(self.system.orders * step, np.arange(1, _REACH + 1))) @ smooth[1:]
 
         def answer(rows: Array) -> npt.NDArray[np.complex128]:
             right = np.empty((n, m))
             right[place] = rows.T
-            found, _ = lapack.dgbtrs(factors, width, width, right.reshape(-1), pivots)
-            return np.asarray(waves * fft.rfft(found.reshape(n, m)[place].T))
+            found, _ = scipy.linalg.lapack.dgbtrs(factors, width, width, right.reshape(-1), pivots)
+            return np.asarray(waves * scipy.fft.rfft(found.reshape(n, m)[place].T))
 
         return answer, lambda rows: self.equation(answer(rows))
 

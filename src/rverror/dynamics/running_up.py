@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+import scipy
 
 from rverror.base import units
 from rverror.base.arrays import Array
@@ -305,7 +305,7 @@ class _Told:
         return [at for part in ("carrier", "load") for at in train.place(part)[-1:]]
 
     @cached_property
-    def _rows(self) -> CubicSpline:
+    def _rows(self) -> scipy.interpolate.CubicSpline:
         moving, whole = self.moving, self.moving.whole
         reading = whole.train.reading
         rest = [reading @ rows for rows in moving.rest]

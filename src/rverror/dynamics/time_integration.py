@@ -14,8 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -28,7 +27,7 @@ _FINER = 4
 _SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
 
 
-def periodic(rows: Array, period: float) -> CubicSpline:
+def periodic(rows: Array, period: float) -> scipy.interpolate.CubicSpline:
     """Rows between their angles: a cubic spline through many more points of their Fourier series.
 
     Parameters
@@ -49,7 +48,7 @@ def periodic(rows: Array, period: float) -> CubicSpline:
         waves[..., -1] /= 2  # the shortest wave stands for itself and its mirror
     fine = np.fft.irfft(waves, _FINER * count)
     angle = period * np.arange(_FINER * count + 1) / (_FINER * count)
-    return CubicSpline(angle, np.concatenate([fine, fine[:, :1]], axis=1), axis=1, bc_type="periodic")
+    return scipy.interpolate.CubicSpline(angle, np.concatenate([fine, fine[:, :1]], axis=1), axis=1, bc_type="periodic")
 
 
 @dataclass(frozen=True)
@@ -71,12 +70,12 @@ class Forced:
     by_load: Array | None = None
 
     @cached_property
-    def _forces(self) -> CubicSpline:
+    def _forces(self) -> scipy.interpolate.CubicSpline:
         load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
         return periodic(np.concatenate([self.by_speed, self.by_acceleration, load]), self.oscillator.period)
 
     @cached_property
-    def _matrices(self) -> CubicSpline | BSpline:
+    def _matrices(self) -> scipy.interpolate.CubicSpline | scipy.interpolate.BSpline:
         """Stiffness and damping over the angle, below one another.
 
         Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then it goes
@@ -93,7 +92,7 @@ class Forced:
         if least >= told - _SWING * abs(told):
             return smooth
         angle = system.period * np.arange(system.count + 1) / system.count
-        return make_interp_spline(angle, np.concatenate([rows, rows[:, :1]], axis=1), k=1, axis=1)
+        return scipy.interpolate.make_interp_spline(angle, np.concatenate([rows, rows[:, :1]], axis=1), k=1, axis=1)
 
     def at(self, theta: Any) -> tuple[Array, Array]:
         """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
@@ -149,7 +148,7 @@ class Forced:
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
         scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
-        found = solve_ivp(
+        found = scipy.integrate.solve_ivp(
             rates, (times[0], times[-1]), first, "DOP853", t_eval=times, rtol=tolerance, atol=tolerance * scale
         )
         if not found.success:

@@ -15,8 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base.arrays import Array, dot
 from rverror.geartrain.kinematics import Pose
@@ -70,6 +72,17 @@ class Contacts(Pose):
     pin_arm: Array
     pin_angle: Array
     mesh_normal: Array
+
+    @cached_property
+    def pin_phase(self) -> npt.NDArray[np.complex128]:
+        """e^(i psi) of the contact angles `pin_angle`: its powers are the waves around a disc, (discs, pins, n)."""
+        return np.asarray(np.exp(1j * self.pin_angle))
+
+    @cached_property
+    def pin_tangential(self) -> Array:
+        """Unit vector ahead of each contact point about its disc's centre, in the housing, (discs, pins, 2, n)."""
+        ahead = self.pin_phase * np.exp(1j * self.turns["disc"])
+        return np.stack([-ahead.imag, ahead.real], axis=-2)
 
 
 #: Bearings, whose force has no fixed direction: ``"cam direction"`` and ``"carrier direction"`` hold it.
@@ -174,8 +187,8 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
         given = (error.share * work).sum(axis=tuple(range(1, work.ndim)))
         return -np.array(np.broadcast_to(given, (len(error.share), samples)), dtype=np.float64)
     force = forces[error.contact][error.at]
-    axes = tuple(range(force.ndim - 1))
-    columns = [np.broadcast_to((force * term).sum(axis=axes), (samples,)) for term in error.vector]
+    axes = list(range(force.ndim))
+    columns = [np.broadcast_to(np.einsum(force, axes, term, axes, axes[-1:]), (samples,)) for term in error.vector]
     return np.array(columns, dtype=np.float64)
 
 

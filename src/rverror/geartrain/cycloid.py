@@ -268,8 +268,8 @@ def pressure_angle(contacts: Contacts) -> Array:
     ndarray, shape (discs, pins, n)
         Acute angle, rad.
     """
-    _, motion = radial_and_tangential(contacts.pin_angle + contacts.turns["disc"])
-    return np.asarray(np.arccos(np.clip(np.abs(dot(contacts.pin_normal, motion)), 0, 1)), dtype=np.float64)
+    along = np.abs(dot(contacts.pin_normal, contacts.pin_tangential))
+    return np.asarray(np.arccos(np.clip(along, 0, 1)), dtype=np.float64)
 
 
 def pin_forces(contacts: Contacts) -> Array:
@@ -317,9 +317,8 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
     -----
     Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
     """
-    psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
-    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
-    return ErrorVector(contact="pin", vector=waves[..., None, :] * normal, at=(only(disc),))
+    normal = contacts.pin_normal[only(disc)]
+    return ErrorVector(contact="pin", vector=_waves(contacts, disc, harmonic) * normal, at=(only(disc),))
 
 
 def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
@@ -372,10 +371,8 @@ def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
     -----
     Sources 001 (cumulative pitch error) and 002 (e_Apd).
     """
-    psi = contacts.pin_angle[only(disc)]
-    _, tangential = radial_and_tangential(psi + contacts.turns["disc"])
-    waves = np.stack([np.cos(harmonic * psi), np.sin(harmonic * psi)])
-    return ErrorVector(contact="pin", vector=-waves[..., None, :] * tangential, at=(only(disc),))
+    tangential = contacts.pin_tangential[only(disc)]
+    return ErrorVector(contact="pin", vector=-_waves(contacts, disc, harmonic) * tangential, at=(only(disc),))
 
 
 def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:
@@ -540,6 +537,15 @@ def pin_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
     gamma = pin_positions(contacts.reducer)
     waves = np.stack([np.cos(harmonic * gamma), np.sin(harmonic * gamma)])
     return Compliance(contact="pin", share=waves[:, None, :, None])
+
+
+def _waves(contacts: Contacts, disc: int, harmonic: int) -> Array:
+    """cos(h psi) and sin(h psi) over the contact angle, (2, 1, pins, 1, n): products take a tenth of their time."""
+    first = contacts.pin_phase[only(disc)]
+    wave = first
+    for digit in f"{harmonic:b}"[1:]:
+        wave = wave * wave if digit == "0" else wave * wave * first
+    return np.stack([wave.real, wave.imag])[..., None, :]
 
 
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:

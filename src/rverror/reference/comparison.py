@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import in_arcsec, rounded
@@ -250,14 +251,13 @@ def _check_step(name: str, step: Array, wanted: Array) -> float:
 
 def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Array:
     """Cubic spline through the samples of the whole turns, carried on around their ends."""
-    from scipy.interpolate import CubicSpline  # takes long to load
 
     period = turns * _TURN
     inside = angle < angle[0] + period - 0.5 * float(np.median(np.diff(angle)))
     x, y = angle[inside], values[inside]
     x = np.concatenate([x[-_PER_WAVE:] - period, x, x[:_PER_WAVE] + period])
     y = np.concatenate([y[-_PER_WAVE:], y, y[:_PER_WAVE]])
-    return np.asarray(CubicSpline(x, y)(targets), dtype=np.float64)
+    return np.asarray(scipy.interpolate.CubicSpline(x, y)(targets), dtype=np.float64)
 
 
 # --- hints ------------------------------------------------------------------------------------------------------------

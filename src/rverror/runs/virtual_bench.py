@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 
 from rverror.base import units
 from rverror.base.arrays import Array
@@ -259,13 +260,12 @@ def coloured_noise(count: int, *, rms: float, step: float, correlation: float, r
     >>> bool(0.4 < noise.std() < 0.6)
     True
     """
-    from scipy.signal import lfilter  # here, because it takes longer to load than all of rverror
 
     drawn = rms * random.standard_normal(count)
     if correlation == 0:
         return drawn
     drawn[1:] *= math.sqrt(-math.expm1(-2 * step / correlation))
-    return np.asarray(lfilter([1.0], [1.0, -math.exp(-step / correlation)], drawn), dtype=np.float64)
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -math.exp(-step / correlation)], drawn), dtype=np.float64)
 
 
 def quantised(angle: Array, counts: int) -> Array:

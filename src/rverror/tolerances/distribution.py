@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
-from scipy.special import ndtr, ndtri
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -48,7 +47,7 @@ class Scalar(Distribution):
 
     def from_normal(self, z: Array) -> Array:
         """Standard values as monotone images of standard normal ones, any shape."""
-        return self.quantile(np.asarray(ndtr(z)))
+        return self.quantile(np.asarray(scipy.special.ndtr(z)))
 
     def normal_correlation(self, correlation: float) -> float:
         """Correlation that normal variables need for their images by `from_normal` to have the given one, Pearson's.
@@ -201,8 +200,8 @@ class TruncatedNormal(_Process):
         """Normal quantile of the share within the cut, from the nearer side."""
         k = 3 * self.capability
         side = np.asarray(probability) - 0.5
-        tail = float(ndtr(-k)) + (0.5 - np.abs(side)) * math.erf(k / math.sqrt(2))
-        return np.asarray(-np.sign(side) * ndtri(tail) / k, dtype=np.float64)
+        tail = float(scipy.special.ndtr(-k)) + (0.5 - np.abs(side)) * math.erf(k / math.sqrt(2))
+        return np.asarray(-np.sign(side) * scipy.special.ndtri(tail) / k, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -320,7 +319,8 @@ class SampledAmplitude(Planar):
 
 def normal_quantile(uniform: Array) -> Array:
     """Standard normal values of uniform variates, finite at 0 and 1 too."""
-    return np.asarray(ndtri(np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2)), dtype=np.float64)
+    inside = np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2)
+    return np.asarray(scipy.special.ndtri(inside), dtype=np.float64)
 
 
 def turned(pairs: Array, uniform: Array) -> Array:

@@ -19,7 +19,6 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 import scipy
-from scipy.special import bdtr, bdtrik, betaincinv
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
@@ -340,9 +339,8 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
 
 
 def _sobol(dimensions: int, rng: np.random.Generator) -> Any:
-    from scipy.stats import qmc  # takes long to load
 
-    return qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng)
+    return scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng)
 
 
 def _check_draws(draws: str, dimensions: int) -> None:
@@ -369,8 +367,8 @@ def check_seed(seed: int) -> None:
 def share_interval(good: float, count: float, confidence: float) -> tuple[float, float]:
     """Interval of a share of which so many of so many units were seen, of Clopper and Pearson."""
     tail = (1 - confidence) / 2
-    low = float(betaincinv(good, count - good + 1, tail)) if good > 0 else 0.0
-    high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
+    low = float(scipy.special.betaincinv(good, count - good + 1, tail)) if good > 0 else 0.0
+    high = float(scipy.special.betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
     return low, high
 
 
@@ -496,5 +494,5 @@ def _pieces(thing: object) -> Iterator[bytes]:
 
 def _binomial_quantile(share: float, count: int, probability: float) -> int:
     """Least number k of hits with P(hits <= k) of at least that share."""
-    k = max(0, math.ceil(float(bdtrik(share, count, probability))))
-    return k - 1 if k and float(bdtr(k - 1, count, probability)) >= share else k
+    k = max(0, math.ceil(float(scipy.special.bdtrik(share, count, probability))))
+    return k - 1 if k and float(scipy.special.bdtr(k - 1, count, probability)) >= share else k

@@ -6,9 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.ndimage import spline_filter1d
-from scipy.sparse import csr_array
+import scipy
 
 from rverror.base.arrays import Array
 
@@ -54,14 +52,16 @@ class AngleGrid:
         rows = np.repeat(np.arange(theta.size), _DEGREE + 1)
         shape = (theta.size, self.points)
         weights, slopes = _basis(part), _basis(part, 1) / self.step
-        values = csr_array((weights.ravel(), (rows, columns.ravel())), shape=shape)
-        return Readout(self, None, values, csr_array((slopes.ravel(), (rows, columns.ravel())), shape=shape))
+        place_of = (rows, columns.ravel())
+        values, changes = (scipy.sparse.csr_array((of.ravel(), place_of), shape=shape) for of in (weights, slopes))
+        return Readout(self, None, values, changes)
 
 
 def _basis(part: Array, derivative: int = 0) -> Array:
     """Cardinal splines that reach a place, shape (n, degree + 1), or their slopes per node."""
+
     knots = np.arange(_DEGREE + 2, dtype=np.float64)
-    one = BSpline.basis_element(knots, extrapolate=False)
+    one = scipy.interpolate.BSpline.basis_element(knots, extrapolate=False)
     if derivative:
         one = one.derivative(derivative)
     # node j carries the element that begins (degree + 1) / 2 before it
@@ -75,8 +75,8 @@ class Readout:
 
     grid: AngleGrid
     at: np.ndarray[tuple[int], np.dtype[np.intp]] | None
-    values: csr_array | None
-    slopes: csr_array | None
+    values: scipy.sparse.csr_array | None
+    slopes: scipy.sparse.csr_array | None
 
     def __call__(self, rows: Array) -> Array:
         """Rows (k, points) at the samples, (k, n)."""
@@ -93,13 +93,13 @@ class Readout:
         return np.asarray(self.slopes @ self._coefficients(row[None])[0])
 
     @property
-    def nodes(self) -> csr_array:
+    def nodes(self) -> scipy.sparse.csr_array:
         """Sparse matrix (n, points) on what the splines carry, or on the values themselves."""
         if self.at is None:
             assert self.values is not None
             return self.values
         count = self.at.size
-        return csr_array((np.ones(count), (np.arange(count), self.at)), shape=(count, self.grid.points))
+        return scipy.sparse.csr_array((np.ones(count), (np.arange(count), self.at)), shape=(count, self.grid.points))
 
     @property
     def smoothing(self) -> Array | None:
@@ -108,7 +108,7 @@ class Readout:
 
     def _coefficients(self, rows: Array) -> Array:
         mode = "grid-wrap" if self.grid.closed else "mirror"
-        return np.asarray(spline_filter1d(rows, _DEGREE, axis=1, mode=mode), dtype=np.float64)
+        return np.asarray(scipy.ndimage.spline_filter1d(rows, _DEGREE, axis=1, mode=mode), dtype=np.float64)
 
 
 def whole(start: float, period: float, points: int) -> AngleGrid:

@@ -8,9 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
-from scipy.sparse import csr_array
+import scipy
 
 from rverror.base.arrays import Array
 
@@ -76,7 +74,7 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float) -> Ru
     lags[0] += floor**2
     # of a short run fewer: many lags would follow a line that no model explains
     count = max(min(_MOST_LAGS, n // 64), min(4, n // 20))
-    coefficients = solve_toeplitz(lags[:count], lags[1 : count + 1]) if count else np.zeros(0)
+    coefficients = scipy.linalg.solve_toeplitz(lags[:count], lags[1 : count + 1]) if count else np.zeros(0)
     return RunNoise(np.asarray(coefficients), float(np.sqrt(lags[0] - coefficients @ lags[1 : count + 1])))
 
 
@@ -138,8 +136,11 @@ class Whitening:
 
     def filtered(self, rows: Array) -> Array:
         """Rows through the whitening filter, each series by itself; its first samples lack lags and go."""
-        white = np.asarray(lfilter(self.noise.filter, [1.0], rows, axis=-1) if rows.size else rows)
-        return white[..., self.usable]
+        if not rows.size:
+            return rows[..., self.usable]
+        # what scipy.signal.lfilter does too, which loads longer than all of rverror
+        white = np.apply_along_axis(np.convolve, -1, rows, self.noise.filter)
+        return np.asarray(white[..., self.usable])
 
     @property
     def basis(self) -> Array:
@@ -147,14 +148,14 @@ class Whitening:
         return self._basis
 
     @property
-    def sparse(self) -> csr_array:
+    def sparse(self) -> scipy.sparse.csr_array:
         """The filter as a sparse matrix (usable samples, n), without what it takes nuisances out by."""
         lags, n = self.noise.coefficients.size, self.kept.size
         at = self.usable
         columns = at[:, None] - np.arange(lags + 1)
         values = np.broadcast_to(self.noise.filter, columns.shape)
         rows = np.repeat(np.arange(at.size), lags + 1)
-        return csr_array((values.ravel(), (rows, columns.ravel())), shape=(at.size, n))
+        return scipy.sparse.csr_array((values.ravel(), (rows, columns.ravel())), shape=(at.size, n))
 
     @property
     def freedom(self) -> int:

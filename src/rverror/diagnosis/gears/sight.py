@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.gears.grid import AngleGrid, Readout

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import beta
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
@@ -368,7 +368,7 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     return (
         float(bench.orders[at]),
         share,
-        1.0 if sizes >= values else float(beta.sf(share, sizes / 2, (values - sizes) / 2)),
+        1.0 if sizes >= values else float(scipy.special.betaincc(sizes / 2, (values - sizes) / 2, share)),
     )
 
 

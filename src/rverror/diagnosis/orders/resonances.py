@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import gammaincc, gammainccinv
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
@@ -288,12 +288,13 @@ def _next(all_series: Sequence[ResonantSeries], found: Sequence[Resonance], poli
         inside = (natural > series.frequency[0]) & (natural < series.frequency[-1] * (1 + NEAR))
         chances[of[n]] += np.where(inside, _nested(series, own, natural, damping, policy), 0.0)
     count = np.bincount(of, minlength=len(orders))
-    least = gammainccinv(count, policy.false_alarm / len(orders))
+    least = scipy.special.gammainccinv(count, policy.false_alarm / len(orders))
     for _ in range(_TRIES):
         best = int(np.argmax(np.maximum(chances - least[:, None], 0).sum(axis=0)))
         seen = np.flatnonzero(chances[:, best] > least)
         trials = natural.size * math.comb(len(orders), seen.size)  # frequencies, dampings, and sets of as many orders
-        if not seen.size or gammaincc(count[seen].sum(), chances[seen, best].sum()) * trials > policy.false_alarm:
+        by_chance = scipy.special.gammaincc(count[seen].sum(), chances[seen, best].sum()) * trials
+        if not seen.size or by_chance > policy.false_alarm:
             return None
         near = np.abs(np.log(natural / natural[best])) < math.log1p(NEAR)
         beyond = chances[:, near].max(axis=1) - math.log(np.count_nonzero(near))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.fft import next_fast_len, rfft
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
@@ -149,10 +149,10 @@ def normal(rows: Array, residual: Array, slices: Sequence[slice], weights: Array
         n = rest.size
         noise = burg(rest, floor=floor)
         excess = np.maximum(smooth_spectrum(whiten(rest, noise)), 1.0)
-        padded = next_fast_len(2 * n, real=True)  # so that the two ends of a run are no neighbours
-        lines = rfft(part, padded, axis=1)
+        padded = scipy.fft.next_fast_len(2 * n, real=True)  # so that the two ends of a run are no neighbours
+        lines = scipy.fft.rfft(part, padded, axis=1)
         frequency = np.linspace(0, 2 * np.pi * (lines.shape[1] - 1) / padded, lines.shape[1])
-        response = rfft(np.concatenate([[1.0], -noise.coefficients]), padded)
+        response = scipy.fft.rfft(np.concatenate([[1.0], -noise.coefficients]), padded)
         spectrum = noise.sigma**2 / np.abs(response) ** 2 / padded * n / max(n - len(rows), 1)
         spectrum *= np.interp(frequency, np.linspace(0, np.pi, excess.size), excess)
         spectrum[1 : -1 if padded % 2 == 0 else None] *= 2

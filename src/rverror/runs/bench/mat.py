@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 
 from rverror.base.text import PathLike, read_bytes, shown
 from rverror.runs.bench.columns import (
@@ -74,9 +75,8 @@ def _columns(variable: MatVariable, prefix: str) -> Iterator[tuple[Entry, RawArr
 
 
 def _version_4(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:
-    from scipy.io import loadmat
 
-    for name, value in loadmat(io.BytesIO(raw)).items():
+    for name, value in scipy.io.loadmat(io.BytesIO(raw)).items():
         if not name.startswith("__"):
             array = np.asarray(value)
             plain = array.dtype.kind in "fiu"

@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
@@ -216,7 +216,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     bottom = max(middle / 30, 1e-5)
     ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")
     ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
-    floor = median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
+    floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
     ax.plot(order[shown], np.maximum(floor, bottom)[shown], color=BLACK, lw=1.0, ls=DASHED, label="noise floor")
     within = resolution(order)
     apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.geartrain.kinematics import fundamental_orders
@@ -98,7 +98,7 @@ def strongest(size: Array, *, floor: float | Array, apart: int = 1, most: int = 
     -------
     list of int
     """
-    crests = size >= maximum_filter1d(size, 2 * apart - 1, mode="nearest")
+    crests = size >= scipy.ndimage.maximum_filter1d(size, 2 * apart - 1, mode="nearest")
     chosen: list[int] = []
     for i in np.flatnonzero((size > floor) & crests)[np.argsort(-size[(size > floor) & crests], kind="stable")]:
         if len(chosen) < most and all(abs(int(i) - j) >= apart for j in chosen):
