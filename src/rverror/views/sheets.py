@@ -29,7 +29,7 @@ from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
-from rverror.model.ends import BENCH_DIMENSIONS
+from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
@@ -306,9 +306,11 @@ def _of_effect(thing: Effect) -> Sheet:
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
     title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
+    stated = ((thing.bench, BENCH_DIMENSIONS), (thing.encoders, ENCODER_DIMENSIONS))
     ends = {
-        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, BENCH_DIMENSIONS[name])
-        for name, value in thing.bench.given().items()
+        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, dimensions[name])
+        for things, dimensions in stated
+        for name, value in things.given().items()
     }
     return (
         title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared")) + (_facts(ends) if ends else ())
