@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rverror
-from every_kind import diagnosis
+from every_kind import compensation, diagnosis
 from rverror import ARCSEC, Diagnosis, to_html, to_json, to_text
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.result import Validation
@@ -111,3 +111,14 @@ def test_small_orders_may_be_the_benchs_alone() -> None:
 def test_a_models_own_page_tells_its_encoders() -> None:
     model = rverror.Model(rverror.Drive(ratio=14.0), encoders=ENCODERS)
     assert re.search(r"bench: output encoder +1.24 arcsec", to_text(model))
+
+
+def test_a_compensation_has_it_and_says_that_the_table_holds_it() -> None:
+    plain = compensation()
+    made = replace(plain, model=replace(plain.model, encoders=ENCODERS))
+    told = to_text(made)
+    assert told.count("± bench, k = 2") == 3  # of data left out, of what no fit saw, of orders
+    assert "the table holds it" in told
+    assert to_json(made)["bench_uncertainty"]["rms_arcsec"] == pytest.approx(RMS, abs=5e-4)
+    assert "±" not in to_text(plain)
+    assert to_json(plain)["bench_uncertainty"] is None
