@@ -55,6 +55,7 @@ def test_programs_and_page_have_the_same_numbers() -> None:
     assert "11 ± 1.432" in shown
     assert "61 → 13 ± 2.864 arcsec" in shown
     assert "8 ± 1.432" in shown
+    assert "6 to 8 ± 1.823" in shown
     assert "residual, arcsec (± bench, k = 2)" in shown
     assert "What the bench leaves uncertain" in shown
 

@@ -114,7 +114,7 @@ def without_line(error: Array, *, theta: Array, time: Array) -> Array:
     True
     """
     way = np.abs(theta - theta[0])
-    turns = int(way[-1] / _TURN * (1 + 0.5 / theta.size))
+    turns = int(way[-1] / _TURN * (1 + 1.5 / theta.size))  # a run of whole turns may end a sample before it closes
     slope = fitted_slope(time, error)
     if turns >= LEAST_TURNS and (np.diff(way) > 0).all():
         ends = np.minimum(_TURN * np.arange(turns + 1), way[-1])
