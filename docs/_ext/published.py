@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from published_pictures import picture_lines
 
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
@@ -883,7 +884,7 @@ def contact_stiffness() -> Table:
         how="RV-003. Lost motion of the nominal unit, backlash and windup both ways, at 20 N m and at the torque "
         f"whose largest pin force is the printed 135 N, {torque / 1e3:.0f} N m; peak-to-peak there with disc pitch "
         "and pins off by 5 um.",
-        columns=("N/mm", "printed", "lost motion, 20 N m", f"{torque / 1e3:.0f} N m", "peak-to-peak"),
+        columns=("N/mm", "printed", "lost motion, 20 N m", f"lost motion, {torque / 1e3:.0f} N m", "peak-to-peak"),
         rows=tuple(rows),
         verdict="in trend: stiffer contacts lessen windup, with little to gain above 2e5 N/mm. But windup falls as "
         "1/K: the first step (to 5e4) must be about 75 times the last (from 5e5), printed it is under 5 times. The "
@@ -1570,7 +1571,9 @@ def markdown(tables: Sequence[Table] | None = None) -> str:
     for table in made:
         lines += ["", f"## {table.key}", "", f"Printed: {table.printed}", "", f"Computed: {table.how}", ""]
         lines += [_line(*table.columns), _line(*["---"] * len(table.columns))]
-        lines += [_line(*map(cell, row)) for row in table.rows]
+        cells = [[cell(value) for value in row] for row in table.rows]
+        lines += [_line(*row) for row in cells]
+        lines += picture_lines(table.key, table.columns, cells)
         lines += ["", f"Verdict: {table.verdict}."]
     return "\n".join(lines) + "\n"
 

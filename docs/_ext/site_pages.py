@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import catalogue_pictures
 import catalogue_tables
+import published_pictures
 import speed_page
 from docutils import nodes
 from docutils.utils.math import latex2mathml
@@ -34,7 +35,7 @@ EXAMPLES = DOCS.parent / "examples"
 #: Ending of notebooks among the pages; a plain .py is a file to link to.
 NOTEBOOK = ".nb.py"
 #: Pages with pictures that the code draws.
-WRITTEN = ("catalogue", "theory/error-at-speed")
+WRITTEN = ("catalogue", "published", "theory/error-at-speed")
 _LONG = 45  # characters of a formula that may not fit into a line on a phone
 
 
@@ -83,6 +84,11 @@ def catalogue() -> str:
 def raw(html: str) -> str:
     """HTML as a block of a Markdown page."""
     return f"```{{raw}} html\n{html}\n```\n"
+
+
+def picture(name: str) -> str:
+    """A picture that a page asks for by its name, as a piece of HTML."""
+    return (published_pictures if name in published_pictures.SWEEPS else speed_page).picture(name)
 
 
 def modules() -> list[str]:
@@ -180,7 +186,7 @@ def write_out(app: Sphinx, docname: str, source: list[str]) -> None:
     text = catalogue() if docname == "catalogue" else source[0]
     text = re.sub(r"<!-- modules: (.+) -->", lambda found: modules_of(found[1]), text)
     text = re.sub(r"<!-- public names -->", lambda _: public_names(), text)
-    text = re.sub(r"<!-- picture: (.+) -->", lambda found: raw(speed_page.picture(found[1])), text)
+    text = re.sub(r"<!-- picture: (.+) -->", lambda found: raw(picture(found[1])), text)
     # notebooks are pages here; other examples are files
     text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/notebooks/([\w-]+)\.py\)", rf"](\1notebooks/\2{NOTEBOOK})", text)
     text = re.sub(r"\]\(((?:\.\./)+(?:examples/[\w-]+\.ipynb|[A-Z]+\.md))\)", r"](<path:\1>)", text)

@@ -25,7 +25,7 @@ from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
 from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, effect
-from rverror.model.ends import Bench
+from rverror.model.ends import Bench, Encoders
 from rverror.model.model_file import append_effects, load_model, save_model
 from rverror.statics.friction import Efficiency, Friction, Hysteresis, efficiency, hysteresis
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
@@ -114,6 +114,7 @@ __all__ = [
     "Drive",
     "Effect",
     "Efficiency",
+    "Encoders",
     "Equilibrium",
     "ErrorBudget",
     "ErrorVector",

@@ -21,6 +21,7 @@ from rverror import (
     ContactLaw,
     Drive,
     Effect,
+    Encoders,
     Inertia,
     Model,
     Reducer,
@@ -255,6 +256,19 @@ def test_inertia_and_bench(tmp_path: Path) -> None:
     assert load_model(tmp_path / "back.toml") == model
 
 
+def test_encoders_of_a_reducer_and_of_a_drive(tmp_path: Path) -> None:
+    stated = '[bench.encoders]\noutput_encoder = "1.24 arcsec"\noutput_counts = 8388608\n'
+    expected = Encoders(output_encoder=1.24 / 206264.80624709636, output_counts=8388608)
+    for number, text in enumerate((DRIVE, FULL + '[bench]\nload_inertia = "2 kg*m^2"\n')):
+        model = load(tmp_path, text + stated)
+        assert model.encoders.output_encoder == pytest.approx(expected.output_encoder, rel=1e-12)
+        assert model.encoders.given().keys() == {"output_encoder", "output_counts"}
+        assert model.bench == (Bench(load_inertia=2e3) if number else Bench())
+        assert model.with_effects().encoders == model.encoders
+        save_model(tmp_path / "back.toml", model, overwrite=True)
+        assert load_model(tmp_path / "back.toml") == model
+
+
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
     tables = {"stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia"}
@@ -334,6 +348,11 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "damping is a text": (FULL + "[bench]\ndamping_ratio = 'low'\n", ["line 14", "a number or a percentage"]),
     "bench of a drive": (DRIVE + "[bench]\nload_inertia = '1 kg*m^2'\n", ["[bench]", "[reducer]", "take it out"]),
+    "encoders' key": (DRIVE + "[bench.encoders]\noutput = '1 arcsec'\n", ["line 7", "'output'", "output_encoder"]),
+    "encoders misspelt": (DRIVE + "[bench.encoder]\n", ["line 6", "'encoder'", "'encoders'"]),
+    "encoder in mm": (DRIVE + "[bench.encoders]\noutput_encoder = '1 mm'\n", ["line 7", "output_encoder", "arcsec"]),
+    "encoder below 0": (DRIVE + "[bench.encoders]\ninput_encoder = '-1 deg'\n", ["line 7", "plus or minus"]),
+    "runout alone": (DRIVE + "[bench.encoders]\ncoupling_runout = '0.1 mm'\n", ["line 7", "coupling_radius", "both"]),
     "bench is a text": ("bench = 'old'\n" + FULL, ["line 1", "no table", "[bench]"]),
     "drive without ratio": ("name = 'x'\n[drive.shafts]\nmotor = 14\n", ["line 2", "lacks ratio", "ratio = -14.0"]),
     "drive key": (DRIVE.replace("ratio", "ratoi"), ["line 2", "'ratoi'", "did you mean 'ratio'"]),
@@ -489,6 +508,16 @@ benches = st.builds(
 ) | st.builds(Bench, gear_mesh_damping=st.floats(0, 1), load_coupling_damping=st.none() | st.floats(0, 1))
 
 
+readers = st.builds(
+    Encoders,
+    output_encoder=st.floats(0, 1),
+    input_encoder=st.just(0.0) | st.floats(0, 1),
+    output_counts=st.none() | st.integers(1, 2**30),
+    coupling_runout=st.floats(0, 1),
+    coupling_radius=st.floats(1, 100),
+)
+
+
 @st.composite
 def models(draw: st.DrawFn) -> Model:
     mechanism: Reducer | Drive
@@ -522,7 +551,8 @@ def models(draw: st.DrawFn) -> Model:
             name=draw(st.just("drive") | TEXTS),
         )
     hanging = draw(benches) if kind != "drive" else Bench()
-    return Model(mechanism, tuple(draw(st.lists(effects(mechanism), max_size=4))), draw(TEXTS), hanging)
+    declared = tuple(draw(st.lists(effects(mechanism), max_size=4)))
+    return Model(mechanism, declared, draw(TEXTS), hanging, draw(readers))
 
 
 @given(models())

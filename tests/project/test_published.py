@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import published
+import published_pictures
 import pytest
 
 from oracle import REALISTIC, Errors, Oracle
@@ -119,6 +120,50 @@ def test_verdicts_are_of_the_kinds_that_the_page_explains(tables):
 
 def test_a_longer_series_of_draws_begins_with_the_shorter_one():
     np.testing.assert_array_equal(published.band(draws=2), published.band(draws=FEW)[:, :, :2])
+
+
+# --- pictures ----------------------------------------------------------------------------------------------------
+
+
+def test_pictures_show_the_numbers_of_the_tables(tables):
+    """Marks are the sources' own numbers, lines the cells that `published` computes; to the page's three digits."""
+    for key in published_pictures.SWEEPS:
+        drawn, table = published_pictures.sweep_on_page(key), tables[key]
+        cells = [[published.cell(value) for value in row] for row in table.rows]
+        assert same_text(drawn.differences(), published_pictures.SWEEPS[key](table.columns, cells).differences())
+    sun = published_pictures.sweep_on_page("003 sun wear")
+    marks, line = dict(sun.printed["printed rise"]), dict(sun.computed["rise of lost motion"])
+    for wear, te in published.SUN_WEAR.items():
+        assert marks[wear] == pytest.approx(te - published.SUN_WEAR[0.0], rel=5e-3)
+        assert line[wear] == pytest.approx(wear / (12 * 101) / ARCSEC, rel=5e-3)
+    stiffness = published_pictures.sweep_on_page("003 contact stiffness")
+    assert dict(stiffness.printed["printed"]) == published.CONTACT_STIFFNESS
+    assert dict(published_pictures.sweep_on_page("003 spline clearance").printed["printed error"]) == published.SPLINE
+    (law,) = published_pictures.sweep_on_page("003 friction").printed.values()
+    assert law == tuple((f, 50 - 200 * f) for f in published.FRICTION[1:])
+    loads = published_pictures.sweep_on_page("002 load")
+    assert loads.printed == {"printed, at 1600 rpm": ((10, 80), (20, 78))}
+    assert list(loads.computed) == [f"clearance {1e3 * gap:.0f} um" for gap in published.GAPS]
+    speeds = published_pictures.sweep_on_page("002 speed")
+    assert speeds.printed == {"printed, 20 N m": ((1600, 1), (2000, 1.08)), "printed, 10 N m": ((1600, 1), (2000, 1.1))}
+    assert len(speeds.computed) == 2 * len(published.BRAKES)
+
+
+def test_a_picture_says_what_lies_between_marks_and_lines(page):
+    sweep = published_pictures.Sweep(
+        across="x", up="y", printed={"a": ((1, 5), (2, 9)), "b": ((1, 0),)},
+        computed={"first": ((1, 4), (2, 2), (3, 0)), "second": ((1, 1),)}, against={"second": "b"},
+    )  # fmt: skip
+    assert sweep.differences() == "Printed less computed: first 1 to 7, most at 2; second -1."
+    for key in published_pictures.SWEEPS:
+        assert f"<!-- picture: {key} -->\n\n{published_pictures.sweep_on_page(key).differences()}" in page
+
+
+@pytest.mark.parametrize("key", published_pictures.SWEEPS)
+def test_pictures_are_drawn_with_words_for_every_line_and_mark(key):
+    drawn = published_pictures.picture(key)
+    assert f'aria-label="{key}: marks as printed, lines as computed here"' in drawn
+    assert drawn.count("<svg ") == 1
 
 
 # --- source 001 --------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -240,6 +241,25 @@ def test_direction_of_the_run_is_noted_where_it_is_not_the_cases():
     found = compare(their_run(-theta, wave(-theta, *LINES)), synthetic())
     assert found.notes == ("the run goes reverse, the case forward; compared at the same angles",)
     assert found.rms < 1e-8 * ARCSEC
+
+
+def test_a_measured_run_has_its_benchs_uncertainty_beside_its_figures(tmp_path, folder, capsys):
+    """k = 2 over the square root of three of the encoder's accuracy for an rms, twice that for a peak-to-peak."""
+    bench, path = tmp_path / "bench.toml", tmp_path / "their.csv"
+    bench.write_text("[drive]\nratio = 121\n[bench.encoders]\noutput_encoder = '3 arcsec'\n")
+    write_run(path, their_run(grid(), wave(grid(), *LINES)))
+    command("compare", path, folder / "one-cam", "--bench", bench, "--json", tmp_path / "out.json")
+    told = capsys.readouterr().out
+    assert re.search(r"peak-to-peak +theirs [\d.]+ ± 6.928 \(bench, k = 2\)   case", told)
+    assert re.search(r"rms of the difference +[\d.]+ ± 3.464 \(bench, k = 2\)", told)
+    stated = json.loads((tmp_path / "out.json").read_text())["bench_uncertainty"]
+    assert stated["peak_to_peak_arcsec"] == pytest.approx(12 / math.sqrt(3), rel=1e-5)
+    plain = compare(their_run(grid(), wave(grid(), *LINES)), synthetic())
+    assert "±" not in comparison_text(plain)
+    assert comparison_json(plain)["bench_uncertainty"] is None
+    bench.write_text("[drive]\nratio = 121\n")
+    with pytest.raises(InputError, match=r"bench.toml: it has no \[bench.encoders\]; write them, like"):
+        command("compare", path, folder / "one-cam", "--bench", bench)
 
 
 # --- runs that cannot be compared -------------------------------------------------------------------------------------

@@ -11,6 +11,8 @@ from rverror.app.terminal import check_output, make_folder, quantity, tell, writ
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.base.units import ARCSEC
+from rverror.model.ends import Encoders
+from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
 from rverror.runs.measurement import read_run
@@ -46,6 +48,9 @@ def add_commands(commands: Any) -> None:
     command.add_argument(
         "--within", metavar='"0.1 arcsec"', help="exit 1 where the rms of the difference without its offset is larger"
     )
+    command.add_argument(
+        "--bench", metavar="MODEL.toml", help="model file whose [bench.encoders] measured the run; for its uncertainty"
+    )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.set_defaults(run=_compare)
 
@@ -69,11 +74,12 @@ def _compare(options: argparse.Namespace) -> None:
     check_name(options.theirs)
     check_name(options.case)
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
-    inputs = [options.theirs, str(told), str(told.with_name("case.npz"))]
+    inputs = [options.theirs, str(told), str(told.with_name("case.npz")), *([options.bench] if options.bench else [])]
     check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
     limit = None if options.within is None else _limit(options.within)
     case = read_case(options.case)
-    found = compare(read_run(options.theirs, case.ratio), case, method=options.method)
+    encoders = _encoders(options.bench) if options.bench else None
+    found = compare(read_run(options.theirs, case.ratio), case, method=options.method, encoders=encoders)
     print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=input_files(inputs)))
@@ -81,6 +87,13 @@ def _compare(options: argparse.Namespace) -> None:
         sys.stdout.flush()
         tell(f"rms of the difference {found.rms / ARCSEC:.4g} arcsec is above {options.within}")
         raise SystemExit(1)
+
+
+def _encoders(path: str) -> Encoders:
+    stated = load_model(path).encoders
+    if not stated.given():
+        raise InputError(f'{path}: it has no [bench.encoders]; write them, like output_encoder = "1.24 arcsec"')
+    return stated
 
 
 def _limit(text: str) -> float:

@@ -12,7 +12,7 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
-from rverror.model.ends import Bench
+from rverror.model.ends import Bench, Encoders
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,8 @@ class Model(Viewed):
     name : str
     bench : Bench
         What hangs on both ends of a reducer, for its dynamics.
+    encoders : Encoders
+        How the bench reads both angles; measured figures then have its uncertainty beside them.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Model(Viewed):
     effects: tuple[Effect, ...] = field(default=())
     name: str = ""
     bench: Bench = field(default_factory=Bench)
+    encoders: Encoders = field(default_factory=Encoders)
 
     def __post_init__(self) -> None:
         """Check that each effect fits the mechanism."""

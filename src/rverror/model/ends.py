@@ -1,8 +1,9 @@
-"""What hangs on both ends of a reducer on its bench or in its machine, and how its motions die away."""
+"""What a bench is: what hangs on both ends of a reducer there, and the encoders that read them."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,6 +26,75 @@ BENCH_DIMENSIONS: Mapping[str, str] = {
     "damping_ratio": "number",
     **{f"{name}_damping": "time" for name in _DAMPED},
 }
+
+
+#: Dimension of each number of its encoders.
+ENCODER_DIMENSIONS: Mapping[str, str] = {
+    "output_encoder": "angle",
+    "input_encoder": "angle",
+    "output_counts": "number",
+    "input_counts": "number",
+    "coupling_runout": "length",
+    "coupling_radius": "length",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoders:
+    """How a bench reads both angles, as the makers of its parts state it; what is left out is taken as without error.
+
+    Parameters
+    ----------
+    output_encoder, input_encoder : float
+        Accuracy, plus or minus, at the encoder's own shaft, rad.
+    output_counts, input_counts : float, optional
+        Counts a turn, to which readings are rounded.
+    coupling_runout : float
+        Axial runout of the output encoder's coupling, plus or minus, mm.
+    coupling_radius : float, optional
+        Radius at which it was read, mm.
+
+    Raises
+    ------
+    ValueError
+        If a value is below 0, counts are below 1, or a runout has no radius.
+
+    Notes
+    -----
+    Quantities and strings with a unit are converted.  `docs/theory/test-bench.md` has what they leave uncertain.
+
+    Examples
+    --------
+    >>> round(Encoders(output_encoder="1 deg").output_encoder, 6)
+    0.017453
+    """
+
+    output_encoder: float = 0.0
+    input_encoder: float = 0.0
+    output_counts: float | None = None
+    input_counts: float | None = None
+    coupling_runout: float = 0.0
+    coupling_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check each value."""
+        for name, dimension in ENCODER_DIMENSIONS.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            value = units.named_core(name, value, dimension)
+            least, says = (1, "1 or more") if name.endswith("counts") else (0, "0 or more; it stands for plus or minus")
+            if not least <= value < math.inf:
+                raise ValueError(f"{name} = {value:g}: must be {says}")
+            object.__setattr__(self, name, value)
+        if self.coupling_radius is not None and not self.coupling_radius > 0:
+            raise ValueError(f"coupling_radius = {self.coupling_radius:g} mm: must be above 0")
+        if self.coupling_runout and self.coupling_radius is None:
+            raise ValueError("coupling_runout has no coupling_radius, at which it was read; give both")
+
+    def given(self) -> dict[str, float]:
+        """Values that are stated."""
+        return _given(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,9 +189,14 @@ main_bearing_damping, position_control_damping, input_coupling_damping, load_cou
 
     def given(self) -> dict[str, float]:
         """Values that are not those of a bench of which nothing is said."""
-        return {
-            f.name: value for f in dataclasses.fields(self) if (value := getattr(self, f.name)) not in (None, f.default)
-        }
+        return _given(self)
+
+
+def _given(stated: Bench | Encoders) -> dict[str, float]:
+    """Values that are not those of something of which nothing is said."""
+    return {
+        f.name: value for f in dataclasses.fields(stated) if (value := getattr(stated, f.name)) not in (None, f.default)
+    }
 
 
 def _told(value: float, dimension: str) -> str:

@@ -30,7 +30,7 @@ from rverror.geartrain.mechanism import (
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, effect
-from rverror.model.ends import BENCH_DIMENSIONS, Bench
+from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS, Bench, Encoders
 
 # Dimension of each quantity of [reducer], and how people write it; then an example of each count.
 QUANTITIES = {
@@ -65,6 +65,10 @@ _TABLES: Mapping[str, tuple[type[Any], Mapping[str, tuple[str, str]]]] = {
 _BENCH = {
     name: (kind, {"inertia": _MOMENT, "torsional_stiffness": _TORSION, "number": "'3 %'", "time": "0.02 ms"}[kind])
     for name, kind in BENCH_DIMENSIONS.items()
+}
+_ENCODERS = {
+    name: (kind, {"angle": "1.24 arcsec", "length": "0.1 mm", "number": "8388608"}[kind])
+    for name, kind in ENCODER_DIMENSIONS.items()
 }
 _KEYS_OF_REDUCER = ("preset", "name", "output", *COUNTS, *QUANTITIES, *_TABLES)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
@@ -135,6 +139,8 @@ def save_model(
     sections.append(_drive_text(mechanism) if isinstance(mechanism, Drive) else _reducer_text(mechanism))
     if hanging := model.bench.given():
         sections.append("\n".join(_table_lines("bench", hanging, _BENCH)))
+    if reading := model.encoders.given():
+        sections.append("\n".join(_table_lines("bench.encoders", reading, _ENCODERS)))
     sections += [_effect_text(item) for item in model.effects]
     text = "\n\n".join(sections) + "\n"
     _check_equal(str(path), _model(str(path), text), model)
@@ -218,11 +224,18 @@ def _model(path: str, text: str) -> Model:
     if not isinstance(listed, list):
         where.refuse(("effect",), "effect is a single table; write '[[effect]]', with two brackets, above each effect")
     effects = tuple(_effect(where, ("effect", i), item, mechanism) for i, item in enumerate(listed))
-    ends = _made(where, ("bench",), content["bench"], Bench, _BENCH) if "bench" in content else Bench()
-    if isinstance(mechanism, Drive) and "bench" in content:
-        where.refuse(("bench",), "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive]")
+    hanging = dict(_table(where, ("bench",), content.get("bench", {})))
+    where.check_keys(("bench",), hanging, [*_BENCH, "encoders"], "key of [bench]")
+    read_with = hanging.pop("encoders", {})
+    encoders = _made(where, ("bench", "encoders"), read_with, Encoders, _ENCODERS)
+    if isinstance(mechanism, Drive) and hanging:
+        where.refuse(
+            ("bench", next(iter(hanging))),
+            "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive], all but [bench.encoders]",
+        )
+    ends = _made(where, ("bench",), hanging, Bench, _BENCH)
     try:
-        return Model(mechanism, effects, name, ends)
+        return Model(mechanism, effects, name, ends, encoders)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 

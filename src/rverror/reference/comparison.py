@@ -16,6 +16,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import in_arcsec, rounded
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
+from rverror.model.ends import Encoders
 from rverror.reference.cases import (
     DIGITS,
     LEAST,
@@ -29,7 +30,9 @@ from rverror.reference.cases import (
     waves_of,
 )
 from rverror.runs.measurement import Run
+from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
 from rverror.runs.reading import refuse
+from rverror.views.bench_report import BESIDE, bench_json, bench_lines, plus_minus
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.report import to_json, to_text
 
@@ -41,6 +44,7 @@ _FAR_BETTER = 1 / 3
 _AS_GOOD = 1.5
 _FITS = 0.01  # rms of a difference, as a share of the case's, that asks for no hint
 _PEAKS = 40
+_FIGURES: tuple[Figure, Figure] = ("peak_to_peak", "rms")  # beside which the uncertainty of the run's bench stands
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,8 @@ class Comparison:
         Mix-ups of convention that would explain far the most of the difference.
     notes : tuple of str
         What was interpolated, averaged or left out.
+    bench : BenchUncertainty, optional
+        Of the bench that measured the run, where it is stated.
     """
 
     run: str
@@ -100,12 +106,15 @@ class Comparison:
     orders: tuple[OrderDifference, ...]
     hints: tuple[str, ...]
     notes: tuple[str, ...]
+    bench: BenchUncertainty | None = None
 
 
 # --- comparing --------------------------------------------------------------------------------------------------------
 
 
-def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Comparison:
+def compare(
+    run: Run, case: StoredCase, *, method: Method = "equilibrium", encoders: Encoders | None = None
+) -> Comparison:
     """Compare the transmission error of a run with that of a reference case.
 
     Parameters
@@ -115,6 +124,8 @@ def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Co
     case : StoredCase
     method : {"equilibrium", "closed"}
         With which of the case's waveforms.
+    encoders : Encoders, optional
+        How the bench read the angles, of a run that was measured.
 
     Returns
     -------
@@ -165,6 +176,7 @@ def compare(run: Run, case: StoredCase, *, method: Method = "equilibrium") -> Co
         orders=tuple(OrderDifference(int(i) + 1, *(complex(wave[i]) for wave in waves)) for i in worst),
         hints=_hints(about_mean(their_wave), about_mean(case_wave), fits, case.turns),
         notes=(*run.notes, *notes),
+        bench=None if encoders is None else uncertainty_of(encoders, case.ratio),
     )
 
 
@@ -352,19 +364,24 @@ def comparison_text(found: Comparison, *, most: int = 12) -> str:
     str
         Angles in arcsec.
     """
+    of_peak, of_rms = (
+        "" if found.bench is None else f"{plus_minus(found.bench.of(figure) / ARCSEC)} ({BESIDE})"
+        for figure in _FIGURES
+    )
     lines = [
         f"{found.run} against the case {found.case}, {WORDS[found.method]} (rverror {found.version}); arcsec",
         *(f"note: {note}" for note in found.notes),
         "",
-        f"{'peak-to-peak':28s} theirs {_arcsec(found.peak_to_peak)}   case {_arcsec(found.case_peak_to_peak)}",
+        f"{'peak-to-peak':28s} theirs {_arcsec(found.peak_to_peak)}{of_peak}   case {_arcsec(found.case_peak_to_peak)}",
         f"{'offset, theirs less case':28s} {_arcsec(found.offset)}",
-        f"{'rms of the difference':28s} {_arcsec(found.rms)}   without the offset; the case's own rms "
+        f"{'rms of the difference':28s} {_arcsec(found.rms)}{of_rms}   without the offset; the case's own rms "
         f"{_arcsec(found.case_rms)}",
         f"{'largest difference':28s} {_arcsec(found.largest)}   at {math.degrees(found.largest_at):.4g} deg",
     ]
     if found.other_rms is not None:
         word = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
-        lines.append(f"{f'rms against the {word}':28s} {_arcsec(found.other_rms)}")
+        lines.append(f"{f'rms against the {word}':28s} {_arcsec(found.other_rms)}{of_rms}")
+    lines += bench_lines(found.bench)
     told = [line for line in found.orders[:most] if abs(line.difference) >= 1e-6 * ARCSEC]
     if told:
         lines += [
@@ -428,6 +445,7 @@ def comparison_json(found: Comparison, *, most: int = 100, files: Sequence[Input
             }
             for line in found.orders[:most]
         ],
+        "bench_uncertainty": bench_json(found.bench),
         "hints": list(found.hints),
         "notes": list(found.notes),
     }

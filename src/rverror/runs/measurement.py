@@ -27,6 +27,7 @@ from rverror.model.effects import Model
 from rverror.runs.bench.file import is_bench_file, read_bench_file
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
+from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
 from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
@@ -166,7 +167,8 @@ class Run(Viewed):
         Returns
         -------
         ndarray, shape (n,)
-            rad, positive where the output leads.  The file's own te column where it has one.
+            rad, positive where the output leads.  The file's own te column where it has one.  Where an angle is the
+            integral of a speed, less the straight line in time that an offset of the speed makes.
 
         Raises
         ------
@@ -182,7 +184,10 @@ class Run(Viewed):
             )
         if self.te_column is None:
             assert self.output_angle is not None  # checked when the run was made
-            return self.output_angle - theta
+            made = self.output_angle - theta
+            if INTEGRATED in self.metadata and self.time is not None:
+                return without_line(made, theta=theta, time=self.time)
+            return made
         if self.input_angle is not None and self.output_angle is not None:
             difference = self.te_column - (self.output_angle - theta)
             worst = float(np.max(np.abs(difference - np.mean(difference))))

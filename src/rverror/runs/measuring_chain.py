@@ -1,17 +1,30 @@
-"""What a bench itself leaves uncertain of a measured transmission error, put together as the GUM does."""
+"""What a bench itself leaves uncertain of measured figures, put together as the GUM does."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 from rverror.base import units
+from rverror.model.ends import Encoders
 
-#: Limits within which any value is as likely as another: half-width over standard deviation.
-_EVEN = math.sqrt(3)
-#: Amplitude of a sine of unknown phase over its standard deviation.
-_SINE = math.sqrt(2)
+#: Coverage factor of every expanded uncertainty: 95 % of what is normal.
+COVERAGE = 2.0
+#: Half-width over standard deviation: between limits any value is as likely as another; a sine of unknown phase; noise.
+_DIVISORS = {"even": math.sqrt(3), "sine": math.sqrt(2), "normal": 1.0}
+
+Figure = Literal["reading", "peak_to_peak", "rms"]
+#: The most a reading error within plus or minus 1 makes of each figure: any curve, and a wave.
+_MOST: Mapping[str, Mapping[str, float]] = {
+    "reading": {"even": 1.0, "sine": 1.0, "normal": 1.0},
+    "peak_to_peak": {"even": 2.0, "sine": 2.0},
+    "rms": {"even": 1.0, "sine": math.sqrt(0.5)},
+    "amplitude": {"even": 4 / math.pi, "sine": 1.0},
+}
+#: How near an order is to one that a part of the bench can have: as near as a line is placed.
+_NEAR = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,17 +35,31 @@ class UncertaintyPart:
     ----------
     name : str
     limit : float
-        How far it may move a reading of the error, rad; one standard deviation of noise.
+        How far it may move a figure, rad; one standard deviation of noise.
     distribution : str
         ``"even"`` between the limits, ``"sine"`` of unknown phase, ``"normal"``.
     standard : float
-        Standard uncertainty, rad.
+        Standard uncertainty, rad: the limit over the divisor.
+    order : float
+        The order per output turn that a wave has, or of which the orders of a curve are whole multiples: a shaft's
+        reading repeats with that shaft.  NaN for noise, which has all.
     """
 
     name: str
     limit: float
     distribution: str
     standard: float
+    order: float = math.nan
+
+    @property
+    def divisor(self) -> float:
+        """Limit over standard uncertainty."""
+        return _DIVISORS[self.distribution]
+
+    def reaches(self, order: float) -> bool:
+        """Whether the part can have an order."""
+        times = max(round(order / self.order), 1) if self.distribution == "even" else 1
+        return abs(order - times * self.order) <= _NEAR
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +69,7 @@ class BenchUncertainty:
     Attributes
     ----------
     parts : tuple of UncertaintyPart
-        The largest first.
+        For the error at one angle; the largest first.
     """
 
     parts: tuple[UncertaintyPart, ...]
@@ -54,13 +81,68 @@ class BenchUncertainty:
 
     @property
     def expanded(self) -> float:
-        """Half of the 95 % interval of the error at one angle, rad: 1.96 times the standard uncertainty."""
-        return 1.96 * self.standard
+        """Half of the 95 % interval of the error at one angle, rad: k = 2 times the standard uncertainty."""
+        return COVERAGE * self.standard
 
     @property
     def expanded_difference(self) -> float:
-        """The same of a difference of two readings far from each other, such as a peak-to-peak, rad."""
+        """The same of a difference of two readings that err independently, rad; a peak-to-peak's is `of`'s."""
         return math.sqrt(2) * self.expanded
+
+    def of(self, figure: Figure) -> float:
+        """Expanded uncertainty, k = 2, of a figure of the whole waveform, rad.
+
+        Parameters
+        ----------
+        figure : {"reading", "peak_to_peak", "rms"}
+
+        Returns
+        -------
+        float
+        """
+        return _expanded(self.budget(figure))
+
+    def of_order(self, order: float) -> float:
+        """Expanded uncertainty, k = 2, of the amplitude of an order, rad.
+
+        Parameters
+        ----------
+        order : float
+            Per output turn.
+
+        Returns
+        -------
+        float
+            0 where no part of the bench can have the order.
+        """
+        return _expanded(tuple(one for one in _for_figure(self.parts, "amplitude") if one.reaches(order)))
+
+    def budget(self, figure: Figure) -> tuple[UncertaintyPart, ...]:
+        """Parts for a figure: the most that each makes of it, with the standard uncertainty of that.
+
+        Parameters
+        ----------
+        figure : {"reading", "peak_to_peak", "rms"}
+
+        Returns
+        -------
+        tuple of UncertaintyPart
+            Noise in that of a reading only: how much of it is in the others the run tells.
+        """
+        return _for_figure(self.parts, figure)
+
+
+def _for_figure(parts: tuple[UncertaintyPart, ...], figure: str) -> tuple[UncertaintyPart, ...]:
+    most = _MOST[figure]
+    return tuple(
+        replace(one, limit=one.limit * most[one.distribution], standard=one.standard * most[one.distribution])
+        for one in parts
+        if one.distribution in most
+    )
+
+
+def _expanded(parts: tuple[UncertaintyPart, ...]) -> float:
+    return COVERAGE * math.hypot(*(one.standard for one in parts))
 
 
 def bench_uncertainty(
@@ -107,49 +189,83 @@ def bench_uncertainty(
 
     Notes
     -----
-    JCGM 100:2008 (GUM), sections 4.3.7 and 5.1.2.  Source 004 prints +-0.39 and +-1.24 arcsec for its encoders and
-    +-0.1 mm for its couplings.
+    JCGM 100:2008 (GUM), sections 4.3.7, 5.1.2 and 6.3.3.  Source 004 prints +-0.39 and +-1.24 arcsec for its encoders
+    and +-0.1 mm for its couplings.
 
     Examples
     --------
     >>> found = bench_uncertainty(121, output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
-    >>> round(found.expanded / units.ARCSEC, 2)
-    1.4
+    >>> round(found.expanded / units.ARCSEC, 2), round(found.of("peak_to_peak") / units.ARCSEC, 2)
+    (1.43, 2.86)
+    >>> round(found.of_order(1) / units.ARCSEC, 2), found.of_order(11.3)
+    (1.82, 0.0)
     """
+    encoders = Encoders(
+        output_encoder=output_encoder,
+        input_encoder=input_encoder,
+        output_counts=output_counts,
+        input_counts=input_counts,
+        coupling_runout=coupling_runout,
+        coupling_radius=coupling_radius,
+    )
+    size = units.named_core("noise", noise, "angle")
+    if not size >= 0:
+        raise ValueError(f"noise = {size:g}: must be 0 or more; it stands for plus or minus")
+    if not revolutions >= 1:
+        raise ValueError(f"revolutions = {revolutions}: must be 1 or more")
+    random = [_part("noise", size / math.sqrt(revolutions), "normal")] if size else []
+    return _largest_first([*_systematic(encoders, ratio), *random])
+
+
+def uncertainty_of(encoders: Encoders, ratio: float) -> BenchUncertainty | None:
+    """What stated encoders and their coupling leave uncertain.
+
+    Parameters
+    ----------
+    encoders : Encoders
+        As a model file states them.
+    ratio : float
+        Input turns per output turn.
+
+    Returns
+    -------
+    BenchUncertainty or None
+        None where nothing is stated.
+
+    Raises
+    ------
+    ValueError
+        If the ratio is 0.
+
+    Examples
+    --------
+    >>> uncertainty_of(Encoders(), 121) is None
+    True
+    """
+    parts = _systematic(encoders, ratio)
+    return _largest_first(parts) if parts else None
+
+
+def _systematic(encoders: Encoders, ratio: float) -> list[UncertaintyPart]:
+    """Parts that are the same in every turn."""
     if not (math.isfinite(ratio) and ratio):
         raise ValueError(f"ratio = {ratio:g}: must be a number other than 0, input turns per output turn")
-    given = {"output_encoder": output_encoder, "input_encoder": input_encoder, "noise": noise}
-    size = {name: units.named_core(name, value, "angle") for name, value in given.items()}
-    runout = units.named_core("coupling_runout", coupling_runout, "length")
-    radius = math.inf if coupling_radius is None else units.named_core("coupling_radius", coupling_radius, "length")
-    for name, value in {**size, "coupling_runout": runout}.items():
-        if not value >= 0:
-            raise ValueError(f"{name} = {value:g}: must be 0 or more; it stands for plus or minus")
-    for name, count in {
-        "output_counts": output_counts,
-        "input_counts": input_counts,
-        "revolutions": revolutions,
-    }.items():
-        if count is not None and not count >= 1:
-            raise ValueError(f"{name} = {count}: must be 1 or more")
-    if runout and not radius < math.inf:
-        raise ValueError("coupling_runout has no coupling_radius, at which it was read; give both")
-    if not radius > 0:
-        raise ValueError(f"coupling_radius = {radius:g} mm: must be above 0")
-    rounding = {
-        "output counts": math.pi / output_counts if output_counts else 0.0,
-        "input counts": math.pi / input_counts / abs(ratio) if input_counts else 0.0,
-    }
+    turns = abs(ratio)
+    counts = encoders.output_counts or math.inf, encoders.input_counts or math.inf
+    tilt = encoders.coupling_runout / (encoders.coupling_radius or math.inf)
     listed = [
-        ("output encoder", size["output_encoder"], "even", _EVEN),
-        ("input encoder", size["input_encoder"] / abs(ratio), "even", _EVEN),
-        ("coupling", (runout / radius) ** 2 / 4, "sine", _SINE),
-        *((name, half, "even", _EVEN) for name, half in rounding.items()),
-        ("noise", size["noise"] / math.sqrt(revolutions), "normal", 1.0),
+        ("output encoder", encoders.output_encoder, "even", 1.0),
+        ("input encoder", encoders.input_encoder / turns, "even", turns),
+        ("coupling", tilt**2 / 4, "sine", 2.0),
+        ("output counts", math.pi / counts[0], "even", 1.0),
+        ("input counts", math.pi / counts[1] / turns, "even", turns),
     ]
-    made = (
-        UncertaintyPart(name=name, limit=limit, distribution=kind, standard=limit / share)
-        for name, limit, kind, share in listed
-        if limit
-    )
-    return BenchUncertainty(parts=tuple(sorted(made, key=lambda one: -one.standard)))
+    return [_part(*one) for one in listed if one[1]]
+
+
+def _part(name: str, limit: float, kind: str, order: float = math.nan) -> UncertaintyPart:
+    return UncertaintyPart(name=name, limit=limit, distribution=kind, standard=limit / _DIVISORS[kind], order=order)
+
+
+def _largest_first(parts: list[UncertaintyPart]) -> BenchUncertainty:
+    return BenchUncertainty(parts=tuple(sorted(parts, key=lambda one: -one.standard)))

@@ -16,8 +16,13 @@ from rverror.base.text import did_you_mean, shown
 
 #: Dimension of each known column.
 COLUMNS = {"input_angle": "angle", "output_angle": "angle", "te": "angle", "time": "time"}
+#: Columns of a bench that are integrated over time, and the columns that they make.
+SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 #: Unit in which people write it.
 EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s"}
+#: Dimension and unit of every column of a bench that a mapping may name.
+BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
+BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
 #: Dimension of each condition of an order table that is a number.
 ORDER_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
 #: Dimension of each column of numbers of an order table; orders have none.

@@ -14,6 +14,8 @@ from rverror.base.text import file_name
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation, HeldError
 from rverror.compensation.table_files import WrittenTable, correction_json, table_told
+from rverror.runs.measuring_chain import uncertainty_of
+from rverror.views.bench_report import bench_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped
 from rverror.views.notebook import page
@@ -33,6 +35,7 @@ def compensation_json(
             "worth": made.worth,
             "before": _held(made.before),
             "after": _held(made.after),
+            "bench_uncertainty": bench_json(uncertainty_of(made.model.encoders, made.model.mechanism.ratio)),
             "orders": [
                 {
                     "order": one.order,

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rverror.base.numbers import brief
+from rverror.views.bench_report import BESIDE, bench_html
 from rverror.views.html import document, escaped, escaped_lines, number, scrolled
 from rverror.views.set_aside import LABELS
 from rverror.views.svg import MARKS
@@ -22,6 +23,7 @@ SHARES = {
     "empirical": "law only",
     "left": "nothing",
 }
+_ENDS = ("before", "after")
 AS_TOLD = "Stiffness, backlash and contact law as the runs tell them"
 
 
@@ -51,6 +53,7 @@ def page(data: Data, *, summary: str, first: str = "", figures: Sequence[tuple[s
         _unexplained(data),
         _next(data),
         _sizes(data),
+        bench_html(data["bench_uncertainty"]),
         _stiffness(data),
         *(_figure(heading, pictures, data) for heading, pictures in figures),
         _orders(data),
@@ -74,12 +77,12 @@ def _head(data: Data, title: str, summary: str) -> str:
     unit = escaped(data["unit"])
 
     def fall(what: str) -> str:
-        return " → ".join(number(_size(data, key, what)) for key in ("before", "after"))
+        return " → ".join(number(_size(data, key, what)) for key in _ENDS) + _beside(data, what)
 
     tiles = [
-        ("held-out rms, before → after", f"{fall('heldout_rms')} {unit}"),
+        (_heading(data, "held-out rms, before → after"), f"{fall('heldout_rms')} {unit}"),
         ("noise floor, rms", f"{number(data['noise_rms_' + data['suffix']])} {unit}"),
-        ("peak-to-peak, before → after", f"{fall('peak_to_peak')} {unit}"),
+        (_heading(data, "peak-to-peak, before → after"), f"{fall('peak_to_peak')} {unit}"),
         ("added", f"{len(data['added'])} of {data['candidates_tried']} candidates"),
     ]
     boxes = "".join(f'<div class="tile"><span class="soft">{escaped(a)}</span><b>{b}</b></div>' for a, b in tiles)
@@ -94,6 +97,22 @@ def _head(data: Data, title: str, summary: str) -> str:
 def _size(data: Data, key: str, what: str) -> float | None:
     value: float | None = data[key][f"{what}_{data['suffix']}"]
     return value
+
+
+def _beside(data: Data, what: str) -> str:
+    """Uncertainty that stands behind a figure, where the model states a bench."""
+    stated = (data["bench_uncertainty"] or {}).get(f"{what}_arcsec")
+    return "" if stated is None else f" ± {number(stated)}"
+
+
+def _of_order(row: Data) -> str:
+    """The same of the amplitude of an order."""
+    stated = row["bench_uncertainty_arcsec"]
+    return "" if stated is None else f" ± {number(stated)}"
+
+
+def _heading(data: Data, text: str) -> str:
+    return f"{text} (± {BESIDE})" if data["bench_uncertainty"] else text
 
 
 def _added(data: Data) -> str:
@@ -126,10 +145,10 @@ def _validation(data: Data) -> str:
         return ""
     name = f"rms_{data['suffix']}"
     rows = [
-        [escaped(one["file"] or "in memory"), number(one["before"][name]), number(one["after"][name])]
+        [escaped(one["file"] or "in memory"), *(number(one[at][name]) + _beside(data, "rms") for at in _ENDS)]
         for one in data["validation"]
     ]
-    heads = ["file", f"rms before, {escaped(data['unit'])}", "rms after"]
+    heads = ["file", _heading(data, f"rms before, {escaped(data['unit'])}"), "rms after"]
     return "<h2>Measurements that no fit saw</h2>\n" + scrolled(heads, rows, numbers=(1, 2))
 
 
@@ -156,13 +175,13 @@ def _unexplained(data: Data) -> str:
         [
             number(line["order"]),
             number(line[f"amplitude_{data['suffix']}"]),
-            f"{number(line['low'])} to {number(line['high'])}",
+            f"{number(line['low'])} to {number(line['high'])}" + _of_order(line),
             escaped("; ".join([*line["frames"], *line["beside"]])) or "none of this drive",
             _folds(line["could_fold_from"]),
         ]
         for line in lines
     ]
-    heads = ["order", f"amplitude, {unit}", "95 % interval", "fits", "could fold from"]
+    heads = ["order", f"amplitude, {unit}", _heading(data, "95 % interval"), "fits", "could fold from"]
     return (
         "<h2>Lines that nothing in the catalogue explains</h2>\n"
         + scrolled(heads, rows, numbers=(0, 1))
@@ -209,11 +228,14 @@ def _sizes(data: Data) -> str:
     if not data["added"]:
         del labels["after"]  # it is the refitted model
     rows = [
-        [escaped(label), *(number(_size(data, key, what)) for what in ("rms", "peak_to_peak", "heldout_rms"))]
+        [
+            escaped(label),
+            *(number(_size(data, key, what)) + _beside(data, what) for what in ("rms", "peak_to_peak", "heldout_rms")),
+        ]
         for key, label in labels.items()
     ]
     rows.append(["noise", number(data["noise_rms_" + data["suffix"]]), "", ""])
-    heads = [f"residual, {data['unit']}", "rms", "peak-to-peak", "held-out rms"]
+    heads = [_heading(data, f"residual, {data['unit']}"), "rms", "peak-to-peak", "held-out rms"]
     return (
         "<h2>Before and after</h2>\n"
         + scrolled(heads, rows, numbers=(1, 2, 3))
@@ -269,13 +291,13 @@ def _orders(data: Data) -> str:
         return ""
     suffix = data["suffix"]
     runs = data["runs"] if len(data["runs"]) <= 4 else []
-    heads = ["order", "fits", "before", "after", *(f"{run['label']}, before → after" for run in runs)]
+    heads = ["order", "fits", "before", _heading(data, "after"), *(f"{run['label']}, before → after" for run in runs)]
     rows = [
         [
             number(row["order"]),
             escaped("; ".join([*row["frames"], *row["beside"]])) or "no frame",
             number(row[f"before_{suffix}"]),
-            number(row[f"after_{suffix}"]),
+            number(row[f"after_{suffix}"]) + _of_order(row),
             *(f"{number(r[f'before_{suffix}'])} → {number(r[f'after_{suffix}'])}" for r in row["runs"][: len(runs)]),
         ]
         for row in data["by_order"]

@@ -31,7 +31,9 @@ from rverror.geartrain.source import IndexValue
 from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
+from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views import svg
+from rverror.views.bench_report import BESIDE, bench_json, bench_lines, plus_minus
 from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
 from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, SHARES, effect_toml, page
 from rverror.views.envelope import InputFile, enveloped
@@ -65,6 +67,18 @@ class _Scale:
 
 
 _SCALES = {"angle": _Scale("arcsec", "arcsec", ARCSEC), "torque": _Scale("N*m", "newton_metre", 1e3)}
+
+
+def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
+    """What the model says of the encoders, as uncertainty of an angle; a torque is not read by them."""
+    if diagnosis.quantity != "angle":
+        return None
+    return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
+
+
+def _at_order(bench: BenchUncertainty | None, order: float) -> float | None:
+    """Uncertainty of an order's amplitude, arcsec."""
+    return None if bench is None else bench.of_order(order) / ARCSEC
 
 
 def _residual_json(residual: Residual, scale: _Scale) -> dict[str, float | None]:
@@ -271,7 +285,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     """
     scale = _SCALES[diagnosis.quantity]
     unit = diagnosis.declared.mechanism
-    sampling = samples_per_turn(diagnosis)
+    sampling, bench = samples_per_turn(diagnosis), stated_bench(diagnosis)
 
     def before_and_after(before: float, after: float) -> dict[str, float | None]:
         return {f"before_{scale.suffix}": rounded(scale(before)), f"after_{scale.suffix}": rounded(scale(after))}
@@ -282,6 +296,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
         "before": _residual_json(diagnosis.before, scale),
         "before_refitted": _residual_json(diagnosis.before_refitted, scale),
         "after": _residual_json(diagnosis.after, scale),
+        "bench_uncertainty": bench_json(bench, whole=not diagnosis.conditions),
         "added": [_addition_json(addition, scale) for addition in diagnosis.added],
         "unexplained_orders": [
             {
@@ -289,6 +304,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
                 f"amplitude_{scale.suffix}": rounded(scale(line.amplitude)),
                 "low": rounded(scale(line.low)),
                 "high": rounded(scale(line.high)),
+                "bench_uncertainty_arcsec": rounded(_at_order(bench, line.order)),
                 "frames": list(line.frames),
                 "beside": [] if line.frames else list(beside(unit, line.order)),
                 "as_effect": _as_measured(line, unit),
@@ -308,6 +324,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
                 "frames": list(row.frames),
                 "beside": list(row.beside),
                 **before_and_after(row.before, row.after),
+                "bench_uncertainty_arcsec": rounded(_at_order(bench, row.order)),
                 "runs": [before_and_after(*run) for run in row.runs],
             }
             for row in leading_orders(diagnosis)
@@ -327,7 +344,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
             for at, trace in enumerate(diagnosis.traces)
         ],
         "stiffness": [_elastic_json(elastic) for elastic in diagnosis.elastic],
-        "passport": passport_json(diagnosis.passport),
+        "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
         "shares": [_share_json(share, scale) for share in diagnosis.shares],
         "validation": [_validation_json(one, scale) for one in diagnosis.validation],
@@ -364,25 +381,34 @@ def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     >>> diagnosis_json(found)["verdict"], diagnosis_json(found)["added"]
     ('nothing_missing', [])
     """
-    scale = _SCALES[diagnosis.quantity]
+    scale, bench = _SCALES[diagnosis.quantity], stated_bench(diagnosis)
     lines = [f"Verdict: {_VERDICTS[diagnosis.verdict]}", ""]
     declared = diagnosis.declared
     lines.append(f"Declared: {declared.name or declared.mechanism.name}, {len(declared.effects)} effects")
     lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
     if _tells_loads(diagnosis):
-        lines += ["", *passport_lines(diagnosis.passport)]
+        lines += ["", *passport_lines(diagnosis.passport, bench=bench)]
     if diagnosis.resonances:
         lines += ["", *resonance_lines(diagnosis.resonances)]
-    lines += ["", f"{'residual, ' + scale.unit:<26}{'rms':>9}{'peak-to-peak':>15}{'held-out rms':>15}"]
+    of_rms = None if bench is None else bench.of("rms") / ARCSEC
+    of_peak = None if bench is None or diagnosis.conditions else bench.of("peak_to_peak") / ARCSEC
+    beside = [plus_minus(of_rms), plus_minus(of_peak, 2), plus_minus(of_rms)]
+    heads = [
+        f"{head:>{width}}" for head, width in zip(("rms", "peak-to-peak", "held-out rms"), (9, 15, 15), strict=True)
+    ]
+    heads = [head + " " * len(more) for head, more in zip(heads, beside, strict=True)]
+    lines += ["", f"{'residual, ' + scale.unit:<26}{''.join(heads)}".rstrip() + (f"  (± {BESIDE})" if bench else "")]
     for label, residual in (
         ("before (as declared)", diagnosis.before),
         ("before, sizes refitted", diagnosis.before_refitted),
         ("after", diagnosis.after),
     ):
         rms, peak, heldout = (scale(x) for x in (residual.rms, residual.peak_to_peak, residual.heldout_rms))
-        lines.append(f"{label:<26}{rms:>9.3f}{peak:>15.2f}{heldout:>15.3f}")
+        sizes = [f"{rms:>9.3f}", f"{peak:>15.2f}", f"{heldout:>15.3f}"]
+        lines.append(f"{label:<26}" + "".join(size + more for size, more in zip(sizes, beside, strict=True)))
     lines.append(f"{'noise':<26}{scale(diagnosis.noise_rms):>9.3f}")
-    lines += _validation_lines(diagnosis, scale)
+    lines += bench_lines(bench, whole=not diagnosis.conditions)
+    lines += _validation_lines(diagnosis, scale, plus_minus(of_rms))
     lines += _share_lines(diagnosis, scale)
     causes = [addition for addition in diagnosis.added if _is_cause(addition)]
     for number, addition in enumerate(causes, 1):
@@ -468,13 +494,13 @@ def _few(value: float | None) -> str:
     return "-" if value is None else brief(value)
 
 
-def _validation_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
+def _validation_lines(diagnosis: Diagnosis, scale: _Scale, beside: str) -> list[str]:
     """What is left of measurements that no fit saw."""
     lines = [""] if diagnosis.validation else []
     for one in diagnosis.validation:
         lines.append(
-            f"Not seen by any fit: {one.file or 'in memory'}: rms {scale(one.before):.3f} before, "
-            f"{scale(one.after):.3f} {scale.unit} after"
+            f"Not seen by any fit: {one.file or 'in memory'}: rms {scale(one.before):.3f}{beside} before, "
+            f"{scale(one.after):.3f}{beside} {scale.unit} after" + (f" ({BESIDE})" if beside else "")
         )
     return lines
 
@@ -495,18 +521,26 @@ def _order_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
     rows = leading_orders(diagnosis, most=8)
     if not rows:
         return []
-    lines = ["", f"Leading orders of the residual of the mean turn, {scale.unit}: before, after, frames that they fit"]
+    bench = stated_bench(diagnosis)
+    beside = f", ± {BESIDE}" if bench else ""
+    lines = [
+        "",
+        f"Leading orders of the residual of the mean turn, {scale.unit}: before, after{beside}, frames that they fit",
+    ]
     for row in rows:
         frames = "; ".join((*row.frames, *row.beside)) or "no frame of this drive"
-        lines.append(f"  {row.order:>8.6g}  {scale(row.before):>8.3f}  {scale(row.after):>8.3f}  {frames}")
+        more = plus_minus(_at_order(bench, row.order))
+        lines.append(f"  {row.order:>8.6g}  {scale(row.before):>8.3f}  {scale(row.after):>8.3f}{more}  {frames}")
     return lines
 
 
 def _unexplained_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
-    sampling, unit = samples_per_turn(diagnosis), diagnosis.declared.mechanism
+    sampling, unit, bench = samples_per_turn(diagnosis), diagnosis.declared.mechanism, stated_bench(diagnosis)
     lines = ["Lines that remain (order per output turn, amplitude with 95 % interval, frames that it fits)"]
     for line in diagnosis.unexplained[:_LISTED]:
         size = f"{scale(line.amplitude):.3f} {scale.unit} [{scale(line.low):.3f}, {scale(line.high):.3f}]"
+        if bench:
+            size += f"{plus_minus(_at_order(bench, line.order))} ({BESIDE})"
         frames = "; ".join(line.frames or beside(unit, line.order)) or "no frame of this drive: not in the catalogue"
         lines.append(f"  {line.order:>8.6g}  {size}  {frames}")
         above = [f"{f.order:g} ({'; '.join(f.frames)})" for f in folds(unit, line.order, sampling) if f.frames]
@@ -563,11 +597,18 @@ def _next_lines(diagnosis: Diagnosis) -> list[str]:
 def _summary(diagnosis: Diagnosis) -> str:
     """The outcome in one or two sentences."""
     scale = _SCALES[diagnosis.quantity]
-    before, after, noise = (
+    bench = stated_bench(diagnosis)
+    before, after, noise, spread = (
         brief(float(f"{scale(value):.3g}"))
-        for value in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
+        for value in (
+            diagnosis.before.heldout_rms,
+            diagnosis.after.heldout_rms,
+            diagnosis.noise_rms,
+            bench.of("rms") if bench else 0.0,
+        )
     )
-    fall = f"Held-out rms {before} before, {after} {scale.unit} after; the noise floor is {noise}."
+    beside = f" ± {spread} ({BESIDE})" if bench else ""
+    fall = f"Held-out rms {before} before, {after}{beside} {scale.unit} after; the noise floor is {noise}."
     names = ", ".join(describe(a.effect.key, a.effect.indices) for a in diagnosis.added if _is_cause(a))
     laws = sum(not _is_cause(a) for a in diagnosis.added)
     twins = sum(len(a.indistinguishable) for a in diagnosis.added)
@@ -589,7 +630,7 @@ def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     runs = [(_label(trace, at), trace) for at, trace in enumerate(diagnosis.traces)]
     pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
     pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
-    first = passport_html(diagnosis.passport) if _tells_loads(diagnosis) else ""
+    first = passport_html(diagnosis.passport, bench=stated_bench(diagnosis)) if _tells_loads(diagnosis) else ""
     first += resonance_html(diagnosis.resonances)
     told = diagnosis_text(diagnosis, files=files)
     return page(data, summary=_summary(diagnosis), first=first, figures=pictures, text=told)

@@ -14,6 +14,8 @@ from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import DirectionLaw, OrderPassport, SpeedPeak
 from rverror.diagnosis.wave_fit import WavePart
+from rverror.runs.measuring_chain import BenchUncertainty
+from rverror.views.bench_report import BESIDE
 from rverror.views.html import escaped, number, scrolled
 from rverror.views.svg import Branch, branches
 
@@ -29,28 +31,32 @@ _PARTS = ("constant_arcsec", "per_1000_newton_metre_arcsec", "per_1000_rpm_arcse
 _SHARED = {"constant": "constant", "load": "load", "speed": "speed", "temperature": "temperature", "left": "left over"}
 
 
-def passport_json(passports: Sequence[OrderPassport]) -> list[dict[str, Any]]:
+def passport_json(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> list[dict[str, Any]]:
     """Passports as plain data for `json.dump`: arcsec, N*m, rpm and degrees, None where not told.
 
     Parameters
     ----------
     passports : sequence of OrderPassport
+    bench : BenchUncertainty, optional
+        Of the bench, where it is stated.
 
     Returns
     -------
     list of dict
-        ``phase_deg`` is None where the disc of a part holds zero; ``shares`` are parts of 1.
+        ``phase_deg`` is None where the disc of a part holds zero; ``shares`` are parts of 1;
+        ``bench_uncertainty_arcsec`` is that of amplitude and constants, and None where no bench is stated.
     """
-    return [_order_json(one) for one in passports]
+    return [_order_json(one, bench) for one in passports]
 
 
-def _order_json(one: OrderPassport) -> dict[str, Any]:
+def _order_json(one: OrderPassport, bench: BenchUncertainty | None) -> dict[str, Any]:
     temperature = one.reference_temperature
     return {
         "order": rounded(one.order, 10),
         "amplitude_arcsec": in_arcsec(one.amplitude),
         "low": in_arcsec(one.low),
         "high": in_arcsec(one.high),
+        "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
         "confidence": one.confidence,
         "directions": [_law_json(law) for law in one.laws],
         "constants": None if one.constants is None else one.constants.relation,
@@ -111,22 +117,24 @@ def _rpm(speed: float | None) -> float | None:
     return None if speed is None else speed * 30.0 / math.pi
 
 
-def passport_text(passports: Sequence[OrderPassport]) -> str:
+def passport_text(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> str:
     """Passports as a table of 100 columns, then of each order its shares, its peak and the kinds of causes.
 
     Parameters
     ----------
     passports : sequence of OrderPassport
+    bench : BenchUncertainty, optional
+        Of the bench, where it is stated.
 
     Returns
     -------
     str
         Angles in arcsec.
     """
-    return joined(passport_lines(passports))
+    return joined(passport_lines(passports, bench=bench))
 
 
-def passport_lines(passports: Sequence[OrderPassport]) -> list[str]:
+def passport_lines(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> list[str]:
     """Lines of `passport_text`."""
     if not passports:
         return ["No order is in the cases."]
@@ -143,7 +151,7 @@ def passport_lines(passports: Sequence[OrderPassport]) -> list[str]:
             lines.append(_row(*head, way(law.direction), *parts, "bent" if law.bent else ""))
     for one in passports:
         lines += ["", *_wrapped(f"Order {brief(one.order, 6)}: {_shares(one)}", "  ")]
-        for words in (*_beside(one), *one.kinds):
+        for words in (*_of_bench(one, bench), *_beside(one), *one.kinds):
             lines += _wrapped(f"  - {words}", "    ")
     return lines
 
@@ -201,6 +209,17 @@ def _beside(one: OrderPassport) -> list[str]:
     return found
 
 
+def _of_bench(one: OrderPassport, bench: BenchUncertainty | None) -> list[str]:
+    """What the bench leaves uncertain of an order."""
+    if bench is None:
+        return []
+    amplitude = bench.of_order(one.order) / ARCSEC
+    if not amplitude:
+        return ["no stated part of the bench has this order"]
+    why = "all of it may be the bench's" if one.amplitude < amplitude * ARCSEC else "the same in every run"
+    return [f"amplitude and constant ± {_size(amplitude)} ({BESIDE}), {why}; slopes are free of it"]
+
+
 def _peak_words(peak: SpeedPeak) -> str:
     speeds = [brief(v * 30.0 / math.pi) for v in (peak.speed, peak.low, peak.high)]
     where = f"largest at {speeds[0]} rpm (between {speeds[1]} and {speeds[2]}"
@@ -210,12 +229,14 @@ def _peak_words(peak: SpeedPeak) -> str:
     return f"{where}): {sizes}; in {peak.series} of {peak.of} series over the speed"
 
 
-def passport_html(passports: Sequence[OrderPassport]) -> str:
+def passport_html(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> str:
     """Passports as a section of an HTML page: a table, pictures of the strongest orders, the kinds of causes.
 
     Parameters
     ----------
     passports : sequence of OrderPassport
+    bench : BenchUncertainty, optional
+        Of the bench, where it is stated.
 
     Returns
     -------
@@ -224,20 +245,30 @@ def passport_html(passports: Sequence[OrderPassport]) -> str:
     """
     if not passports:
         return ""
-    data = passport_json(passports)
+    data = passport_json(passports, bench=bench)
     rows = []
     for one, told in zip(passports, data, strict=True):
         for place, (law, side) in enumerate(zip(one.laws, told["directions"], strict=True)):
-            head = ["", ""] if place else [number(told["order"]), _cell(told, "amplitude_arcsec")]
+            head = ["", ""] if place else [number(told["order"]), _cell(told, "amplitude_arcsec") + _after(told)]
             cells = [escaped(way(law.direction))]
             cells += [_part_cell(side[key]) for key in _PARTS]
             rows.append([*head, *cells, "bent" if law.bent else ""])
-    heads = ["order", "amplitude", "direction", "constant", "per 1000 N*m", "per 1000 rpm", "per K", "law"]
+    heads = [
+        "order",
+        "amplitude" + (f" (± {BESIDE})" if bench else ""),
+        "direction",
+        "constant",
+        "per 1000 N*m",
+        "per 1000 rpm",
+        "per K",
+        "law",
+    ]
     percent = f"{100 * passports[0].confidence:g} %"
     strongest = [one for one in passports if _has_load(one)][:DRAWN]
     pictures = "".join(f'<figure class="tile">{_picture(one)}</figure>' for one in strongest)
     words = "\n".join(
-        f"<li><strong>Order {number(told['order'])}</strong>: {escaped('; '.join([_shares(one), *_beside(one)]))}"
+        f"<li><strong>Order {number(told['order'])}</strong>: "
+        f"{escaped('; '.join([_shares(one), *_of_bench(one, bench), *_beside(one)]))}"
         f"<ul>{''.join(f'<li>{escaped(kind)}</li>' for kind in one.kinds)}</ul></li>"
         for one, told in zip(passports, data, strict=True)
     )
@@ -263,6 +294,11 @@ _KEY = (
 def _cell(told: dict[str, Any], key: str) -> str:
     high = "?" if told["high"] is None else number(told["high"])
     return f"{number(told[key])} [{number(told['low'])}, {high}]"
+
+
+def _after(told: dict[str, Any]) -> str:
+    stated = told["bench_uncertainty_arcsec"]
+    return "" if stated is None else f" ± {number(stated)}"
 
 
 def _part_cell(told: dict[str, Any] | None) -> str:

@@ -29,8 +29,9 @@ from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
-from rverror.model.ends import BENCH_DIMENSIONS
+from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.runs.measurement import Run
+from rverror.runs.measuring_chain import uncertainty_of
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
@@ -40,6 +41,7 @@ from rverror.tolerances.control_variate import LEVELS
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.views.bench_report import BESIDE
 from rverror.views.budget_report import SIZES, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
@@ -306,9 +308,11 @@ def _of_effect(thing: Effect) -> Sheet:
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
     title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
+    stated = ((thing.bench, BENCH_DIMENSIONS), (thing.encoders, ENCODER_DIMENSIONS))
     ends = {
-        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, BENCH_DIMENSIONS[name])
-        for name, value in thing.bench.given().items()
+        f"bench: {name.replace('_', ' ')}": _told_of_bench(value, dimensions[name])
+        for things, dimensions in stated
+        for name, value in things.given().items()
     }
     return (
         title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared")) + (_facts(ends) if ends else ())
@@ -639,12 +643,23 @@ def _about_added(thing: Diagnosis) -> Iterable[str]:
         yield from (f"{name}: {note}" for note in added.notes)
 
 
+_BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
+
+
+def _of_bench(sizes: Sequence[float]) -> dict[str, Sequence[float]]:
+    """Column of the bench's uncertainty, where one is stated."""
+    return {f"± {BESIDE}": sizes} if sizes else {}
+
+
 @sheet.register
 def _of_compensation(thing: Compensation) -> Sheet:
     stages, _ = _shown(thing, "stage")
     orders, _ = _shown(thing, "order")
     unseen, _ = _shown(thing, "unseen")
     verdict = f"{count_of(len(thing.orders), 'order')} compensated" if thing.worth else "nothing to compensate"
+    bench = uncertainty_of(thing.model.encoders, thing.model.mechanism.ratio)
+    of_rms = [] if bench is None else [bench.of("rms") / ARCSEC]
+    of_orders = [] if bench is None else [bench.of_order(one.order) / ARCSEC for one in thing.orders]
     return (
         *_title("Compensation", thing.model.name or thing.model.mechanism.name),
         Sentence(verdict),
@@ -652,6 +667,7 @@ def _of_compensation(thing: Compensation) -> Sheet:
             {
                 "error of data left out, arcsec": ["without", "with"],
                 "rms": stages["rms"],
+                **_of_bench(2 * of_rms),
                 "one more, 95 %": _intervals(stages["low"], stages["high"]),
             }
         ),
@@ -660,6 +676,7 @@ def _of_compensation(thing: Compensation) -> Sheet:
                 "seen by no fit, rms, arcsec": unseen["file"],
                 "without": unseen["before"],
                 "with": unseen["after"],
+                **_of_bench(len(thing.unseen) * of_rms),
             }
         ),
         *_beside(
@@ -667,11 +684,13 @@ def _of_compensation(thing: Compensation) -> Sheet:
                 "order": orders["order"],
                 "amplitude, arcsec": orders["amplitude"],
                 "left, arcsec": orders["left"],
+                **_of_bench(of_orders),
                 "over direction and condition": orders["law"],
                 "fits": orders["frames"],
             }
         ),
         *(Sentence(f"Stays: {text}") for text in thing.stays),
+        *(Sentence(_BENCH_REPEATS) for _ in of_rms if thing.worth),
         *_notes(thing.notes),
     )
 

@@ -24,6 +24,7 @@ input_angle = { name = "", unit = "deg" }  # of an encoder: unit = "counts", cou
 output_angle = { name = "", unit = "deg" }
 # te = { name = "", unit = "arcsec" }
 # time = { name = "", unit = "s" }
+# output_speed = { name = "", unit = "rpm" }  # in place of an angle, and input_speed: integrated over time
 
 # Of a table of orders write [orders] in place of [columns]:
 # [orders]

@@ -12,14 +12,16 @@ from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText, read_toml
 from rverror.runs.bench.numerals import THOUSANDS
 from rverror.runs.reading import (
+    BENCH_COLUMNS,
+    BENCH_EXAMPLES,
     COLUMN_NAME,
     COLUMNS,
     DIRECTIONS,
-    EXAMPLES,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
     ORDER_EXAMPLES,
+    SPEEDS,
 )
 
 _TOP = ("name", "file", "columns", "orders", "header", "keep")
@@ -29,7 +31,7 @@ _VALUE = ("name", "column", "property", "unit")
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
 _WAVES = ("amplitude", "phase", "cos", "sin")  # each may count the other way
 _UNITLESS = ("name", "column", "scale")
-_EVERY_EXAMPLE = EXAMPLES | ORDER_EXAMPLES
+_EVERY_EXAMPLE = BENCH_EXAMPLES | ORDER_EXAMPLES
 #: What stands for the order in the names of a table with a column for each order.
 OF_ORDER = "{order}"
 _SEPARATORS = (";", ",", "\t", "|", " ")
@@ -252,7 +254,10 @@ def load_mapping(path: PathLike) -> BenchMapping:
     toml.string((), toml.content, "name", "")
     tables = {name: _table(toml, (name,), toml.content.get(name, {})) for name in _TOP[1:]}
     toml.check_keys(("file",), tables["file"], _FILE, "key of [file]")
-    toml.check_keys(("columns",), tables["columns"], tuple(COLUMNS), "column")
+    toml.check_keys(("columns",), tables["columns"], tuple(BENCH_COLUMNS), "column")
+    for speed, angle in SPEEDS.items():
+        if {speed, angle} <= tables["columns"].keys():
+            toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
     if "orders" in toml.content:
         for key in ("columns", "keep"):
             if key in toml.content:
@@ -399,12 +404,12 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("columns", key)
-    example = f'name = "...", unit = "{EXAMPLES[key]}"'
+    example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
     table = _column_table(toml, place, value, example)
     toml.check_keys(place, table, _COLUMN, f"key of {key}")
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
     if toml.string(place, table, "unit", "").strip() == "counts":
-        if COLUMNS[key] != "angle" or key == "te":
+        if BENCH_COLUMNS[key] != "angle" or key == "te":
             toml.refuse((*place, "unit"), f"{key} in counts; only input_angle and output_angle may be counts")
         if per_turn is None:
             toml.refuse(place, f"{key} in counts lacks counts_per_turn; write counts_per_turn = 4 * lines of the disc")
@@ -423,7 +428,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')
-    return _scaled_rule(toml, place, table, example, COLUMNS[key])
+    return _scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
 def _column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:

@@ -9,10 +9,10 @@ from rverror.base.arrays import Array
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
 from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_factor, unit_zero
-from rverror.runs.reading import COLUMNS, EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES, refuse
+from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES, refuse
 
-_DIMENSIONS = COLUMNS | ORDER_COLUMNS
-_UNITS = EXAMPLES | ORDER_EXAMPLES
+_DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
+_UNITS = BENCH_EXAMPLES | ORDER_EXAMPLES
 # What counters of 16, 24 and 32 bits hold.
 _COUNTER_SIZES = (2.0**16, 2.0**24, 2.0**32)
 

@@ -1,0 +1,125 @@
+"""The bench's uncertainty stands beside measured figures where a model states encoders, and nowhere else."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from every_kind import compensation, diagnosis
+from rverror import ARCSEC, Diagnosis, to_html, to_json, to_text
+from rverror.diagnosis.order_passport import passport
+from rverror.diagnosis.result import Validation
+from rverror.runs.order_table import OrderCase, TableCondition
+from rverror.views.passport_report import passport_html, passport_json, passport_text
+
+ENCODERS = rverror.Encoders(output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
+#: k = 2 over the square root of three, by hand; the input's encoder adds three parts in a million.
+RMS, PEAK, ORDER = 1.432, 2.864, 1.823
+
+
+def found(encoders: rverror.Encoders = ENCODERS, **changes: object) -> Diagnosis:
+    plain = replace(diagnosis("unexplained"), validation=(Validation("later.csv", 8 * ARCSEC, 3 * ARCSEC),))
+    return replace(plain, declared=replace(plain.declared, encoders=encoders), **changes)  # type: ignore[arg-type]
+
+
+def test_each_figure_of_the_report_has_it_beside_it() -> None:
+    text = to_text(found())
+    for figure in (f"11.000 ± {RMS}", f"61.00 ± {PEAK:.2f}", f"12.000 ± {RMS}", f"2.000 ± {RMS}", f"13.00 ± {PEAK:.2f}",
+                   f"rms 8.000 ± {RMS} before, 3.000 ± {RMS} arcsec after (bench, k = 2)"):  # fmt: skip
+        assert figure in text
+    assert text.count("(± bench, k = 2)") == 1
+    assert re.search(r"output encoder +even +1.732 +1.240 +0.716 +2.480 +1.240\n", text)
+    assert re.search(r"7.000 arcsec \[6.000, 8.000\] ± 1.823 \(bench, k = 2\)", text)  # order 36
+    assert re.search(r"2.000 arcsec \[1.000, 3.000\] ± 0.000 \(bench, k = 2\)", text)  # 39.5 is no order of a shaft
+
+
+def test_programs_and_page_have_the_same_numbers() -> None:
+    data = to_json(found())
+    stated = data["bench_uncertainty"]
+    assert [stated[f"{name}_arcsec"] for name in ("rms", "heldout_rms", "peak_to_peak", "reading")] == pytest.approx(
+        [RMS, RMS, PEAK, RMS], abs=5e-4
+    )
+    assert stated["coverage_factor"] == 2
+    first = stated["parts"][0]
+    assert first["limit_arcsec"] / first["divisor"] == pytest.approx(first["standard_arcsec"], rel=1e-5)
+    assert [line["bench_uncertainty_arcsec"] for line in data["unexplained_orders"]] == pytest.approx(
+        [ORDER, 0.0], abs=5e-4
+    )
+    page = to_html(found())
+    shown = re.sub(r"<[^>]+>", "", page)
+    assert "11 ± 1.432" in shown
+    assert "61 → 13 ± 2.864 arcsec" in shown
+    assert "8 ± 1.432" in shown
+    assert "6 to 8 ± 1.823" in shown
+    assert "residual, arcsec (± bench, k = 2)" in shown
+    assert "What the bench leaves uncertain" in shown
+
+
+def test_nothing_is_shown_where_nothing_is_stated() -> None:
+    bare = found(rverror.Encoders())
+    assert to_json(bare)["bench_uncertainty"] is None
+    told = to_text(bare), to_html(bare), to_text(diagnosis(quantity="torque")), json.dumps(to_json(bare))
+    assert not any("k = 2" in text for text in told)
+    assert "±" not in to_text(bare)
+    ripple = diagnosis(quantity="torque")
+    ripple = replace(ripple, declared=replace(ripple.declared, encoders=ENCODERS))
+    assert "k = 2" not in to_text(ripple)  # encoders read no torque
+
+
+def test_of_an_order_table_no_peak_to_peak_is_uncertain_by_a_number() -> None:
+    """Orders that it does not hold are not known, so its sum of waves is no waveform of the bench's."""
+    table = found(conditions=(TableCondition(direction=1.0),))
+    stated = to_json(table)["bench_uncertainty"]
+    assert stated["peak_to_peak_arcsec"] is None
+    assert stated["rms_arcsec"] == pytest.approx(RMS, abs=5e-4)
+    assert f"± {PEAK:.2f}" not in to_text(table)
+    assert f"11.000 ± {RMS}" in to_text(table)
+    assert "61 → 13 arcsec" in re.sub(r"<[^>]+>", "", to_html(table))
+
+
+def test_a_passport_has_it_beside_constants_and_says_that_slopes_are_free_of_it() -> None:
+    cases = [
+        OrderCase(
+            condition=TableCondition(direction=1.0, torque=torque),
+            orders=np.array([1.0, 11.3, 40.0]),
+            waves=np.array([9.0, 2.0, 1.0 + torque / 1e5]) * ARCSEC + 0j,
+        )
+        for torque in (1e4, 5e4, 1e5, 2e5)
+    ]
+    bench = rverror.bench_uncertainty(121, output_encoder="1.24 arcsec")
+    found = passport(cases)
+    text = passport_text(found, bench=bench)
+    assert "amplitude and constant ± 1.82 (bench, k = 2), the same in every run; slopes are free of it" in text
+    assert "no stated part of the bench has this order" in text
+    sizes = {one["order"]: one["bench_uncertainty_arcsec"] for one in passport_json(found, bench=bench)}
+    assert sizes == pytest.approx({1.0: ORDER, 11.3: 0.0, 40.0: ORDER}, abs=5e-4)
+    assert "± <data" in passport_html(found, bench=bench)
+    assert "k = 2" not in passport_text(found) + passport_html(found)
+    assert {one["bench_uncertainty_arcsec"] for one in passport_json(found)} == {None}
+
+
+def test_small_orders_may_be_the_benchs_alone() -> None:
+    case = OrderCase(condition=TableCondition(direction=1.0), orders=np.array([2.0]), waves=np.array([ARCSEC + 0j]))
+    bench = rverror.bench_uncertainty(121, output_encoder="1.24 arcsec")
+    assert "all of it may be the bench's" in " ".join(passport_text(passport([case]), bench=bench).split())
+
+
+def test_a_models_own_page_tells_its_encoders() -> None:
+    model = rverror.Model(rverror.Drive(ratio=14.0), encoders=ENCODERS)
+    assert re.search(r"bench: output encoder +1.24 arcsec", to_text(model))
+
+
+def test_a_compensation_has_it_and_says_that_the_table_holds_it() -> None:
+    plain = compensation()
+    made = replace(plain, model=replace(plain.model, encoders=ENCODERS))
+    told = to_text(made)
+    assert told.count("± bench, k = 2") == 3  # of data left out, of what no fit saw, of orders
+    assert "the table holds it" in told
+    assert to_json(made)["bench_uncertainty"]["rms_arcsec"] == pytest.approx(RMS, abs=5e-4)
+    assert "±" not in to_text(plain)
+    assert to_json(plain)["bench_uncertainty"] is None
