@@ -15,8 +15,9 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget",
-    "Allocation", "Front", "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
+    "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
 
@@ -38,7 +39,7 @@ def test_every_kind_is_plain_data_in_one_envelope(kind: str) -> None:
     thing = every_kind()[kind][0]
     data = json.loads(json.dumps(to_json(thing), allow_nan=False))
     assert data["version"] == rverror.__version__
-    names = {"Effects", "Tolerances", "Front"} & {kind} or {type(thing).__name__}
+    names = {"Effects", "Tolerances", "Front", "Efficiencies"} & {kind} or {type(thing).__name__}
     assert {data["result"]} == names
 
 

@@ -22,10 +22,12 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
-KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
-         "TorsionCurve", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
-         "VirtualUnits", "ErrorBudget", "Allocation", "Front",
-         "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+KINDS = (
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
+    "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+)  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
@@ -95,13 +96,15 @@ class Friction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Efficiency:
+class Efficiency(Viewed):
     """What a reducer loses to friction along a motion.
 
     Attributes
     ----------
     theta : ndarray, shape (n,)
         Nominal output angle as the bench reads it, rad.
+    direction : ndarray, shape (n,)
+        Of the motion: +1 forward, -1 reverse.
     torque : float
         Size of the torque on the output, N*mm.
     ratio : float
@@ -120,6 +123,7 @@ class Efficiency:
     """
 
     theta: Array
+    direction: Array
     torque: float
     ratio: float
     drives: str
@@ -238,6 +242,7 @@ def efficiency(
         input_torque, losses, change = _in_equilibrium(model, under, gears.direction, friction)
     return Efficiency(
         theta=read.theta,
+        direction=read.direction,
         torque=size,
         ratio=unit.ratio,
         drives=drives,
@@ -248,7 +253,7 @@ def efficiency(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hysteresis:
+class Hysteresis(Viewed):
     """Loop of the torsion curve: turn of the output under a torque that rises or falls, input held.
 
     Attributes
