@@ -136,6 +136,30 @@ def test_changes_are_of_first_order_in_the_coefficients() -> None:
         np.testing.assert_allclose(far / near, 2, atol=0.02)
 
 
+def test_friction_of_the_model_is_taken_where_none_is_given() -> None:
+    own = Model(replace(UNIT, friction=STATED), errors_of(UNIT))
+    bare = Model(UNIT, errors_of(UNIT))
+    given = efficiency(bare, THETA, torque=100e3, friction=STATED, direction=1.0)
+    taken = efficiency(own, THETA, torque=100e3, direction=1.0)
+    other = efficiency(own, THETA, torque=100e3, direction=1.0, friction=Friction(pin=0.1))
+    np.testing.assert_array_equal(taken.input_torque, given.input_torque)
+    assert set(other.by_part.values()) == {0.0, other.by_part["pin"]}
+    loops = [hysteresis(own, [0.1], torques=[50e3]), hysteresis(bare, [0.1], torques=[50e3], friction=STATED)]
+    np.testing.assert_array_equal(loops[0].width, loops[1].width)
+    for silent in (
+        lambda: efficiency(bare, THETA, torque=100e3, direction=1.0),
+        lambda: hysteresis(bare, [0.1], torques=[50e3]),
+    ):
+        with pytest.raises(ValueError, match=r"friction: nothing is said of it; .*\[reducer\.friction\]"):
+            silent()
+
+
+def test_all_else_is_without_friction() -> None:
+    own, bare = (Model(unit, errors_of(UNIT)) for unit in (replace(UNIT, friction=STATED), UNIT))
+    here, there = (rverror.equilibrium(one, THETA, torque=20e3, direction=1.0) for one in (own, bare))
+    np.testing.assert_array_equal(here.transmission_error, there.transmission_error)
+
+
 # --- directions -------------------------------------------------------------------------------------------------------
 
 
@@ -487,7 +511,7 @@ def test_what_has_no_balance_or_no_sense_is_refused() -> None:
         of(friction=Friction(pin=0.8))
     with pytest.raises(ValueError, match=r"torque = 3 N\*m: the output drives with more than the drag, 4 N\*m"):
         of(torque="3 N*m", drives="output")
-    with pytest.raises(ValueError, match=r"crank_bearing = 0\.002 needs crank_bearing_radius"):
+    with pytest.raises(ValueError, match=r"crank_bearing_radius is missing: crank_bearing = 0\.002 counts at it"):
         Friction(crank_bearing=0.002)
     with pytest.raises(ValueError, match=r"pin = -0\.1: a coefficient"):
         Friction(pin=-0.1)

@@ -345,6 +345,14 @@ def test_a_reducer_has_all_its_parameters() -> None:
     assert frame.loc["pressure_angle"].tolist() == [pytest.approx(20), "deg"]
     assert frame.loc["rated_torque"].tolist() == [pytest.approx(412), "N*m"]
     assert frame.loc["stiffness.main_bearing"].tolist() == [1e6, "N/mm"]
+    rubs = replace(rverror.reducer("RV-40E"), friction=made.FRICTION)
+    told = to_pandas(rubs, display=True).set_index("parameter")
+    assert told.loc["friction.crank_bearing"].tolist() == [0.0025, "dimensionless"]
+    assert told.loc["friction.crank_bearing_radius"].tolist() == [10, "mm"]
+    assert told.loc["friction.drag"].tolist() == [4, "N*m"]
+    assert {name for name in told.index if name.startswith("friction")} - set(frame.index) == {
+        f"friction.{name}" for name in ("pin", "mesh", "crank_bearing", "crank_bearing_radius", "drag")
+    }
     again = {name: row.value for name, row in frame.iterrows() if "." not in name and row.unit == "dimensionless"}
     assert all(getattr(rverror.reducer("RV-40E"), name) == value for name, value in again.items())
 

@@ -25,7 +25,7 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
-from rverror.geartrain.mechanism import DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
 from rverror.model.effects import Effect, Model
@@ -249,7 +249,7 @@ def _bracket(name: str) -> str:
 
 
 #: What a reducer has one number of for each kind of contact or part.
-_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia")
+_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "friction", "inertia")
 
 
 @_table.register
@@ -266,6 +266,10 @@ def _of_reducer(result: Reducer) -> Table:
     rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
     pressed = dataclasses.asdict(result.bearing_preload)
     rows += [(f"bearing_preload.{name}", value, _GEOMETRY["length"]) for name, value in pressed.items() if value]
+    rubs = {name: value for name, value in dataclasses.asdict(result.friction).items() if value}
+    rows += [
+        (f"friction.{name}", value, _GEOMETRY.get(FRICTION_DIMENSIONS[name], NUMBER)) for name, value in rubs.items()
+    ]
     weights = {name: value for name, value in dataclasses.asdict(result.inertia).items() if value is not None}
     rows += [(f"inertia.{name}", value, unit_of(INERTIA_DIMENSIONS[name])) for name, value in weights.items()]
     table = _of_values(result, rows)
