@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array, cross, radial_and_tangential
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
@@ -29,7 +30,7 @@ from rverror.model.effects import Model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
 from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
-from rverror.statics.rigidity import row_of_torques
+from rverror.statics.rigidity import on_its_branch, row_of_torques
 
 _MOST_STEPS = 40
 _MOST_HALVINGS = 12
@@ -216,6 +217,30 @@ class Hysteresis(Viewed):
     def width(self) -> Array:
         """Falling less rising, (m, n), rad: twice what friction holds back, and play where the torque is small."""
         return self.falling - self.rising
+
+    def lost_motion(self, torque: Any) -> Array:
+        """Turn from a torque in one sense to the same in the other, at the middles of the loop, as makers read it.
+
+        Parameters
+        ----------
+        torque : float or quantity
+            Size, N*mm; makers take 3 % of the rated torque.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad.
+
+        Raises
+        ------
+        ValueError
+            If the loop does not reach it in both senses, or it is not above 0.
+        """
+        size = units.named_core("torque", torque, "torque")
+        if not size > 0:
+            raise ValueError(f"torque = {size / 1e3:g} N*m: must be above 0")
+        middle = (self.rising + self.falling) / 2
+        return on_its_branch(self.torque, middle, size) - on_its_branch(self.torque, middle, -size)
 
 
 def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | None = None) -> Hysteresis:

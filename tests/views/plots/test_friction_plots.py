@@ -53,8 +53,8 @@ def test_bars_are_the_shares_and_the_efficiency_stands_above() -> None:
     tops = [100 * (1 - one.mean) for one in by_load]  # what is lost and what comes out are the whole
     assert [text.get_position()[1] for text in ax.texts] == pytest.approx(tops)
     ticks = [tick.get_text() for tick in ax.get_xticklabels()]
-    assert ticks[:4] == [f"20, {side} drives, {way}" for side in ("input", "output") for way in ("forward", "reverse")]
-    assert ticks[-1] == "412, output drives, reverse"
+    assert ticks[:4] == [f"20, {side}, {way}" for side in ("input", "output") for way in ("forward", "reverse")]
+    assert ticks[-1] == "412, output, reverse"
     places = np.array(ax.get_xticks())
     gaps = np.diff(places)
     assert (gaps[3::4] > gaps[:3].max()).all()  # loads stand apart
@@ -82,8 +82,9 @@ def test_the_loop_has_both_branches_and_the_lost_motion_between_their_middles() 
     (label,) = [text for text in legend(ax) if text.startswith("lost motion")]
     x, y = line(ax, label)
     assert x == pytest.approx([-12.36, 12.36])
-    wanted = float(np.mean(lost_motion(UNIT, [0.0, 0.1]))) / ARCSEC
-    assert y[1] - y[0] == pytest.approx(wanted, rel=1e-3)
+    wanted = lost_motion(UNIT, [0.0, 0.1])
+    assert y[1] - y[0] == pytest.approx(wanted.mean() / ARCSEC, rel=1e-3)
+    np.testing.assert_allclose(loop.lost_motion("12.36 N*m"), wanted, rtol=1e-3)
     assert "mean over 2 angles" in ax.get_title()
     (inset,) = ax.child_axes
     assert inset.get_xlim() == pytest.approx((-4 * 12.36, 4 * 12.36))
@@ -95,6 +96,12 @@ def test_the_lost_motion_of_a_loop_by_hand() -> None:
     rising, falling = np.array([-9.0, -6, -2, 2, 4]) * ARCSEC, np.array([-8.0, -4, 2, 4, 8]) * ARCSEC
     loop = Hysteresis(torque=np.array([-4e4, -2e4, 0.0, 2e4, 4e4]), rising=rising[:, None], falling=falling[:, None])
     assert line(loop.plot(rated="1000 N*m"), "lost motion at +-3 %: 11.2 arcsec")[1] == pytest.approx([-6.75, 4.5])
+    assert loop.lost_motion(3e4) == pytest.approx([11.25 * ARCSEC])
+    assert loop.lost_motion(4e4) == pytest.approx([14.5 * ARCSEC])  # at its ends
+    assert loop.lost_motion(2e4) == pytest.approx([8 * ARCSEC])
+    for size, said in ((1e4, "no torques on both sides of 10 N"), (5e4, "50 N"), (0, "torque = 0 N.m: must be above")):
+        with pytest.raises(ValueError, match=said):
+            loop.lost_motion(size)
     assert not loop.plot().child_axes
     with pytest.raises(InputError, match=r"both sides of -412 N\*m, 3 % of the rated torque"):
         loop.plot(rated=412e3 / 0.03)

@@ -16,7 +16,7 @@ from rverror.views.plots.figure import axes_for, fill_style, legend_beside
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ROOM = 1.3  # times the highest bar, with the efficiency written above it
+_ROOM = 1.35  # times the highest bar, with the efficiency written above it
 
 
 def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | None = None) -> Axes:
@@ -36,7 +36,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     for one in beside:
         if not isinstance(one, Efficiency):
             raise InputError(f"beside holds a {type(one).__name__}, no Efficiency; give results of efficiency()")
-    ax = axes_for(ax, height=4.2)
+    ax = axes_for(ax, height=4.6)
     listed = sorted([found, *beside], key=lambda one: one.torque)
     cases = [_case(one) for one in listed]
     loads = np.array([to_display(one.torque, "torque") for one in listed])
@@ -50,12 +50,13 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     for x, high, one in zip(place, top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
     same = [len({case[at] for case in cases}) == 1 for at in range(2)]
-    words = [[word for word, alike in zip(case, same, strict=True) if not alike] for case in cases]
+    words = [[word.split()[0] for word, alike in zip(case, same, strict=True) if not alike] for case in cases]
     ax.set_xticks(place, [", ".join([brief(load), *more]) for load, more in zip(loads, words, strict=True)])
     ax.tick_params(axis="x", labelsize="small", labelrotation=0 if all(same) else 90)
     ax.set_xlim(-1.0, place[-1] + 1.0)
     common = [word for word, alike in zip(cases[0], same, strict=True) if alike]
-    ax.set(xlabel="torque on the output, N*m", ylabel="lost of the work put in, %")
+    told = "torque on the output, N*m" if same[0] else "what drives, under a torque on the output, N*m"
+    ax.set(xlabel=told, ylabel="lost of the work put in, %")
     ax.set_title(", ".join(["losses to friction, above them the efficiency", *common]))
     ax.set_ylim(0, _ROOM * max(float(top.max()), 1.0))
     legend_beside(ax)

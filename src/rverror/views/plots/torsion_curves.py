@@ -10,7 +10,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.statics.friction import Hysteresis
-from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.rigidity import TorsionCurve, on_its_branch
 from rverror.views.plots.figure import BLACK, BLUE, DASHED, GREY, VERMILLION, axes_for, in_shown_unit, legend_below
 
 if TYPE_CHECKING:
@@ -126,12 +126,12 @@ def _lost_motion(torque: Array, angle: Array, rated: Any) -> tuple[float, float,
     if rated is None:
         return None
     where, ends = units.to_core(rated, "torque") * _PERCENT / 100, []
-    for sign in (-1.0, 1.0):
-        branch = np.sign(torque) == sign
-        if not branch.any() or not torque[branch].min() <= sign * where <= torque[branch].max():
+    for end in (-where, where):
+        try:
+            ends.append(float(on_its_branch(torque, angle, end)))
+        except ValueError as problem:
             raise InputError(
-                f"the curve holds no torques on both sides of {sign * where / 1e3:g} N*m, {_PERCENT:g} % of the rated "
+                f"the curve holds no torques on both sides of {end / 1e3:g} N*m, {_PERCENT:g} % of the rated "
                 "torque; compute it for more torques"
-            )
-        ends.append(float(np.interp(sign * where, torque[branch], angle[branch])))
+            ) from problem
     return where, ends[0], ends[1]
