@@ -487,8 +487,8 @@ def test_the_pages_table_over_load_and_speed() -> None:
 def test_the_pages_table_of_assumptions() -> None:
     """And each row once more from the shares of the first alone.
 
-    Friction adds at most its own share to what contacts carry (`test_friction_oracle.py`), so a change of the loss is in
-    proportion to the coefficient but for that share of itself.
+    Friction adds at most its own share to what contacts carry (`test_friction_oracle.py`), so a loss changes in
+    proportion to the coefficient but for that share of the change.
     """
     page = text(DOCS / "theory" / "friction.md")
     loads = (412e3, 103e3, 20e3)
