@@ -40,6 +40,8 @@ MODEL = rverror.Model(
 )
 ENDS = rverror.Bench(position_control_stiffness=0, input_coupling_stiffness="300 N*m/rad", input_inertia="1 kg*cm^2")
 SWING = rverror.Bench(load_inertia="100 kg*m^2")
+FRICTION = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm", drag="4 N*m")
+ROLLERS = rverror.RollerBearing(rollers=14, roller_diameter="5 mm", roller_length="8 mm", race_diameter="20 mm")
 DRIVE = rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, HOSTILE: 3.5}, name=HOSTILE)
 THETA = 2 * np.pi * np.arange(256) / 256
 TOLERANCES = (
@@ -180,6 +182,12 @@ def compensation() -> rverror.Compensation:
     )
 
 
+def _efficiency(theta: Any, drives: str, direction: float) -> rverror.Efficiency:
+    return rverror.efficiency(
+        MODEL, theta, torque=TORQUE, friction=FRICTION, direction=direction, drives=drives, method="closed"
+    )
+
+
 @functools.cache
 def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
@@ -209,6 +217,18 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "TorsionCurve": (
             rverror.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
             {"theta": few[:2]},
+        ),
+        "Hysteresis": (
+            rverror.hysteresis(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"], friction=FRICTION),
+            {"theta": few[:2]},
+        ),
+        "Efficiency": (_efficiency(few, "input", 1.0), {}),
+        "Efficiencies": ([_efficiency(few, "input", 1.0), _efficiency(few, "output", -1.0)], {}),
+        "ContactPressure": (
+            rverror.contact_pressure(
+                MODEL, few, torque=TORQUE, direction=1.0, disc_width="9 mm", gear_width="8 mm", cam_bearing=ROLLERS
+            ),
+            {},
         ),
         "Modes": (rverror.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
         "SpeedResponse": (

@@ -45,6 +45,16 @@ RIGID = Springs(pin=2e6, cam=2e10, carrier=2e13, mesh=2e9, sun=1e4, main=2e13)
 REALISTIC = Springs(pin=2e5, cam=3e5, carrier=3e5, mesh=2e5, sun=1e2, main=1e6)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Rubbing:
+    """Coefficient of friction of pins, and of the others times the lever at which it counts, mm."""
+
+    pin: float
+    mesh: float
+    cam: float
+    carrier: float
+
+
 class Errors:
     """Sizes of every error, one row per case, each in the frame where it is fixed; all zero at first."""
 
@@ -216,7 +226,8 @@ class Oracle:
     def _crank(self, crank: int) -> int:
         return 3 + 3 * self.unit.discs + 3 * crank
 
-    def _pins(self, rows: _Rows, u: np.ndarray, errors: Errors, disc: int) -> None:
+    def _pin_contacts(self, u: np.ndarray, errors: Errors, disc: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """From the disc's centre to each pin's, normal from the disc to the pin, and how deep they overlap."""
         unit, at = self.unit, self._disc(disc)
         gamma = 2 * np.pi * np.arange(unit.pins) / unit.pins
         eccentric = self.crank_turn + 2 * np.pi * disc / unit.discs
@@ -246,7 +257,11 @@ class Oracle:
         psi = np.angle(point - unit.pin_radius * outwards)
         # the errors' own slope along the flank is left out of the gradient: it tilts the normal by 1e-4
         depth = depth + _wave(errors.profile[:, None, None, disc], psi)
-        normal = outwards * np.exp(1j * turn)
+        return arm, outwards * np.exp(1j * turn), depth
+
+    def _pins(self, rows: _Rows, u: np.ndarray, errors: Errors, disc: int) -> None:
+        at = self._disc(disc)
+        arm, normal, depth = self._pin_contacts(u, errors, disc)
         columns = {at: normal.real, at + 1: normal.imag, at + 2: _along(normal, 1j * arm)}
         rows.push(self.springs.pin, depth, columns)
 
@@ -354,8 +369,10 @@ class Oracle:
         gaps.append(abs(rolled) * unit.module / 2)
         return np.concatenate([*(abs(c).ravel() for c in rows.compression), *gaps])
 
-    def solve(self, errors: Errors) -> np.ndarray:
+    def solve(self, errors: Errors, *, extra: np.ndarray | float = 0.0) -> np.ndarray:
         """Displacements of least energy, (case, angle, unknowns); fails where Newton's method does not converge.
+
+        Forces on the unknowns beside the load torque may be given.
 
         Starts from the loaded pose without errors, if that is known, with the contacts that carry there held shut for
         one step: an error may first open a stiff contact by more than the load closes it.  Without one, the first
@@ -366,8 +383,8 @@ class Oracle:
         open_: np.ndarray | bool = False
         if self._base is not None:
             u, open_ = u + self._base, self._base_open
-        load = np.zeros(self.unknowns)
-        load[2] = -self.sense * self.torque  # resists the motion
+        load = np.zeros(u.shape) + extra
+        load[..., 2] -= self.sense * self.torque  # resists the motion
         for turn in range(40):
             compression, gradient, stiffness, one_sided = self.contacts(u, errors)
             if turn:
@@ -403,3 +420,65 @@ class Oracle:
         for case, term in enumerate(terms):
             put(errors, self.unit, case, term, step)
         return self.output(errors) / step
+
+    def rub(self, u: np.ndarray, by: Rubbing, *, motion: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coulomb friction on bodies at a pose without errors: forces on the unknowns, power lost, torque at the sun.
+
+        Speeds are differences of the exact nominal poses a little earlier and later, per unit of output speed along
+        `motion`.  On a pin the material of the disc slides at the point of contact; the pin stands still.  The power
+        has the kinds pin, mesh, cam, carrier on its first axis, then (angle,); so has the torque, counter-clockwise,
+        that the input must put on the sun.
+        """
+        unit, step, errors = self.unit, 1e-5, Errors(self.unit, 1)
+        earlier, later = (self.theta + way * motion * step for way in (-1, 1))
+
+        def speed(stands: Any) -> Any:
+            return (stands(later) - stands(earlier)) / (2 * step)
+
+        compression, _, stiffness, one_sided = self.contacts(u, errors)
+        carried = (stiffness * np.where(one_sided, np.maximum(compression, 0), compression))[0]
+        pins = unit.discs * unit.pins
+        joints = carried[:, pins : pins + 2 * unit.cranks * (unit.discs + 1)]
+        joints = np.hypot(*np.moveaxis(joints.reshape(self.theta.size, unit.cranks, unit.discs + 1, 2), -1, 0))
+        flanks = carried[:, -unit.cranks :]
+        turning = speed(lambda theta: theta)  # of carrier and discs
+        rolling = speed(lambda theta: -unit.disc_lobes * theta)  # of cranks and planets
+        on_sun = speed(lambda theta: self.ratio * theta)
+        force, lost = np.zeros(u.shape), np.zeros((4, self.theta.size))
+        for k in range(unit.discs):
+            phase, at = 2 * np.pi * k / unit.discs, self._disc(k)
+            centre = speed(lambda theta, p=phase: unit.eccentricity * np.exp(1j * (p - unit.disc_lobes * theta)))
+            arm, normal, _ = self._pin_contacts(u, errors, k)
+            touch = (arm - unit.pin_radius * normal)[0]
+            across = 1j * normal[0]
+            slip = _along(across, centre[:, None] + 1j * turning[:, None] * touch)
+            size = by.pin * carried[:, k * unit.pins : (k + 1) * unit.pins]
+            push = -size * np.sign(slip) * across
+            lost[0] += (size * abs(slip)).sum(axis=1)
+            for row, value in enumerate((push.real, push.imag, _along(1j * touch, push))):
+                force[0, :, at + row] += value.sum(axis=1)
+        for j in range(unit.cranks):
+            crank = self._crank(j) + 2
+            for place, (other, lever, kind) in enumerate(
+                [*((self._disc(k) + 2, by.cam, 2) for k in range(unit.discs)), (2, by.carrier, 3)]
+            ):
+                couple = lever * joints[:, j, place] * np.sign(rolling - turning)
+                force[0, :, crank] -= couple
+                force[0, :, other] += couple
+                lost[kind] += abs(couple * (rolling - turning))
+            couple = by.mesh * flanks[:, j] * np.sign(rolling - on_sun)
+            force[0, :, crank] -= couple
+            lost[1] += abs(couple * (rolling - on_sun))
+        base = unit.module * unit.sun_teeth / 2 * np.cos(unit.pressure_angle)
+        at_sun = flanks.sum(axis=1) * (self.sense * base - by.mesh * np.sign(rolling - on_sun))
+        return force, lost, at_sun
+
+    def rubbed(self, by: Rubbing, *, motion: int) -> tuple[np.ndarray, np.ndarray]:
+        """Power lost and torque at the sun of the pose in which forces and friction balance, as `rub` tells them."""
+        u, before = self.base(), np.zeros(1)
+        for _ in range(60):
+            force, lost, at_sun = self.rub(u, by, motion=motion)
+            if abs(at_sun - before).max() < 1e-6 * abs(at_sun).max():
+                return lost, at_sun
+            u, before = self.solve(Errors(self.unit, 1), extra=force), at_sun
+        raise ArithmeticError("friction and forces of the oracle do not settle; try smaller coefficients")

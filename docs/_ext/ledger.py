@@ -28,10 +28,10 @@ from rverror.geartrain.cycloid import (
 )
 from rverror.geartrain.feedback import feedback_factor, loop_gain
 from rverror.geartrain.kinematics import folded_order, frame_orders, fundamental_orders, samples_needed, true_period
-from rverror.geartrain.mechanism import Reducer, reducer
+from rverror.geartrain.mechanism import Friction, Reducer, reducer
 from rverror.model.compose import influence
 from rverror.model.effects import Model
-from rverror.statics.friction import Friction, efficiency
+from rverror.statics.friction import efficiency
 
 #: Size of every error in source 000's case study, mm.
 ERROR = 0.005

@@ -28,11 +28,11 @@ from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders
-from rverror.geartrain.mechanism import BearingPreload, Reducer, Stiffness, reducer
+from rverror.geartrain.mechanism import BearingPreload, Friction, Reducer, Stiffness, reducer
 from rverror.model.compose import influence, transmission_error
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
-from rverror.statics.friction import Friction, efficiency, hysteresis
+from rverror.statics.friction import efficiency, hysteresis
 from rverror.statics.loaded_state import equilibrium
 from rverror.statics.prediction import Prediction, Predictor
 

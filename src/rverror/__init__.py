@@ -15,6 +15,7 @@ from rverror.geartrain.mechanism import (
     BearingPreload,
     ContactLaw,
     Drive,
+    Friction,
     Inertia,
     Reducer,
     Stiffness,
@@ -27,7 +28,7 @@ from rverror.model.compose import Influence, influence, transmission_error, tran
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench, Encoders
 from rverror.model.model_file import append_effects, load_model, save_model
-from rverror.statics.friction import Efficiency, Friction, Hysteresis, efficiency, hysteresis
+from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hysteresis
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness

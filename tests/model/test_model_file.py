@@ -22,6 +22,7 @@ from rverror import (
     Drive,
     Effect,
     Encoders,
+    Friction,
     Inertia,
     Model,
     Reducer,
@@ -269,9 +270,31 @@ def test_encoders_of_a_reducer_and_of_a_drive(tmp_path: Path) -> None:
         assert load_model(tmp_path / "back.toml") == model
 
 
+def test_friction_of_a_reducer(tmp_path: Path) -> None:
+    lines = """[reducer.friction]
+pin = 0.05
+mesh = 0
+crank_bearing = 0.0025
+crank_bearing_radius = "1 cm"
+drag = "4 N*m"
+"""
+    unit = load(tmp_path, FULL + lines).mechanism
+    assert isinstance(unit, Reducer)
+    assert unit.friction == Friction(pin=0.05, crank_bearing=0.0025, crank_bearing_radius=10.0, drag=4e3)
+    assert unit == dataclasses.replace(load(tmp_path, FULL).mechanism, friction=unit.friction)
+    save_model(tmp_path / "back.toml", Model(unit))
+    assert load_model(tmp_path / "back.toml").mechanism == unit
+    text = (tmp_path / "back.toml").read_text()
+    assert (
+        '[reducer.friction]\npin = 0.05\ncrank_bearing = 0.0025\ncrank_bearing_radius = "10 mm"\ndrag = "4 N*m"' in text
+    )
+    save_model(tmp_path / "none.toml", load(tmp_path, FULL))
+    assert "friction" not in (tmp_path / "none.toml").read_text()
+
+
 def test_every_parameter_of_the_reducer_has_a_key() -> None:
     names = {f.name for f in dataclasses.fields(Reducer)}
-    tables = {"stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia"}
+    tables = {"stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "friction", "inertia"}
     assert {*COUNTS, *QUANTITIES, *tables, "name", "output"} == names
     for name, (dimension, example) in QUANTITIES.items():
         kind = "angle" if name == "pressure_angle" else "torque" if name == "rated_torque" else "length"
@@ -335,6 +358,16 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     "mass in mm": (FULL + "[reducer.inertia]\ndisc_mass = '1 mm'\n", ["line 14", "'mm'", "mass", "'0.8 kg'"]),
     "inertia zero": (FULL + "[reducer.inertia]\nsun_inertia = '0 kg*m^2'\n",
                      ["line 14", "sun_inertia = 0 kg*m^2", "above 0", "leave it out"]),
+    "friction key": (FULL + "[reducer.friction]\npins = 0.05\n", ["line 14", "'pins'", "did you mean 'pin'"]),
+    "friction below 0": (FULL + "[reducer.friction]\npin = -0.05\n",
+                         ["line 14", "pin = -0.05", "0 or more", "like 0.05"]),
+    "friction is a text": (FULL + "[reducer.friction]\nmesh = '5 %'\n", ["line 14", "mesh = '5 %'", "a bare number"]),
+    "friction of no radius": (FULL + "[reducer.friction]\ncrank_bearing = 0.0025\n",
+                              ["line 13", "crank_bearing_radius is missing", "0.0025", "like '10 mm'"]),
+    "friction at radius 0": (FULL + "[reducer.friction]\ncarrier_bearing_radius = '0 mm'\n",
+                             ["line 14", "carrier_bearing_radius = 0 mm", "above 0"]),
+    "drag of a force": (FULL + "[reducer.friction]\ndrag = '4 N'\n", ["line 14", "'N'", "torque", "'4 N*m'"]),
+    "friction of a drive": (DRIVE + "[drive.friction]\npin = 0.05\n", ["'friction'", "[drive]"]),
     "bench key": (FULL + "[bench]\nload_inertai = '1 kg*m^2'\n", ["line 14", "'load_inertai'", "'load_inertia'"]),
     "bench below 0": (FULL + "[bench]\ninput_inertia = '-1 kg*m^2'\n",
                       ["line 14", "input_inertia = -1 kg*m^2", "0 or more"]),
@@ -492,6 +525,14 @@ numbers = st.fixed_dictionaries(
     optional={
         "stiffness_uncertainty": st.builds(StiffnessUncertainty, pin_contact=st.floats(0, 10), gear_mesh=st.just(0.1)),
         "contact_law": st.builds(ContactLaw, pin_exponent=st.floats(1, 1.5), flank_exponent=st.floats(1, 1.5)),
+        "friction": st.builds(
+            Friction,
+            pin=st.floats(0, 1),
+            crank_bearing=st.floats(0, 1),
+            crank_bearing_radius=st.floats(1e-3, 1e3),
+            carrier_bearing_radius=st.none() | st.floats(1e-3, 1e3),
+            drag=st.floats(0, 1e6),
+        ),
         "inertia": st.builds(Inertia, disc_mass=st.floats(1e-6, 1), sun_inertia=st.none() | st.floats(1e-6, 1e6)),
     },
 )

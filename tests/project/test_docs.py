@@ -149,6 +149,7 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "contact_law",
         "inertia",
         "bearing_preload",
+        "friction",
         "rated_torque",
         "crank_circle_radius",
         "output",

@@ -136,6 +136,30 @@ def test_changes_are_of_first_order_in_the_coefficients() -> None:
         np.testing.assert_allclose(far / near, 2, atol=0.02)
 
 
+def test_friction_of_the_model_is_taken_where_none_is_given() -> None:
+    own = Model(replace(UNIT, friction=STATED), errors_of(UNIT))
+    bare = Model(UNIT, errors_of(UNIT))
+    given = efficiency(bare, THETA, torque=100e3, friction=STATED, direction=1.0)
+    taken = efficiency(own, THETA, torque=100e3, direction=1.0)
+    other = efficiency(own, THETA, torque=100e3, direction=1.0, friction=Friction(pin=0.1))
+    np.testing.assert_array_equal(taken.input_torque, given.input_torque)
+    assert set(other.by_part.values()) == {0.0, other.by_part["pin"]}
+    loops = [hysteresis(own, [0.1], torques=[50e3]), hysteresis(bare, [0.1], torques=[50e3], friction=STATED)]
+    np.testing.assert_array_equal(loops[0].width, loops[1].width)
+    for silent in (
+        lambda: efficiency(bare, THETA, torque=100e3, direction=1.0),
+        lambda: hysteresis(bare, [0.1], torques=[50e3]),
+    ):
+        with pytest.raises(ValueError, match=r"friction: nothing is said of it; .*\[reducer\.friction\]"):
+            silent()
+
+
+def test_all_else_is_without_friction() -> None:
+    own, bare = (Model(unit, errors_of(UNIT)) for unit in (replace(UNIT, friction=STATED), UNIT))
+    here, there = (rverror.equilibrium(one, THETA, torque=20e3, direction=1.0) for one in (own, bare))
+    np.testing.assert_array_equal(here.transmission_error, there.transmission_error)
+
+
 # --- directions -------------------------------------------------------------------------------------------------------
 
 
@@ -433,6 +457,55 @@ def test_the_pages_figures() -> None:
     of(friction=Friction(pin=0.7))  # wedges above
 
 
+#: What the second table of the page changes, by the name of its row.
+CHANGED = {
+    "nothing": STATED,
+    "pins 0.02": replace(STATED, pin=0.02),
+    "pins 0.1": replace(STATED, pin=0.1),
+    "teeth 0.02": replace(STATED, mesh=0.02),
+    "teeth 0.1": replace(STATED, mesh=0.1),
+    "bearings halved": replace(STATED, crank_bearing=0.00125, carrier_bearing=0.0009),
+    "bearings doubled": replace(STATED, crank_bearing=0.005, carrier_bearing=0.0036),
+    "drag 2 N m": replace(STATED, drag=2e3),
+    "drag 8 N m": replace(STATED, drag=8e3),
+    "all less 15 %": scaled(STATED, 0.85),
+}
+
+
+def test_the_pages_table_over_load_and_speed() -> None:
+    page = text(DOCS / "theory" / "friction.md")
+    speeds = [float(speed) for speed in re.findall(r" (\d+) rpm (?=\|)", page)]
+    rows = re.findall(r"^\| (?:all|a half,|a quarter,|a tenth,|light,) ([\d.]+) N m \| (.*) \|$", page, re.MULTILINE)
+    assert [float(torque) for torque, _ in rows] == [412, 206, 103, 41.2, 20]
+    for torque, cells in rows:
+        drags = [4e3 * (speed / 15) ** (2 / 3) for speed in speeds]
+        made = [of(torque=float(torque) * 1e3, friction=replace(STATED, drag=drag)).mean for drag in drags]
+        np.testing.assert_allclose([float(cell) for cell in cells.split(" | ")], 100 * np.array(made), atol=0.051)
+    assert f"{drags[0] / 1e3:.1f} N m at 1 rpm, {drags[-1] / 1e3:.1f} N m at 50 rpm" in page
+
+
+def test_the_pages_table_of_assumptions() -> None:
+    """And each row once more from the shares of the first alone.
+
+    Friction adds at most its own share to what contacts carry (`test_friction_oracle.py`), so a loss changes in
+    proportion to the coefficient but for that share of the change.
+    """
+    page = text(DOCS / "theory" / "friction.md")
+    loads = (412e3, 103e3, 20e3)
+    stated = [of(torque=torque) for torque in loads]
+    made = {name: [of(torque=torque, friction=friction).mean for torque in loads] for name, friction in CHANGED.items()}
+    for name, friction in CHANGED.items():
+        (cells,) = re.findall(rf"^\| {re.escape(name)} \| (.*) \|$", page, re.MULTILINE)
+        np.testing.assert_allclose([float(cell) for cell in cells.split(" | ")], 100 * np.array(made[name]), atol=0.051)
+        for first, mean in zip(stated, made[name], strict=True):
+            lost = {part: share / first.mean for part, share in first.by_part.items()}
+            change = sum(x * (getattr(friction, part) / getattr(STATED, part) - 1) for part, x in lost.items())
+            left = 1 / mean - (1 + sum(lost.values()) + change)
+            assert abs(left) <= (sum(lost.values()) + max(change, 0)) * abs(change) + 1e-12
+    won = 100 * (made["all less 15 %"][0] - made["nothing"][0])
+    assert f"{won:.1f} points of efficiency" in page
+
+
 # --- no load, at rest, self-locking -----------------------------------------------------------------------------------
 
 
@@ -487,7 +560,7 @@ def test_what_has_no_balance_or_no_sense_is_refused() -> None:
         of(friction=Friction(pin=0.8))
     with pytest.raises(ValueError, match=r"torque = 3 N\*m: the output drives with more than the drag, 4 N\*m"):
         of(torque="3 N*m", drives="output")
-    with pytest.raises(ValueError, match=r"crank_bearing = 0\.002 needs crank_bearing_radius"):
+    with pytest.raises(ValueError, match=r"crank_bearing_radius is missing: crank_bearing = 0\.002 counts at it"):
         Friction(crank_bearing=0.002)
     with pytest.raises(ValueError, match=r"pin = -0\.1: a coefficient"):
         Friction(pin=-0.1)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -15,8 +17,9 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget",
-    "Allocation", "Front", "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
+    "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
 
@@ -38,7 +41,7 @@ def test_every_kind_is_plain_data_in_one_envelope(kind: str) -> None:
     thing = every_kind()[kind][0]
     data = json.loads(json.dumps(to_json(thing), allow_nan=False))
     assert data["version"] == rverror.__version__
-    names = {"Effects", "Tolerances", "Front"} & {kind} or {type(thing).__name__}
+    names = {"Effects", "Tolerances", "Front", "Efficiencies"} & {kind} or {type(thing).__name__}
     assert {data["result"]} == names
 
 
@@ -84,6 +87,34 @@ def test_a_model_tells_what_hangs_on_its_ends() -> None:
     assert re.search(r"^bench: load inertia +5 kg\*m\^2$", told, re.M)
     assert re.search(r"^bench: damping ratio +0.02$", told, re.M)
     assert "bench" not in to_text(MODEL).replace(HOSTILE, "")
+
+
+def test_an_efficiency_is_told_with_what_takes_it() -> None:
+    found = every_kind()["Efficiency"][0]
+    told = to_text(found)
+    assert told.startswith("Efficiency: 412 N*m, forward, the input drives, 6 angles\n")
+    low, high = (f"{100 * share:.4g}" for share in (found.efficiency.min(), found.efficiency.max()))
+    assert re.search(rf"^efficiency +{100 * found.mean:.4g} %, {low} to {high} over the angles$", told, re.M)
+    assert re.search(rf"^torque at the input, mean +{found.input_torque.mean() / 1e3:.4g} N\*m$", told, re.M)
+    for part, share in found.by_part.items():
+        lost = found.losses[part].mean() / 1e3
+        assert re.search(rf"^{part.replace('_', ' ')} +{lost:.4g} +{100 * share:.4g}$", told, re.M), part
+    assert "self-locking" not in told
+    stuck = replace(found, drives="output", input_torque=-found.input_torque)
+    assert "self-locking: at some angle the output cannot drive it" in to_text(stuck)
+
+
+def test_a_loop_and_contact_pressures_are_told() -> None:
+    loop = every_kind()["Hysteresis"][0]
+    rising, width = loop.rising[0] / ARCSEC, loop.width[0] / ARCSEC
+    row = [*to_text(loop).splitlines()[3].split()]
+    assert row[:2] == ["-412", f"{rising.mean():.4g}"]
+    assert row[3:] == [f"{width.mean():.4g}", f"{width.min():.4g}", "to", f"{width.max():.4g}"]
+    found = every_kind()["ContactPressure"][0]
+    peak = found.peaks()[0]
+    (line,) = [line for line in to_text(found).splitlines() if line.startswith(f"{peak.contact} (")]
+    sizes = (peak.pressure, peak.force, math.degrees(peak.theta), 100 * peak.ripple)
+    assert line.split()[-4:] == [f"{size:.4g}" for size in sizes]
 
 
 def test_inputs_are_listed(tmp_path: Any) -> None:

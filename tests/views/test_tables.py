@@ -22,10 +22,12 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
-KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
-         "TorsionCurve", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
-         "VirtualUnits", "ErrorBudget", "Allocation", "Front",
-         "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
+KINDS = (
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
+    "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+)  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 
@@ -187,6 +189,47 @@ def test_the_output_is_where_the_carrier_has_turned_to() -> None:
     assert found["torque"].item() == made.TORQUE
 
 
+def test_an_efficiency_has_rows_for_angles_and_for_parts() -> None:
+    result, _ = every_kind()["Efficiency"]
+    found = to_xarray(result, display=True)
+    np.testing.assert_allclose(found["efficiency"], 100 * result.efficiency)
+    assert found["mean_efficiency"].item() == pytest.approx(100 * result.mean)
+    assert found["share"].sel(part="drag").item() == pytest.approx(100 * result.by_part["drag"])
+    np.testing.assert_allclose(found["loss"].sel(part="pin"), result.losses["pin"] / 1e3)
+    np.testing.assert_allclose(found["input_torque"], result.input_torque / 1e3)
+    assert (found.attrs["drives"], found.attrs["direction"]) == ("input", "forward")
+    rows = to_pandas(every_kind()["Efficiencies"][0], display=True)
+    assert rows[["drives", "direction"]].values.tolist() == [["input", "forward"], ["output", "reverse"]]
+    lost = rows[[name for name in rows.columns if name.startswith("lost_")]].sum(axis=1)
+    assert (lost + rows["efficiency"]).tolist() == pytest.approx([100, 100])  # what is not lost comes out
+    assert rows["torque"].tolist() == pytest.approx([made.TORQUE / 1e3] * 2)
+
+
+def test_a_loop_has_its_branches_and_their_distance() -> None:
+    result, options = every_kind()["Hysteresis"]
+    frame = to_pandas(result, **options, display=True)
+    for place in range(2):
+        for name in ("rising", "falling", "width"):
+            shown = getattr(result, name)[:, place] / rverror.ARCSEC
+            assert frame[f"{name}_{place}"].tolist() == pytest.approx(shown.tolist())
+
+
+def test_contact_pressures_and_their_peaks() -> None:
+    result, _ = every_kind()["ContactPressure"]
+    found = to_xarray(result, display=True)
+    for contact in ("pin", "mesh", "cam"):
+        np.testing.assert_allclose(found[f"{contact}_force"], result.force[contact])
+        np.testing.assert_allclose(found[f"{contact}_pressure"], result.pressure[contact])
+        np.testing.assert_allclose(found[f"{contact}_half_width"], 1e3 * result.half_width[contact])
+    np.testing.assert_allclose(found["pin_place"], np.degrees(result.place))
+    rows = to_pandas(result, display=True)
+    for row, peak in zip(rows.to_dict("records"), result.peaks(), strict=True):
+        assert row["contact"] == peak.contact
+        assert row["indices"] == ", ".join(f"{name} {at}" for name, at in peak.indices.items())
+        sizes = [row[name] for name in ("pressure", "force", "theta", "ripple")]
+        assert sizes == pytest.approx([peak.pressure, peak.force, np.degrees(peak.theta), 100 * peak.ripple])
+
+
 def test_loaded_pins_are_those_with_a_force() -> None:
     found = dataset("Equilibrium")
     carry = (np.hypot(found["pin_force"].sel(xy="x"), found["pin_force"].sel(xy="y")) > 0).sum("pin")
@@ -343,6 +386,14 @@ def test_a_reducer_has_all_its_parameters() -> None:
     assert frame.loc["pressure_angle"].tolist() == [pytest.approx(20), "deg"]
     assert frame.loc["rated_torque"].tolist() == [pytest.approx(412), "N*m"]
     assert frame.loc["stiffness.main_bearing"].tolist() == [1e6, "N/mm"]
+    rubs = replace(rverror.reducer("RV-40E"), friction=made.FRICTION)
+    told = to_pandas(rubs, display=True).set_index("parameter")
+    assert told.loc["friction.crank_bearing"].tolist() == [0.0025, "dimensionless"]
+    assert told.loc["friction.crank_bearing_radius"].tolist() == [10, "mm"]
+    assert told.loc["friction.drag"].tolist() == [4, "N*m"]
+    assert {name for name in told.index if name.startswith("friction")} - set(frame.index) == {
+        f"friction.{name}" for name in ("pin", "mesh", "crank_bearing", "crank_bearing_radius", "drag")
+    }
     again = {name: row.value for name, row in frame.iterrows() if "." not in name and row.unit == "dimensionless"}
     assert all(getattr(rverror.reducer("RV-40E"), name) == value for name, value in again.items())
 

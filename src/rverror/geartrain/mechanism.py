@@ -204,6 +204,81 @@ class BearingPreload:
             object.__setattr__(self, item.name, value)
 
 
+#: Dimension of each number of a reducer's friction.
+FRICTION_DIMENSIONS = {
+    "pin": "number",
+    "mesh": "number",
+    "crank_bearing": "number",
+    "carrier_bearing": "number",
+    "crank_bearing_radius": "length",
+    "carrier_bearing_radius": "length",
+    "drag": "torque",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Coefficients of friction of each kind of contact.
+
+    Parameters
+    ----------
+    pin : float
+        Of a pin on a disc.
+    mesh : float
+        Of a gear flank, in the mean over its path of contact.
+    crank_bearing, carrier_bearing : float
+        Of a crank's bearing in a disc and in the carrier.
+    crank_bearing_radius, carrier_bearing_radius : float or quantity, optional
+        Radius at which it counts, mm; half the bore for the coefficients that makers of bearings print.
+    drag : float or quantity
+        Torque between carrier and housing whatever the load, of main bearing, seals and grease, N*mm.
+
+    Raises
+    ------
+    ValueError
+        If a value is below 0, or a bearing has a coefficient and no radius.
+
+    Notes
+    -----
+    Efficiency and hysteresis know it; the loaded equilibrium, dynamics and diagnosis are without friction.
+
+    Examples
+    --------
+    >>> Friction(pin=0.05, drag="5 N*m").drag
+    5000.0
+    """
+
+    pin: float = 0.0
+    mesh: float = 0.0
+    crank_bearing: float = 0.0
+    carrier_bearing: float = 0.0
+    crank_bearing_radius: float | None = None
+    carrier_bearing_radius: float | None = None
+    drag: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check."""
+        for name in (name for name, dimension in FRICTION_DIMENSIONS.items() if dimension == "number"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
+                raise ValueError(f"{name} = {value!r}: a coefficient of friction must be a number, 0 or more")
+            object.__setattr__(self, name, float(value))
+        drag = units.named_core("drag", self.drag, "torque")
+        if not 0 <= drag < math.inf:
+            raise ValueError(f"drag = {drag / 1e3:g} N*m: must be 0 or more")
+        object.__setattr__(self, "drag", drag)
+        for name in ("crank_bearing", "carrier_bearing"):
+            given = getattr(self, f"{name}_radius")
+            if given is None and getattr(self, name):
+                raise ValueError(
+                    f"{name}_radius is missing: {name} = {getattr(self, name):g} counts at it; give it, like '10 mm'"
+                )
+            radius = 0.0 if given is None else units.named_core(f"{name}_radius", given, "length")
+            if given is not None and not 0 < radius < math.inf:
+                raise ValueError(f"{name}_radius = {radius:g} mm: must be above 0")
+            object.__setattr__(self, f"{name}_radius", None if given is None else radius)
+
+
 #: Dimension of each inertia of a reducer.
 INERTIA_DIMENSIONS = {
     f"{part}_{what}": dimension
@@ -298,6 +373,8 @@ class Reducer(Viewed):
         By which powers pins and flanks close; linear where left out.  The closed form does not use it.
     bearing_preload : BearingPreload
         Interference of cam and crank bearings; none where left out.  The closed form does not use it.
+    friction : Friction
+        Of its contacts, for efficiency and hysteresis; none is said where left out.
     inertia : Inertia
         Of its parts, for the dynamics; estimated where left out.
     rated_torque : float, optional
@@ -344,6 +421,7 @@ class Reducer(Viewed):
     stiffness_uncertainty: StiffnessUncertainty = field(default_factory=StiffnessUncertainty)
     contact_law: ContactLaw = field(default_factory=ContactLaw)
     bearing_preload: BearingPreload = field(default_factory=BearingPreload)
+    friction: Friction = field(default_factory=Friction)
     inertia: Inertia = field(default_factory=Inertia)
     rated_torque: float | None = None
     spline_radius: float | None = None
@@ -482,7 +560,9 @@ class Reducer(Viewed):
 
 
 #: Parameters of a reducer that leave its geometry as it is.
-ELASTIC = ("stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law", "bearing_preload", "inertia")
+ELASTIC = (
+    "stiffness", "stiffness_uncertainty", "gear_backlash", "contact_law", "bearing_preload", "friction", "inertia",
+)  # fmt: skip
 
 
 def check_same_geometry(one: Reducer, other: Reducer) -> None:

@@ -15,11 +15,13 @@ from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
 from rverror.geartrain.mechanism import (
+    FRICTION_DIMENSIONS,
     INERTIA_DIMENSIONS,
     PRESETS,
     BearingPreload,
     ContactLaw,
     Drive,
+    Friction,
     Inertia,
     Mechanism,
     Reducer,
@@ -57,6 +59,13 @@ _TABLES: Mapping[str, tuple[type[Any], Mapping[str, tuple[str, str]]]] = {
     ),
     "contact_law": (ContactLaw, {f.name: ("number", "1.11") for f in dataclasses.fields(ContactLaw)}),
     "bearing_preload": (BearingPreload, {f.name: ("length", "2 um") for f in dataclasses.fields(BearingPreload)}),
+    "friction": (
+        Friction,
+        {
+            name: (kind, {"number": "0.05", "length": "10 mm", "torque": "4 N*m"}[kind])
+            for name, kind in FRICTION_DIMENSIONS.items()
+        },
+    ),
     "inertia": (
         Inertia,
         {name: (kind, "0.8 kg" if kind == "mass" else _MOMENT) for name, kind in INERTIA_DIMENSIONS.items()},
@@ -460,7 +469,7 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
 
 def _table_lines(head: str, values: Mapping[str, float], keys: Mapping[str, tuple[str, str]]) -> list[str]:
     texts = {
-        name: repr(value) if keys[name][0] == "number" else _written(value, keys[name][0])
+        name: repr(value) if keys[name][0] == "number" else _written(value, keys[name][0], keys[name][1].split()[1])
         for name, value in values.items()
     }
     return [f"[{head}]", *(f"{name} = {text}" for name, text in texts.items())]

@@ -20,88 +20,33 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
 from rverror.geartrain.kinematics import Conditions, frame_orders
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Friction, Reducer
 from rverror.model.effects import Model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
 from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
-from rverror.statics.rigidity import row_of_torques
+from rverror.statics.rigidity import on_its_branch, row_of_torques
 
-#: Contacts that rub, as in `Friction`.
-RUBBING = ("pin", "mesh", "crank_bearing", "carrier_bearing")
 _MOST_STEPS = 40
 _MOST_HALVINGS = 12
 _MOST_ROUNDS = 30
 
 
 @dataclass(frozen=True, kw_only=True)
-class Friction:
-    """Coefficients of friction of each kind of contact.
-
-    Parameters
-    ----------
-    pin : float
-        Of a pin on a disc.
-    mesh : float
-        Of a gear flank, in the mean over its path of contact.
-    crank_bearing, carrier_bearing : float
-        Of a crank's bearing in a disc and in the carrier.
-    crank_bearing_radius, carrier_bearing_radius : float or quantity, optional
-        Radius at which it counts, mm; half the bore for the coefficients that makers of bearings print.
-    drag : float or quantity
-        Torque between carrier and housing whatever the load, of main bearing, seals and grease, N*mm.
-
-    Raises
-    ------
-    ValueError
-        If a value is below 0, or a bearing has a coefficient and no radius.
-
-    Examples
-    --------
-    >>> Friction(pin=0.05, drag="5 N*m").drag
-    5000.0
-    """
-
-    pin: float = 0.0
-    mesh: float = 0.0
-    crank_bearing: float = 0.0
-    carrier_bearing: float = 0.0
-    crank_bearing_radius: float | None = None
-    carrier_bearing_radius: float | None = None
-    drag: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Convert to core units and check."""
-        for name in RUBBING:
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
-                raise ValueError(f"{name} = {value!r}: a coefficient of friction must be a number, 0 or more")
-        drag = units.named_core("drag", self.drag, "torque")
-        if not 0 <= drag < math.inf:
-            raise ValueError(f"drag = {drag / 1e3:g} N*m: must be 0 or more")
-        object.__setattr__(self, "drag", drag)
-        for name in ("crank_bearing", "carrier_bearing"):
-            given = getattr(self, f"{name}_radius")
-            if given is None and getattr(self, name):
-                raise ValueError(f"{name} = {getattr(self, name):g} needs {name}_radius, at which it counts; give it")
-            radius = 0.0 if given is None else units.named_core(f"{name}_radius", given, "length")
-            if given is not None and not 0 < radius < math.inf:
-                raise ValueError(f"{name}_radius = {radius:g} mm: must be above 0")
-            object.__setattr__(self, f"{name}_radius", None if given is None else radius)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Efficiency:
+class Efficiency(Viewed):
     """What a reducer loses to friction along a motion.
 
     Attributes
     ----------
     theta : ndarray, shape (n,)
         Nominal output angle as the bench reads it, rad.
+    direction : ndarray, shape (n,)
+        Of the motion: +1 forward, -1 reverse.
     torque : float
         Size of the torque on the output, N*mm.
     ratio : float
@@ -120,6 +65,7 @@ class Efficiency:
     """
 
     theta: Array
+    direction: Array
     torque: float
     ratio: float
     drives: str
@@ -164,7 +110,7 @@ def efficiency(
     theta: Any,
     *,
     torque: Any,
-    friction: Friction,
+    friction: Friction | None = None,
     direction: Any | None = None,
     drives: str = "input",
     method: str = "equilibrium",
@@ -179,7 +125,8 @@ def efficiency(
         Nominal output angle, rad.
     torque : float or quantity
         Size of the output torque, N*mm: against the motion where the input drives, along it where the output does.
-    friction : Friction
+    friction : Friction, optional
+        The reducer's own where left out.
     direction : float or array_like, optional
         Of the motion: +1 forward, -1 reverse; read from the angles where left out.
     drives : {"input", "output"}
@@ -194,7 +141,8 @@ def efficiency(
     Raises
     ------
     ValueError
-        If the model is no reducer, or the output is to drive with no more torque than the drag.
+        If the model is no reducer, nothing is said of friction, or the output is to drive with no more torque than the
+        drag.
     NotConvergedError
         If forces and friction do not balance at some angle.
 
@@ -215,6 +163,7 @@ def efficiency(
     (0.93, 'pin')
     """
     unit = _reducer(model)
+    friction = _declared(unit) if friction is None else friction
     if drives not in ("input", "output"):
         raise ValueError(f"drives = {drives!r}: must be 'input' or 'output'")
     if method not in ("closed", "equilibrium"):
@@ -238,6 +187,7 @@ def efficiency(
         input_torque, losses, change = _in_equilibrium(model, under, gears.direction, friction)
     return Efficiency(
         theta=read.theta,
+        direction=read.direction,
         torque=size,
         ratio=unit.ratio,
         drives=drives,
@@ -248,7 +198,7 @@ def efficiency(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hysteresis:
+class Hysteresis(Viewed):
     """Loop of the torsion curve: turn of the output under a torque that rises or falls, input held.
 
     Attributes
@@ -268,8 +218,32 @@ class Hysteresis:
         """Falling less rising, (m, n), rad: twice what friction holds back, and play where the torque is small."""
         return self.falling - self.rising
 
+    def lost_motion(self, torque: Any) -> Array:
+        """Turn from a torque in one sense to the same in the other, at the middles of the loop, as makers read it.
 
-def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) -> Hysteresis:
+        Parameters
+        ----------
+        torque : float or quantity
+            Size, N*mm; makers take 3 % of the rated torque.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad.
+
+        Raises
+        ------
+        ValueError
+            If the loop does not reach it in both senses, or it is not above 0.
+        """
+        size = units.named_core("torque", torque, "torque")
+        if not size > 0:
+            raise ValueError(f"torque = {size / 1e3:g} N*m: must be above 0")
+        middle = (self.rising + self.falling) / 2
+        return on_its_branch(self.torque, middle, size) - on_its_branch(self.torque, middle, -size)
+
+
+def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | None = None) -> Hysteresis:
     """Branches of the torsion curve that friction holds apart.
 
     Parameters
@@ -280,7 +254,8 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) ->
         Nominal output angle at which the input is held, rad.
     torques : array_like or quantity, shape (m,)
         Torques on the output, N*mm, of either sign; a list may hold strings such as ``"-20 N*m"``.
-    friction : Friction
+    friction : Friction, optional
+        The reducer's own where left out.
 
     Returns
     -------
@@ -289,7 +264,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) ->
     Raises
     ------
     ValueError
-        If the model is no reducer or the torques are not a row of finite numbers.
+        If the model is no reducer, nothing is said of friction, or the torques are not a row of finite numbers.
     NotConvergedError
         If forces and friction do not balance at some angle.
 
@@ -306,6 +281,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) ->
     >>> bool((loop.width > 0).all())
     True
     """
+    friction = _declared(_reducer(model)) if friction is None else friction
     unit, turns = _straight(unread(model)), row_of_torques(torques)
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
     branches = [
@@ -340,6 +316,14 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
 
 def _reducer(model: Model) -> Reducer:
     return reducer_of(model.mechanism, "friction")
+
+
+def _declared(unit: Reducer) -> Friction:
+    if unit.friction == Friction():
+        raise ValueError(
+            "friction: nothing is said of it; give its coefficients in [reducer.friction] or as friction=Friction(...)"
+        )
+    return unit.friction
 
 
 def _straight(model: Model) -> Model:

@@ -18,12 +18,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
@@ -32,6 +34,10 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import equilibrium
 
+#: Indices of each kind of contact, in the order of its axes.
+CONTACT_INDICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"pin": ("disc", "pin"), "mesh": ("crank",), "cam": ("disc", "crank"), "carrier": ("crank",)}
+)
 #: F over Z times the force of the most loaded of Z rollers: without clearance or preload they close by cos(psi) over
 #: half the bearing and carry by the power 10/9 of a line contact (Stribeck; 4.08 F / Z on that roller).
 _STRIBECK = math.gamma(14 / 9) / math.gamma(37 / 18) / (2 * math.sqrt(math.pi))
@@ -103,7 +109,7 @@ class PressurePeak:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactPressure:
+class ContactPressure(Viewed):
     """Force and largest Hertz pressure of each contact along a motion.
 
     Attributes
@@ -137,7 +143,7 @@ class ContactPressure:
             found.append(
                 PressurePeak(
                     contact=contact,
-                    indices=dict(zip(_INDICES[contact], where, strict=True)),
+                    indices=dict(zip(CONTACT_INDICES[contact], where, strict=True)),
                     theta=float(self.theta[at]),
                     pressure=float(pressure[*where, at]),
                     force=float(self.force[contact][*where, at]),
@@ -145,9 +151,6 @@ class ContactPressure:
                 )
             )
         return tuple(sorted(found, key=lambda one: -one.pressure))
-
-
-_INDICES = {"pin": ("disc", "pin"), "mesh": ("crank",), "cam": ("disc", "crank"), "carrier": ("crank",)}
 
 
 def contact_pressure(
@@ -218,7 +221,7 @@ def contact_pressure(
     assert isinstance(unit, Reducer)  # or there were no equilibrium
     stands = motion(unit, Conditions(state.theta + model.index_offset, 1.0))
     assert isinstance(stands, Contacts)
-    size = {key: np.sqrt((state.contact_forces[key] ** 2).sum(axis=-2)) for key in _INDICES}
+    size = {key: np.sqrt((state.contact_forces[key] ** 2).sum(axis=-2)) for key in CONTACT_INDICES}
     size["mesh"] = size["mesh"].sum(axis=1)  # of two flanks one carries, but for preload
     lead = stands.eccentric[:, None] - pin_positions(unit)[:, None]
     pin = unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, lead))

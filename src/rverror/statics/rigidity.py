@@ -253,6 +253,37 @@ def _position(model: Model, theta: Any, torque: float) -> Array:
     return found.transmission_error
 
 
+def on_its_branch(torque: Array, angle: Array, at: float) -> Array:
+    """Turn at a torque, straight between the torques of its own sense: across none lies the play.
+
+    Parameters
+    ----------
+    torque : ndarray, shape (m,)
+        N*mm, in any order.
+    angle : ndarray, shape (m, ...)
+        Turn under each.
+    at : float
+        Torque other than 0, N*mm.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    Raises
+    ------
+    ValueError
+        If the torques of that sense do not reach it, on either side.
+    """
+    branch = np.flatnonzero(np.sign(torque) == np.sign(at))
+    branch = branch[np.argsort(torque[branch], kind="stable")]
+    if not branch.size or not torque[branch[0]] <= at <= torque[branch[-1]]:
+        raise ValueError(f"there are no torques on both sides of {at / 1e3:g} N*m; compute it for more torques")
+    above = branch[min(int(np.searchsorted(torque[branch], at)), branch.size - 1)]
+    below = branch[max(int(np.searchsorted(torque[branch], at, side="right")) - 1, 0)]
+    share = 0.0 if above == below else (at - torque[below]) / (torque[above] - torque[below])
+    return np.asarray(angle[below] + share * (angle[above] - angle[below]), dtype=np.float64)
+
+
 def row_of_torques(torques: Any) -> Array:
     """Torques as given, with or without units, in N*mm.
 

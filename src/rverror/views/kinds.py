@@ -25,12 +25,14 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
-from rverror.geartrain.mechanism import DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import Influence, transmission_error_by_effect
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
+from rverror.statics.friction import Efficiency, Hysteresis
+from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation, FrontPoint
@@ -45,6 +47,7 @@ from rverror.views.variables import (
     LENGTH,
     NUMBER,
     PER_ARCSEC,
+    PERCENT,
     POSITION,
     SIZE,
     SPEED,
@@ -142,6 +145,12 @@ def _inside(indices: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {value}" for name, value in indices.items())
 
 
+def _ways(direction: Array) -> str:
+    """Word for the directions of all samples."""
+    found = {way(one) for one in direction.tolist()}
+    return found.pop() if len(found) == 1 else "mixed"
+
+
 def _name(model: Model) -> str:
     return model.name or model.mechanism.name
 
@@ -196,7 +205,7 @@ def _of_run(result: Run, *, ratio: Reducer | Drive | Model | float | None = None
     variables |= _single(torque=(result.torque, TORQUE), temperature=(result.temperature, TEMPERATURE))
     about = {
         "path": result.path,
-        "direction": {(1.0,): "forward", (-1.0,): "reverse"}.get(tuple(set(result.direction.tolist())), "mixed"),
+        "direction": _ways(result.direction),
         "index": result.index,
         "metadata": dict(result.metadata),
         "notes": "\n".join(result.notes),
@@ -240,7 +249,7 @@ def _bracket(name: str) -> str:
 
 
 #: What a reducer has one number of for each kind of contact or part.
-_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "inertia")
+_BY_PART = ("stiffness", "stiffness_uncertainty", "contact_law", "bearing_preload", "friction", "inertia")
 
 
 @_table.register
@@ -257,6 +266,10 @@ def _of_reducer(result: Reducer) -> Table:
     rows += [(f"contact_law.{name}", value, NUMBER) for name, value in law.items() if value != usual[name]]
     pressed = dataclasses.asdict(result.bearing_preload)
     rows += [(f"bearing_preload.{name}", value, _GEOMETRY["length"]) for name, value in pressed.items() if value]
+    rubs = {name: value for name, value in dataclasses.asdict(result.friction).items() if value}
+    rows += [
+        (f"friction.{name}", value, _GEOMETRY.get(FRICTION_DIMENSIONS[name], NUMBER)) for name, value in rubs.items()
+    ]
     weights = {name: value for name, value in dataclasses.asdict(result.inertia).items() if value is not None}
     rows += [(f"inertia.{name}", value, unit_of(INERTIA_DIMENSIONS[name])) for name, value in weights.items()]
     table = _of_values(result, rows)
@@ -357,6 +370,87 @@ def _of_torsion(result: TorsionCurve, *, theta: Any | None = None) -> Table:
         "angle": Variable(("torque", "place"), result.angle, ANGLE),
     }
     return Table("TorsionCurve", "torque", variables, {}, frozenset({"theta"}))
+
+
+@_table.register
+def _of_hysteresis(result: Hysteresis, *, theta: Any | None = None) -> Table:
+    branches = {"rising": result.rising, "falling": result.falling, "width": result.width}
+    variables = {
+        **_along("torque", torque=(result.torque, TORQUE)),
+        **_angles(theta, result.rising.shape[1], dim="place"),
+        **{name: Variable(("torque", "place"), branch, ANGLE) for name, branch in branches.items()},
+    }
+    return Table("Hysteresis", "torque", variables, {}, frozenset({"theta"}))
+
+
+@_table.register
+def _of_efficiency(result: Efficiency) -> Table:
+    shares = result.by_part
+    variables = {
+        **_along(
+            "theta",
+            theta=(result.theta, POSITION),
+            efficiency=(result.efficiency, PERCENT),
+            input_torque=(result.input_torque, TORQUE),
+            error_change=(result.error_change, ANGLE),
+        ),
+        **_along("part", part=list(shares), share=(shares.values(), PERCENT)),
+        "loss": Variable(("part", "theta"), np.array(list(result.losses.values())), TORQUE),
+        **_single(torque=(result.torque, TORQUE), mean_efficiency=(result.mean, PERCENT)),
+    }
+    about = {"drives": result.drives, "direction": _ways(result.direction), "self_locking": result.self_locking}
+    return Table("Efficiency", "theta", variables, about)
+
+
+def _of_efficiencies(result: Sequence[Efficiency]) -> Table:
+    shares = [one.by_part for one in result]
+    variables = {
+        **_along(
+            "case",
+            **_fields(result, TORQUE, "torque"),
+            drives=[one.drives for one in result],
+            direction=[_ways(one.direction) for one in result],
+            efficiency=([one.mean for one in result], PERCENT),
+        ),
+        **_along("part", part=list(shares[0])),
+        "lost": Variable(("case", "part"), np.array([list(one.values()) for one in shares]), PERCENT),
+        **_along(
+            "case",
+            input_torque=([float(one.input_torque.mean()) for one in result], TORQUE),
+            error_change=([float(one.error_change.mean()) for one in result], ANGLE),
+            self_locking=np.array([one.self_locking for one in result], dtype=bool),
+        ),
+    }
+    return Table("Efficiencies", "case", variables)
+
+
+_PRESSURE = unit_of("pressure")
+
+
+@_table.register
+def _of_pressure(result: ContactPressure) -> Table:
+    peaks = result.peaks()
+    variables = _along("theta", theta=(result.theta, POSITION))
+    for contact, axes in CONTACT_INDICES.items():
+        if contact in result.pressure:
+            for name, of, unit in (
+                ("pressure", result.pressure, _PRESSURE),
+                ("force", result.force, FORCE),
+                ("half_width", result.half_width, LENGTH),
+            ):
+                variables[f"{contact}_{name}"] = Variable((*axes, "theta"), of[contact], unit)
+    variables["pin_place"] = Variable(("disc", "pin", "theta"), result.place, POSITION)
+    variables |= _along(
+        "peak",
+        "peak_",
+        contact=[peak.contact for peak in peaks],
+        indices=[_inside(peak.indices) for peak in peaks],
+        **_fields(peaks, _PRESSURE, "pressure"),
+        **_fields(peaks, FORCE, "force"),
+        **_fields(peaks, POSITION, "theta"),
+        **_fields(peaks, PERCENT, "ripple"),
+    )
+    return Table("ContactPressure", "peak", variables)
 
 
 _HERTZ = Unit("Hz", "Hz")
@@ -800,6 +894,7 @@ _SEQUENCES: Mapping[type, Callable[[Any], Table]] = {
     Effect: lambda row: Table("Effects", "parameter", _sizes(row)),
     Tolerance: lambda row: Table("Tolerances", "tolerance", _widths(row)),
     FrontPoint: _of_front,
+    Efficiency: _of_efficiencies,
 }
 
 

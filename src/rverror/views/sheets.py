@@ -33,6 +33,8 @@ from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.runs.order_table import OrderTable
+from rverror.statics.friction import Efficiency, Hysteresis
+from rverror.statics.hertz import ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation
@@ -432,6 +434,59 @@ def _of_torsion(thing: TorsionCurve) -> Sheet:
 
 
 @sheet.register
+def _of_hysteresis(thing: Hysteresis) -> Sheet:
+    branches = {"rising": thing.rising, "falling": thing.falling, "width": thing.width}
+    spread = (thing.width / ARCSEC).T
+    columns_shown = {
+        "torque, N*m": described(thing).variables["torque"].shown(display=True).tolist(),
+        **{f"{name}, arcsec": (branch.mean(axis=1) / ARCSEC).tolist() for name, branch in branches.items()},
+        "width over the angles, arcsec": _intervals(spread.min(axis=0).tolist(), spread.max(axis=0).tolist()),
+    }
+    where = count_of(thing.width.shape[1], "angle") + " of the output"
+    return _title("Hysteresis", where) + _beside(columns_shown) + _line("turns are means over the angles")
+
+
+@sheet.register
+def _of_efficiency(thing: Efficiency) -> Sheet:
+    at_input, change = thing.input_torque, thing.error_change
+    mean, least, most = (brief(100 * share) for share in (thing.mean, thing.efficiency.min(), thing.efficiency.max()))
+    facts = {
+        "efficiency": f"{mean} %, {least} to {most} over the angles",
+        "torque at the input, mean": with_unit(float(at_input.mean()), "torque"),
+        "torque at the input, peak-to-peak": with_unit(float(np.ptp(at_input)), "torque"),
+        "added output error, mean": _angle(float(change.mean())),
+        "added output error, peak-to-peak": _angle(float(np.ptp(change))),
+    }
+    lost: dict[str, list[Any]] = {
+        "lost to": [part.replace("_", " ") for part in thing.losses],
+        "torque at the output, N*m": [units.to_display(float(row.mean()), "torque") for row in thing.losses.values()],
+        "of the work put in, %": [100 * share for share in thing.by_part.values()],
+    }
+    about = described(thing).about
+    where = f"{with_unit(thing.torque, 'torque')}, {about['direction']}, the {thing.drives} drives"
+    notes = ["self-locking: at some angle the output cannot drive it"] if thing.self_locking else []
+    return (
+        _title("Efficiency", where, count_of(thing.theta.size, "angle")) + _facts(facts) + _beside(lost) + _notes(notes)
+    )
+
+
+@sheet.register
+def _of_pressure(thing: ContactPressure) -> Sheet:
+    found, _ = _shown(thing)
+    columns_shown = {
+        "hardest pressed": [
+            f"{contact} ({inside})" for contact, inside in zip(found["contact"], found["indices"], strict=True)
+        ],
+        "pressure, MPa": found["pressure"],
+        "force, N": found["force"],
+        "at, deg": found["theta"],
+        "ripple, %": found["ripple"],
+    }
+    note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
+    return _title("Contact pressure", count_of(thing.theta.size, "angle")) + _beside(columns_shown) + _line(note)
+
+
+@sheet.register
 def _of_modes(thing: Modes) -> Sheet:
     strain, kinetic = (_most_of(shares) for shares in (thing.strain_energy, thing.kinetic_energy))
     columns_shown = {
@@ -806,7 +861,7 @@ def _of_tolerance(thing: Tolerance) -> Sheet:
 @sheet.register(list)
 @sheet.register(tuple)
 def _of_row(thing: Sequence[Any]) -> Sheet:
-    """Effects, tolerances or points of a front, as the columns of their table."""
+    """Effects, tolerances, points of a front or efficiencies, as the columns of their table."""
     listed = _columns(thing)
     count = sum(len(block.rows) for block in listed if isinstance(block, Listing))
     return _title(described(thing).kind, count_of(count, "row")) + listed

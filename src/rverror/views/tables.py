@@ -28,8 +28,9 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: 
     Parameters
     ----------
     result
-        A Run, OrderTable, Model, Effect, Reducer, Drive, Influence, Equilibrium, TorsionCurve, Diagnosis, Tolerance,
-        Stack, Budget, ErrorBudget, VirtualUnits or Allocation; or a list or tuple of Effect, Tolerance or FrontPoint.
+        A Run, OrderTable, Model, Effect, Reducer, Drive, Influence, Equilibrium, TorsionCurve, Hysteresis, Efficiency,
+        ContactPressure, Diagnosis, Tolerance, Stack, Budget, ErrorBudget, VirtualUnits or Allocation; or a list or
+        tuple of Effect, Tolerance, FrontPoint or Efficiency.
     rows : str, optional
         What a row is: a dimension of the Dataset.  Where left out: the sample of a run, the wave of an order table, the
         angle of an equilibrium or influence, the parameter of a model, what a diagnosis added, the tolerance of a
@@ -107,7 +108,7 @@ def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
         - Model: `theta`, at which the transmission error is computed by effect in closed form, with `direction`,
           `torque` and `time` as `transmission_error` takes them.
         - Equilibrium: `torque` and `model`.
-        - TorsionCurve: `theta`.
+        - TorsionCurve, Hysteresis: `theta`.
         - Allocation: `stack`, to check that it is its own.
 
     Returns

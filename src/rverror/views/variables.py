@@ -29,6 +29,7 @@ class Unit:
 
 
 NUMBER = Unit("dimensionless", "dimensionless")
+PERCENT = Unit("dimensionless", "percent", 0.01)
 POSITION = Unit("rad", "deg", math.radians(1))
 ANGLE = Unit("rad", "arcsec", ARCSEC)
 SQUARE = Unit("rad**2", "arcsec**2", ARCSEC**2)

@@ -21,13 +21,14 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
-from every_kind import compensation
+from every_kind import compensation, every_kind
 from pages import DOCS
 from rverror import (
     Bench,
     Diagnosis,
     Drive,
     Equilibrium,
+    Friction,
     InputError,
     Model,
     Run,
@@ -35,6 +36,7 @@ from rverror import (
     effect,
     equilibrium,
     error_budget,
+    hysteresis,
     influence,
     modes,
     orders_from_arrays,
@@ -382,6 +384,9 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
+        "hysteresis": hysteresis(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"], friction=Friction(drag="1 N*m")),
+        "efficiency": every_kind()["Efficiency"][0],
+        "contact pressure": every_kind()["ContactPressure"][0],
         "modes": modes(replace(MODEL, bench=SWING), torque="100 N*m"),
         "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),
         "run-up": run_up(replace(MODEL, bench=SWING), [0, 0.05], [0, 40], torque="100 N*m", samples=64),
@@ -417,7 +422,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "modes", "speeds", "run-up",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "hysteresis",
+    "efficiency", "contact pressure", "modes", "speeds", "run-up",
     "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
@@ -428,8 +434,8 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
-FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run", "order table",
-           "compensation",
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresis", "efficiency", "contact pressure",
+           "speeds", "run-up", "run", "order table", "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 

@@ -23,6 +23,8 @@ from rverror.model.compose import Influence
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
+from rverror.statics.friction import Efficiency, Hysteresis
+from rverror.statics.hertz import ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation
@@ -41,16 +43,18 @@ from rverror.views.plots.diagnosed import (
     waveform,
 )
 from rverror.views.plots.figure import new_figure, svg_element, to_bytes
+from rverror.views.plots.friction_losses import losses
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.mode_shapes import mode_shape
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
 from rverror.views.plots.order_tables import table_amplitudes
 from rverror.views.plots.passports import table_passport
+from rverror.views.plots.pressures import pressures
 from rverror.views.plots.resonances import resonance_plot
 from rverror.views.plots.run_ups import run_up_waveform
 from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
 from rverror.views.plots.speeds import campbell, speed_amplitudes, speed_map
-from rverror.views.plots.torsion_curves import torsion
+from rverror.views.plots.torsion_curves import loop, torsion
 from rverror.views.plots.waveforms import (
     influence_waveform,
     model_polar,
@@ -93,6 +97,9 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Influence: {"waveform": influence_waveform},
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
+        Hysteresis: {"loop": loop},
+        Efficiency: {"losses": losses},
+        ContactPressure: {"pressure": pressures},
         Modes: {"shape": mode_shape},
         SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
         RunUp: {"waveform": run_up_waveform},

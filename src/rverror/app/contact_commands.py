@@ -1,0 +1,214 @@
+"""Commands on what contacts of a reducer do under load: what friction takes, and how hard they press."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from rverror.app.terminal import check_outputs, quantity, tell, write_json, write_picture
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import with_unit
+from rverror.base.text import check_name
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.effects import Model
+from rverror.model.model_file import load_model
+from rverror.statics.friction import Efficiency, efficiency, hysteresis
+from rverror.statics.hertz import RollerBearing, contact_pressure
+from rverror.views.envelope import input_files
+from rverror.views.report import to_json, to_text
+
+#: Even angles of an output turn: no divisor of the waves that pins and discs make, and for pressures fine enough for
+#: what single pins do.
+EFFICIENCY_ANGLES, PRESSURE_ANGLES = 101, 800
+_WAYS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
+_SIDES = {"input": ("input",), "output": ("output",), "both": ("input", "output")}
+#: Of the largest torque of a loop: denser where play and drag bend it.
+_SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
+_LOST_MOTION = 0.03  # of the rated torque, at which makers read it
+
+
+def add_commands(commands: Any) -> None:
+    """Add the commands to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    """
+    command = commands.add_parser("efficiency", help="what friction takes, by part, and the torque at the input")
+    command.add_argument("model", metavar="MODEL.toml", help="with [reducer.friction]")
+    command.add_argument(
+        "--torque",
+        action="append",
+        metavar='"20 N*m"',
+        help="output torque (default: the rated one); may be given again",
+    )
+    command.add_argument(
+        "--drives", choices=tuple(_SIDES), default="both", help="where power comes from (default both)"
+    )
+    command.add_argument("--direction", choices=tuple(_WAYS), default="forward")
+    _add_angles(command, EFFICIENCY_ANGLES)
+    _add_outputs(command)
+    command.set_defaults(run=_efficiency)
+
+    command = commands.add_parser("hysteresis", help="loop of the torsion curve, input held")
+    command.add_argument("model", metavar="MODEL.toml", help="with [reducer.friction]")
+    command.add_argument("--torque", metavar='"412 N*m"', help="largest output torque (default: the rated one)")
+    command.add_argument("--angle", default="0 deg", metavar='"12 deg"', help="output angle (default 0 deg)")
+    _add_outputs(command)
+    command.set_defaults(run=_hysteresis)
+
+    command = commands.add_parser("pressure", help="how hard pins, gear flanks and bearings press, and where")
+    command.add_argument("model", metavar="MODEL.toml")
+    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="over which a pin touches one disc")
+    command.add_argument("--gear-width", required=True, metavar='"8 mm"', help="over which a planet touches the sun")
+    for bearing, place in (("cam", "discs"), ("carrier", "carrier")):
+        command.add_argument(
+            f"--{bearing}-bearing",
+            nargs=4,
+            metavar=("ROLLERS", "DIAMETER", "LENGTH", "RACE"),
+            help=f'of the cranks in the {place}, like 14 "5 mm" "8 mm" "20 mm"; RACE: diameter of the inner race',
+        )
+    command.add_argument("--torque", metavar='"20 N*m"', help="output torque (default: the rated one)")
+    command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
+    _add_angles(command, PRESSURE_ANGLES)
+    _add_outputs(command)
+    command.set_defaults(run=_pressure)
+
+
+def _add_angles(command: argparse.ArgumentParser, count: int) -> None:
+    command.add_argument(
+        "--count", type=int, default=count, metavar="N", help=f"of even angles of an output turn (default {count})"
+    )
+
+
+def _add_outputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--plot", metavar="OUT.png", help="write a picture")
+
+
+def _efficiency(options: argparse.Namespace) -> None:
+    theta = _turn(options)
+    torques = [_torque(text) for text in options.torque or ()]
+    model, unit = _loaded(options)
+    found: list[Efficiency] = []
+    for torque in torques or [_rated(options, unit)]:
+        for side in _SIDES[options.drives]:
+            if options.drives == "both" and side == "output" and torque <= unit.friction.drag:
+                drag = with_unit(unit.friction.drag, "torque")
+                tell(f"{with_unit(torque, 'torque')}: the output drives with more than the drag, {drag}; left out")
+                continue
+            for sense in _WAYS[options.direction]:
+                with _of_file(options.model):
+                    found.append(efficiency(model, theta, torque=torque, direction=sense, drives=side))
+    print(to_text(found[0] if len(found) == 1 else found), end="")
+    _write(options, found, lambda: found[0].plot(beside=found[1:]))
+
+
+def _hysteresis(options: argparse.Namespace) -> None:
+    angle = quantity("--angle", options.angle, "angle", example="12 deg")
+    largest = None if options.torque is None else _torque(options.torque)
+    model, unit = _loaded(options)
+    top = _rated(options, unit) if largest is None else largest
+    if not top > 0:
+        raise InputError(f"--torque: {options.torque!r} makes no loop; give more than 0")
+    lost = None if unit.rated_torque is None else _LOST_MOTION * unit.rated_torque
+    sizes = {share * top for share in _SHARES} | ({lost} if lost is not None and lost <= top else set())
+    with _of_file(options.model):
+        found = hysteresis(model, [angle], torques=sorted({0.0, *sizes, *(-size for size in sizes)}))
+    print(to_text(found), end="")
+    marked = lost is not None and lost <= top
+    if marked:
+        read = with_unit(float(found.lost_motion(lost)[0]), "angle")
+        print(f"lost motion at +-{100 * _LOST_MOTION:g} % of the rated torque: {read}")
+    _write(options, found, lambda: found.plot(rated=unit.rated_torque if marked else None))
+
+
+def _pressure(options: argparse.Namespace) -> None:
+    theta = _turn(options)
+    disc_width = quantity("--disc-width", options.disc_width, "length", example="9 mm")
+    gear_width = quantity("--gear-width", options.gear_width, "length", example="8 mm")
+    cam_bearing = _bearing("--cam-bearing", options.cam_bearing)
+    carrier_bearing = _bearing("--carrier-bearing", options.carrier_bearing)
+    torque = None if options.torque is None else _torque(options.torque)
+    model, unit = _loaded(options)
+    with _of_file(options.model):
+        found = contact_pressure(
+            model,
+            theta,
+            torque=_rated(options, unit) if torque is None else torque,
+            direction=_WAYS[options.direction][0],
+            disc_width=disc_width,
+            gear_width=gear_width,
+            cam_bearing=cam_bearing,
+            carrier_bearing=carrier_bearing,
+        )
+    print(to_text(found), end="")
+    _write(options, found, found.plot)
+
+
+@contextmanager
+def _of_file(path: str) -> Iterator[None]:
+    """What a model cannot be asked is an error of its file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as problem:
+        raise InputError(f"{path}: {problem}") from problem
+
+
+def _turn(options: argparse.Namespace) -> Array:
+    if options.count < 1:
+        raise InputError(f"--count: {options.count} angles are none; give 1 or more")
+    return np.linspace(0, 2 * math.pi, options.count, endpoint=False)
+
+
+def _torque(text: str) -> float:
+    return quantity("--torque", text, "torque", example="20 N*m")
+
+
+def _bearing(option: str, given: list[str] | None) -> RollerBearing | None:
+    if given is None:
+        return None
+    try:
+        rollers = int(given[0])
+    except ValueError as problem:
+        raise InputError(f"{option}: {given[0]!r} rollers: must be a whole number, like 14") from problem
+    diameter, length, race = (quantity(option, text, "length", example="5 mm") for text in given[1:])
+    try:
+        return RollerBearing(rollers=rollers, roller_diameter=diameter, roller_length=length, race_diameter=race)
+    except ValueError as problem:
+        raise InputError(f"{option}: {problem}") from problem
+
+
+def _loaded(options: argparse.Namespace) -> tuple[Model, Reducer]:
+    """Model and reducer, once the outputs are known to be usable."""
+    check_name(options.model)
+    check_outputs([options.json, options.plot], [options.model])
+    if options.plot:
+        from rverror.views.plots.figure import check_axes  # says what is missing before the work
+
+        check_axes(None)
+    model = load_model(options.model)
+    if not isinstance(model.mechanism, Reducer):
+        raise InputError(f"{options.model}: contacts under load need a [reducer] model")
+    return model, model.mechanism
+
+
+def _rated(options: argparse.Namespace, unit: Reducer) -> float:
+    if unit.rated_torque is None:
+        raise InputError(f"{options.model}: [reducer] has no rated_torque; give it, or --torque '20 N*m'")
+    return unit.rated_torque
+
+
+def _write(options: argparse.Namespace, found: Any, draw: Callable[[], Any]) -> None:
+    if options.json:
+        write_json(options.json, to_json(found, files=input_files([options.model])))
+    if options.plot:
+        write_picture(options.plot, draw().figure)

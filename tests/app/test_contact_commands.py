@@ -1,0 +1,158 @@
+"""Commands on friction and contact pressure: what they print and write is what the functions give."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rverror
+from every_kind import FRICTION
+from rverror import ARCSEC, Model, RollerBearing, contact_pressure, efficiency, hysteresis, lost_motion
+from rverror.app.command_line import main
+
+MODEL = Model(
+    replace(rverror.reducer("RV-40E"), friction=FRICTION),
+    (rverror.effect("cycloid.pin_position", pin=3, radial="4 um"),),
+    "unit 7",
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    rverror.save_model(tmp_path / "m.toml", MODEL)
+    return str(tmp_path / "m.toml")
+
+
+def values(out: Path) -> dict[str, list[float]]:
+    return {name: of["values"] for name, of in json.loads(out.read_text())["variables"].items()}
+
+
+def test_efficiencies_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, picture = tmp_path / "e.json", tmp_path / "e.png"
+    loads = ["--torque", "3 N*m", "--torque", "100 N*m"]
+    assert main(["efficiency", path, *loads, "--count", "5", "--json", str(out), "--plot", str(picture)]) == 0
+    told, theta = values(out), 2 * math.pi / 5 * np.arange(5)
+    cases = [(3e3, "input"), (100e3, "input"), (100e3, "output")]  # 3 N*m cannot drive against 4 N*m of drag
+    found = [efficiency(MODEL, theta, torque=t, direction=1.0, drives=side) for t, side in cases]
+    assert told["efficiency"] == pytest.approx([100 * one.mean for one in found])
+    assert told["drives"] == [side for _, side in cases]
+    assert told["part"] == list(found[0].losses)
+    assert told["lost"][1] == pytest.approx([100 * share for share in found[1].by_part.values()])
+    assert told["input_torque"] == pytest.approx([one.input_torque.mean() / 1e3 for one in found])
+    assert json.loads(out.read_text())["inputs"][0]["path"] == path
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    printed = capsys.readouterr()
+    assert printed.out.startswith("Efficiencies: 3 rows\n")
+    assert "3 N*m: the output drives with more than the drag, 4 N*m; left out" in printed.err
+
+
+def test_one_efficiency_at_the_rated_torque_both_ways(
+    path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["efficiency", path, "--drives", "output", "--direction", "reverse", "--count", "3"]) == 0
+    assert capsys.readouterr().out.startswith("Efficiency: 412 N*m, reverse, the output drives, 3 angles\n")
+    out = tmp_path / "e.json"
+    ways = ["--drives", "input", "--direction", "both"]
+    assert main(["efficiency", path, *ways, "--count", "3", "--json", str(out)]) == 0
+    assert values(out)["direction"] == ["forward", "reverse"]
+
+
+def test_a_loop_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, picture = tmp_path / "h.json", tmp_path / "h.png"
+    assert main(["hysteresis", path, "--angle", "12 deg", "--json", str(out), "--plot", str(picture)]) == 0
+    told = values(out)
+    found = hysteresis(MODEL, [math.radians(12)], torques=1e3 * np.array(told["torque"]))
+    assert told["torque"][0] == -412
+    assert told["torque"][-1] == 412
+    assert told["torque"] == sorted(told["torque"])
+    np.testing.assert_allclose(told["width"], found.width / ARCSEC)
+    size = float(found.lost_motion("12.36 N*m")[0]) / ARCSEC
+    assert f"lost motion at +-3 % of the rated torque: {size:.4g} arcsec" in capsys.readouterr().out
+    # without friction the same to some per cent: the loop lies about that curve
+    assert size == pytest.approx(lost_motion(MODEL, [math.radians(12)])[0] / ARCSEC, rel=0.02)
+    assert picture.stat().st_size > 10_000
+    assert main(["hysteresis", path, "--torque", "5 N*m", "--plot", str(picture)]) == 0  # below 3 % of the rated
+    assert "lost motion" not in capsys.readouterr().out
+
+
+def test_pressure_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, picture = tmp_path / "p.json", tmp_path / "p.png"
+    rollers = ["14", "5 mm", "8 mm", "20 mm"]
+    options = ["--disc-width", "9 mm", "--gear-width", "8 mm", "--cam-bearing", *rollers, "--count", "7"]
+    both = [*options, "--direction", "reverse", "--torque", "100 N*m", "--json", str(out), "--plot", str(picture)]
+    assert main(["pressure", path, *both]) == 0
+    found = contact_pressure(
+        MODEL,
+        2 * math.pi / 7 * np.arange(7),
+        torque="100 N*m",
+        direction=-1.0,
+        disc_width=9.0,
+        gear_width=8.0,
+        cam_bearing=RollerBearing(rollers=14, roller_diameter=5.0, roller_length=8.0, race_diameter=20.0),
+    )
+    told = values(out)
+    for contact in ("pin", "mesh", "cam"):
+        np.testing.assert_allclose(told[f"{contact}_pressure"], found.pressure[contact])
+    assert "carrier_pressure" not in told
+    assert told["peak_pressure"] == pytest.approx([peak.pressure for peak in found.peaks()])
+    assert capsys.readouterr().out.startswith("Contact pressure: 7 angles\n")
+    assert main(["pressure", path, *options]) == 0  # at the rated torque, forward
+    assert picture.stat().st_size > 10_000
+
+
+REFUSED = {
+    ("efficiency", "--torque", "3"): "--torque: '3' has no unit; write it like '20 N*m'",
+    ("efficiency", "--torque", "3 N*m", "--drives", "output"): "m.toml: torque = 3 N*m: the output drives with more",
+    ("efficiency", "--count", "0"): "--count: 0 angles are none; give 1 or more",
+    ("efficiency", "--plot", "m.toml"): "this output is also an input",
+    ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' makes no loop; give more than 0",
+    ("hysteresis", "--angle", "1 mm"): "--angle: ",
+    ("pressure", "--disc-width", "9", "--gear-width", "8 mm"): "--disc-width: '9' has no unit; write it like '9 mm'",
+    ("pressure", "--disc-width", "9 mm", "--gear-width", "0 mm"): "m.toml: gear_width = 0 mm: must be above 0",
+    ("pressure", "--disc-width", "9 mm", "--gear-width", "8 mm", "--cam-bearing", "x", *["1 mm"] * 3): "'x' rollers",
+    ("pressure", "--disc-width", "9 mm", "--gear-width", "8 mm", "--carrier-bearing", "2", *["1 mm"] * 3): (
+        "--carrier-bearing: rollers = 2: must be a whole number, 3 or more"
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"), REFUSED.items(), ids=lambda one: one[0] if isinstance(one, tuple) else one[:40]
+)
+def test_what_makes_no_sense_is_refused_in_one_line(
+    asked: tuple[str, ...], said: str, path: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(Path(path).parent)
+    command, *options = asked
+    assert main([command, "m.toml", *options]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_models_that_say_too_little_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "m.toml"
+    for text, said in (
+        ('[reducer]\npreset = "RV-40E"\n', "m.toml: friction: nothing is said of it; give its coefficients in [red"),
+        ('[reducer]\npreset = "RV-003"\n[reducer.friction]\npin = 0.1\n', "m.toml: [reducer] has no rated_torque"),
+        ("[drive]\nratio = 14.0\n", "m.toml: contacts under load need a [reducer] model"),
+    ):
+        path.write_text(text)
+        for command in ("efficiency", "hysteresis"):
+            assert main([command, str(path)]) == 2
+            assert said in capsys.readouterr().err
+
+
+def test_without_matplotlib_nothing_is_computed(
+    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    assert main(["efficiency", path, "--plot", str(tmp_path / "e.png")]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "pip install 'rverror[plot]'" in printed.err
