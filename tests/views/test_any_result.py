@@ -15,8 +15,9 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget",
-    "Allocation", "Front", "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget", "VirtualUnits",
+    "ErrorBudget", "Allocation", "Front", "Compensation", "Diagnosis", "Diagnosis, nothing missing",
+    "Diagnosis, torque",
 )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from rverror.statics.loaded_state import linearise
 from rverror.views.notebook import page
 from rverror.views.sheets import MOST_ROWS
 
-PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+PAGES = ("Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve", "Wear",
          "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation",
          "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}

@@ -23,7 +23,7 @@ from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
 KINDS = ("Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium",
-         "TorsionCurve", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
+         "TorsionCurve", "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Tolerances", "Stack", "Budget",
          "VirtualUnits", "ErrorBudget", "Allocation", "Front",
          "Compensation", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque")  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()

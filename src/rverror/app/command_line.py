@@ -12,7 +12,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rverror.app import compensate_command, dynamics_commands, read_command, reference_commands, tolerance_commands
+from rverror.app import (
+    compensate_command,
+    dynamics_commands,
+    read_command,
+    reference_commands,
+    tolerance_commands,
+    wear_command,
+)
 from rverror.app.batch import SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
@@ -154,6 +161,7 @@ def _parser() -> argparse.ArgumentParser:
     compensate_command.add_commands(commands)
     read_command.add_commands(commands)
     tolerance_commands.add_commands(commands)
+    wear_command.add_commands(commands)
     dynamics_commands.add_commands(commands)
     reference_commands.add_commands(commands)
 

@@ -354,6 +354,31 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
 
 
+def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Error of a disc's profile along its normal that is alike on all lobes, c cos(h phi) + s sin(h phi).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves from one root to the next over the roll angle phi by which the eccentric direction leads
+        the pin that touches there.  0 is the whole profile, by cos.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; positive is more material.
+
+    Notes
+    -----
+    What wear leaves (`wear`), and any correction of the profile.  No source has it; 002 corrects profiles by their
+    normal and a shift alone.
+    """
+    phi = contacts.eccentric[only(disc)][:, None] - pin_positions(contacts.reducer)[:, None]
+    waves = np.stack([np.cos(harmonic * phi), np.sin(harmonic * phi)])
+    return ErrorVector(contact="pin", vector=waves[..., None, :] * contacts.pin_normal[only(disc)], at=(only(disc),))
+
+
 def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
     """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
 
@@ -550,6 +575,11 @@ def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     return (unit.discs * fundamental_orders(unit)["housing"],)
 
 
+def _mesh_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All pins pass all lobes alike."""
+    return (fundamental_orders(rv(mechanism))["cycloid mesh"],)
+
+
 _LOBE = every("lobe", lambda unit: range(unit.disc_lobes))
 _PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"])
 
@@ -571,6 +601,13 @@ SOURCES = (
         "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
         false_minima=True,
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
+    ),
+    Source(
+        "cycloid.lobe_profile", lobe_profile, (DISC, harmonics(0, 4)), lengths(20, "cos", "sin"),
+        "disc", _mesh_orders, "none: wear", "profile error alike on all lobes of a disc",
+        alike_at_pins=lambda indices: True, tried=False,
+        equation=r"$\delta = (c\cos h\phi_i + s\sin h\phi_i)\, n_i$, $\phi_i = \varepsilon_k - \gamma_i$",
+        hidden="all lobes meet all pins alike; what is left is a ripple of the mesh order",
     ),
     Source(
         "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),

@@ -39,7 +39,7 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Compensation, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison,
-        Equilibrium, TorsionCurve, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run,
+        Equilibrium, TorsionCurve, Wear, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run,
         OrderTable, Stack or Tolerance; a list or tuple of Effect, Tolerance or FrontPoint.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,

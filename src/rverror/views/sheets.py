@@ -34,6 +34,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS
@@ -425,6 +426,22 @@ def _of_torsion(thing: TorsionCurve) -> Sheet:
     rows = zip(found["torque"].shown(display=True).tolist(), angle.mean(axis=1).tolist(), spread, strict=True)
     where = count_of(angle.shape[1], "angle") + " of the output"
     return _title("Torsion curve", where) + _grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
+
+
+@sheet.register
+def _of_wear(thing: Wear) -> Sheet:
+    duty = f"{with_unit(thing.torque, 'torque')}, {with_unit(thing.speed, 'angular_speed')} at the input"
+    found, _ = _shown(thing)
+    heads = {
+        "hours": "hours",
+        "lost motion, arcsec": "lost_motion",
+        "peak-to-peak, arcsec": "peak_to_peak",
+        "lobe, um": "deepest_of_lobe",
+        "pin, um": "deepest_of_pin",
+        "sun thinner, um": "sun_thinning",
+        "planets thinner, um": "planet_thinning",
+    }
+    return _title("Wear", duty) + _beside({head: found[name] for head, name in heads.items()})
 
 
 @sheet.register

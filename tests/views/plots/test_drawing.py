@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
-from every_kind import compensation
+from every_kind import compensation, every_kind
 from pages import DOCS
 from rverror import (
     Bench,
@@ -381,6 +381,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "reducer": BARE.mechanism,
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
+        "wear": every_kind()["Wear"][0],
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
         "modes": modes(replace(MODEL, bench=SWING), torque="100 N*m"),
         "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),
@@ -417,8 +418,8 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 
 NAMES = (
-    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "modes", "speeds", "run-up",
-    "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
+    "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "wear", "modes", "speeds",
+    "run-up", "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
 
@@ -428,7 +429,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
-FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "speeds", "run-up", "run", "order table",
+FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "wear", "speeds", "run-up", "run", "order table",
            "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 

@@ -25,6 +25,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
@@ -61,6 +62,7 @@ from rverror.views.plots.waveforms import (
     state_polar,
     state_waveform,
 )
+from rverror.views.plots.wear_curves import over_hours, worn_lobe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,6 +95,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Influence: {"waveform": influence_waveform},
         Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
         TorsionCurve: {"torsion": torsion},
+        Wear: {"hours": over_hours, "lobe": worn_lobe},
         Modes: {"shape": mode_shape},
         SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
         RunUp: {"waveform": run_up_waveform},
