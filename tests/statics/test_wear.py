@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 
 import rverror
+from pages import DOCS, text
 from rverror import Model, Reducer, Wear, WearCoefficients, wear
 from rverror.geartrain.cycloid import profile, trochoid_curvature
 from strategies import reducers
@@ -242,6 +244,11 @@ def test_in_the_long_run_the_profile_wears_as_a_turn_of_the_disc_would_take_it_o
     early, late = by_arm[0], by_arm[-1]
     assert early.max() > 2 * early.min()
     assert np.ptp(late) < 0.1 * late.mean()
+    # the output lags under load by as much more, what pins turn it by over the feedback of the carrier
+    theta = np.arange(31) / 31 * 2 * np.pi / 40
+    states = [rverror.equilibrium(found.model_at(h), theta, torque=TORQUE, direction=1.0) for h in found.hours[-2:]]
+    lags = states[0].transmission_error.mean() - states[1].transmission_error.mean()
+    assert lags == pytest.approx(117 / 121 * late.mean() / (UNIT.eccentricity * UNIT.disc_lobes), rel=0.03)
     # what is left is play, no ripple
     assert found.lost_motion[-1] - found.lost_motion[0] > 100 * (found.peak_to_peak[-1] - found.peak_to_peak[0])
 
@@ -255,6 +262,18 @@ def test_a_wave_of_none_on_all_lobes_is_the_radius_of_all_pins() -> None:
         for effects in (tuple(lobes), (pins,))
     )
     np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_the_table_of_the_page_is_what_it_says() -> None:
+    (table,) = re.findall(r"\| hours \|.*?\n\| ---.*?\n(.*?)\n\n", text(DOCS / "theory" / "wear.md"), re.DOTALL)
+    rows = np.array([[float(cell) for cell in row.strip("|").split("|")] for row in table.splitlines()])
+    found = worn(
+        hours=rows[:, 0], speed="1815 rpm", direction=None, **dict.fromkeys(("disc", "pin", "sun", "planet"), 1e-13)
+    )
+    depths = [found.lobe_depth.max(axis=1), found.pin_depth.max(axis=1), *found.thinning.values()]
+    np.testing.assert_allclose(rows[:, 1:5], 1e3 * np.transpose(depths), atol=0.0051)
+    np.testing.assert_allclose(rows[:, 5], found.lost_motion / rverror.ARCSEC, atol=0.051)
+    np.testing.assert_allclose(rows[:, 6], found.peak_to_peak / rverror.ARCSEC, atol=0.0051)
 
 
 @settings(max_examples=12)
@@ -272,7 +291,8 @@ def test_volume_is_held_on_any_geometry(unit: Reducer) -> None:
         direction=1.0,
     )
     assert found.volume["disc"][-1] == found.volume["pin"][-1] > 0
-    assert mass_balance(unit, found) == pytest.approx(1, abs=0.02)
+    # the waves of sliding over running have a pole at exp(i phi) = K: those beyond the sixteenth fall as its powers
+    assert mass_balance(unit, found) == pytest.approx(1, abs=2e-3 + unit.short_width_coefficient**17)
 
 
 def test_coefficients_have_units() -> None:

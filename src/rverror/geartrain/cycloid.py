@@ -30,6 +30,9 @@ from rverror.geartrain.source import (
     rv,
 )
 
+#: Sources that wear makes.
+LOBE_PROFILE, DISC_PROFILE, PIN_RADIUS = "cycloid.lobe_profile", "cycloid.disc_profile", "cycloid.pin_radius"
+
 
 @dataclass(frozen=True)
 class PinContacts:
@@ -585,7 +588,7 @@ _PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"])
 
 SOURCES = (
     Source(
-        "cycloid.disc_profile", disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
+        DISC_PROFILE, disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
         false_minima=True,
         equation=r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
@@ -603,11 +606,10 @@ SOURCES = (
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
     ),
     Source(
-        "cycloid.lobe_profile", lobe_profile, (DISC, harmonics(0, 4)), lengths(20, "cos", "sin"),
+        LOBE_PROFILE, lobe_profile, (DISC, harmonics(0, 4)), lengths(20, "cos", "sin"),
         "disc", _mesh_orders, "none: wear", "profile error alike on all lobes of a disc",
         alike_at_pins=lambda indices: True, tried=False,
-        equation=r"$\delta = (c\cos h\phi_i + s\sin h\phi_i)\, n_i$, $\phi_i = \varepsilon_k - \gamma_i$",
-        hidden="all lobes meet all pins alike; what is left is a ripple of the mesh order",
+        equation=r"$\delta = (c\cos h\varphi_i + s\sin h\varphi_i)\, n_i$",
     ),
     Source(
         "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),
@@ -628,7 +630,7 @@ SOURCES = (
         hidden="evenly spaced discs cancel harmonics that are no multiple of their number",
     ),
     Source(
-        "cycloid.pin_radius", pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
+        PIN_RADIUS, pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
         "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
         alike_at_pins=lambda indices: indices["pin"] == "all",
         false_minima=True,

@@ -25,7 +25,8 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
-from rverror.geartrain.cycloid import pin_positions
+from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
+from rverror.geartrain.involute import TOOTH_THINNING
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
@@ -362,7 +363,7 @@ class _Worn:
 
 
 _STEP = 2 * math.pi / _PHASES
-_PHASE = _STEP * (np.arange(_PHASES) + 0.5)
+_PHASE = np.array(_STEP * (np.arange(_PHASES) + 0.5), dtype=np.float64)
 _H = np.arange(_WAVES + 1)
 _SLOW = np.arange(1, _SLOW_WAVES + 1)
 
@@ -473,8 +474,8 @@ class _Duty:
         """What is worn as errors of the catalogue."""
         patch = _waves_of(worn.pin) if self.fixed else np.zeros(_H.size)
         told = {
-            "cycloid.lobe_profile": (_H, worn.lobes + patch, self.by.disc or (self.by.pin and self.fixed)),
-            "cycloid.disc_profile": (_SLOW, worn.slow, self.by.disc and self.errors),
+            LOBE_PROFILE: (_H, worn.lobes + patch, self.by.disc or (self.by.pin and self.fixed)),
+            DISC_PROFILE: (_SLOW, worn.slow, self.by.disc and self.errors),
         }
         made = [
             effect(key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag), origin=_ORIGIN)
@@ -484,15 +485,15 @@ class _Duty:
             for h, wave in zip(harmonics, waves, strict=True)
         ]
         if self.by.pin and not self.fixed:
-            made.append(effect("cycloid.pin_radius", pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
+            made.append(effect(PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
         if self.by.pin and not self.alike:
             made += [
-                effect("cycloid.pin_radius", pin=pin, deviation=-float(depth), origin=_ORIGIN)
+                effect(PIN_RADIUS, pin=pin, deviation=-float(depth), origin=_ORIGIN)
                 for pin, depth in enumerate(worn.each_pin)
             ]
         for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
             if getattr(self.by, member):
-                made.append(effect("involute.tooth_thinning", member=member, thinning=float(size), origin=_ORIGIN))
+                made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
         return tuple(made)
 
     def deepest(self, worn: _Worn) -> float:
@@ -526,14 +527,14 @@ _ORIGIN = "wear"
 
 
 @dataclass(frozen=True)
-class _Told:
+class _WornUnit:
     """A worn unit when it is told."""
 
     worn: _Worn
     peak_to_peak: float
 
 
-def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array) -> Iterator[_Told]:
+def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array) -> Iterator[_WornUnit]:
     """Worn units after each of some turns of the output, rad, by Heun's steps."""
     stiffness = duty.reducer.stiffness.pin_contact
 
@@ -567,7 +568,7 @@ def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], 
             worn = worn.plus(first, step / 2).plus(second, step / 2)
             first, approach, swing = solved(worn)
             at, steps = (end if parts == 1 else at + step), steps + 1
-        yield _Told(worn, swing)
+        yield _WornUnit(worn, swing)
 
 
 def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
-from every_kind import compensation, every_kind
+from every_kind import compensation
 from pages import DOCS
 from rverror import (
     Bench,
@@ -31,6 +31,7 @@ from rverror import (
     InputError,
     Model,
     Run,
+    WearCoefficients,
     allocate,
     effect,
     equilibrium,
@@ -46,6 +47,7 @@ from rverror import (
     tolerance,
     torsion_curve,
     transmission_error,
+    wear,
 )
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
@@ -381,7 +383,16 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "reducer": BARE.mechanism,
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
-        "wear": every_kind()["Wear"][0],
+        "wear": wear(
+            BARE,
+            torque="9 N*m",
+            speed="1000 rpm",
+            hours=[0, 50, 100],
+            coefficients=WearCoefficients(disc="1e-9 mm^3/(N*m)", pin="1e-9 mm^3/(N*m)"),
+            disc_width="9 mm",
+            gear_width="8 mm",
+            direction=1.0,
+        ),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
         "modes": modes(replace(MODEL, bench=SWING), torque="100 N*m"),
         "speeds": speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 9), torque="100 N*m"),

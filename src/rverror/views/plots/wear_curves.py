@@ -25,7 +25,7 @@ def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
     rows = {"lost motion": found.lost_motion, "peak-to-peak under load": found.peak_to_peak}
     for number, (label, row) in enumerate(rows.items()):
         ax.plot(found.hours, in_shown_unit(row, "angle"), marker="os"[number], ms=4, label=label, **line_style(number))
-    ax.set(xlabel="hours of operation, h", ylabel="arcsec", title=_duty(found))
+    ax.set(xlabel="time of operation, h", ylabel="turn of the output, arcsec", title=_duty(found))
     ax.set_ylim(bottom=0)
     ax.margins(x=0)
     legend_beside(ax)
