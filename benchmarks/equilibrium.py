@@ -2,6 +2,8 @@
 
     python benchmarks/equilibrium.py [angles of the plain minimisation]
 
+and of its wear over 6000 hours, which solves the equilibrium at each step of hours.
+
 It is set against `scipy.optimize.minimize` on the same energy, written for this file angle by angle with its gradient
 and second derivative; that runs on a few angles and is scaled up, and its output errors must agree with the solver's.
 Peak memory is that of a process of its own which solves one revolution.  BLAS runs on one thread unless the environment
@@ -35,6 +37,7 @@ TORQUES = (412.0, 20.0)  # N*m
 CLEARANCES = (0.0, 5.0)  # um
 AIMS = {0.0: 100.0, 5.0: 300.0}  # us an angle on one core
 AIM_MEMORY = 1024.0  # MiB
+AIM_WEAR = 5.0  # s
 #: key, indices, parameter and size in um; the plain energy below knows these sources
 ERRORS: tuple[tuple[str, dict[str, int], str, float], ...] = (
     ("cycloid.pin_position", {"pin": 3}, "tangential", 5.0),
@@ -161,6 +164,20 @@ class PlainEnergy:
         return float(found.x[2] * self.unit_of[2])
 
 
+def worn(model: rverror.Model) -> rverror.Wear:
+    """Wear at the rated torque and 15 rpm."""
+    bodies = dict.fromkeys(("disc", "pin", "sun", "planet"), "1e-10 mm^3/(N*m)")
+    return rverror.wear(
+        model,
+        torque="412 N*m",
+        speed="1815 rpm",
+        hours=6000,
+        coefficients=rverror.WearCoefficients(**bodies),
+        disc_width="9 mm",
+        gear_width="8 mm",
+    )
+
+
 def best(task: Callable[[], object], repeats: int = REPEATS) -> float:
     """Shortest of several runs, s."""
     times = []
@@ -240,6 +257,10 @@ def main() -> None:
                 print(
                     f"  {'peak memory of the process':36s}{peak:10.0f} MiB, aim {AIM_MEMORY:g}; imports {imports:.0f}"
                 )
+    print()
+    print("rverror.wear, 6000 hours at 412 N*m in both directions, 1e-10 mm^3/(N*m) for all bodies")
+    for name, model in (("no error", rverror.Model(unit)), (f"{len(ERRORS)} errors", model_of(unit, 0.0))):
+        print(f"  {name:36s}{best(lambda model=model: worn(model), 1):10.1f} s, aim {AIM_WEAR:g}")
 
 
 if __name__ == "__main__":

@@ -230,6 +230,19 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
             ),
             {},
         ),
+        "Wear": (
+            rverror.wear(
+                MODEL,
+                torque=TORQUE,
+                speed=190.0,
+                hours=[0, 500],
+                coefficients=rverror.WearCoefficients(disc=1e-13, sun=1e-13),
+                disc_width=9.0,
+                gear_width=8.0,
+                direction=1.0,
+            ),
+            {},
+        ),
         "Modes": (rverror.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
         "SpeedResponse": (
             rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE, by_effect=True),

@@ -46,12 +46,14 @@ CASES: list[tuple[str, dict[str, Any]]] = [
 #: Clearances have no derivative at zero: tests/statics/test_clearance.py.
 #: Not in the oracle: clearance, growth (a similarity is tested instead), and what touches no contact.
 #: Compliances act through the force that is carried: tests/statics/test_compliance.py.
-#: One lobe is a sum of waves of the profile: tests/geartrain/test_disc_lobe.py.
+#: One lobe is a sum of waves of the profile: tests/geartrain/test_disc_lobe.py.  Waves alike on all of
+#: them: tests/statics/test_wear.py.
 ELSEWHERE = {
     "crank.bearing_clearance",
     "coupling.bearing_clearance",
     "thermal.growth",
     "load.torsion",
     "cycloid.disc_lobe",
+    "cycloid.lobe_profile",
     *(key for key in CATALOGUE if "compliance" in key),
 }

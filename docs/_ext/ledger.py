@@ -31,7 +31,8 @@ from rverror.geartrain.kinematics import folded_order, frame_orders, fundamental
 from rverror.geartrain.mechanism import Friction, Reducer, reducer
 from rverror.model.compose import influence
 from rverror.model.effects import Model
-from rverror.statics.friction import efficiency
+from rverror.statics.friction import efficiency, path_of_contact
+from rverror.statics.worn_contacts import WearCoefficients, wear
 
 #: Size of every error in source 000's case study, mm.
 ERROR = 0.005
@@ -744,6 +745,41 @@ def _planet_wear_row() -> Row:
     )
 
 
+def _wear_share_row() -> Row:
+    unit = _rv003()
+    recess, approach = path_of_contact(unit)
+    alpha, r1, r2 = unit.pressure_angle, unit.sun_pitch_radius, unit.planet_pitch_radius
+
+    def flank(radius: float, up: float, down: float) -> float:
+        foot = radius * math.sin(alpha)
+        return ((foot + up) ** 2 - (foot - down) ** 2) / (2 * radius * math.cos(alpha))
+
+    sun, planets = (
+        unit.sun_teeth * flank(r1, recess, approach),
+        unit.cranks * unit.planet_teeth * flank(r2, approach, recess),
+    )
+    found = wear(
+        Model(unit),
+        torque="142 N*m",
+        speed="1800 rpm",
+        hours=[0, 1000],
+        coefficients=WearCoefficients(sun="1e-10 mm^3/(N*m)", planet="1e-10 mm^3/(N*m)"),
+        disc_width="9 mm",
+        gear_width="8 mm",
+    )
+    return Row(
+        key="003 share of wear",
+        source="003",
+        statement="wear of each planet as a share of the sun's, because three of them share the load",
+        printed=(Figure("", 1 / 3, "", 2),),
+        formula=r"Archard's law, $V_1 = V_2$: $z_1 s_1 / (3 z_2 s_2)$, $s$ the length of a flank that touches",
+        computed=(Figure("", sun / planets, "", 3),),
+        corrected=(Figure("", float(found.thinning["planet"][-1] / found.thinning["sun"][-1]), "", 3),),
+        verdict="not reproducible: a tooth of the sun meets three planets in a turn, but these also have 90 teeth for "
+        "its 12, and longer flanks",
+    )
+
+
 def _friction_row() -> Row:
     unit = _rv003()
     losses = efficiency(
@@ -974,6 +1010,7 @@ def table() -> tuple[Row, ...]:
         _tooth_share_row(),
         _wear_row(),
         _planet_wear_row(),
+        _wear_share_row(),
         _friction_row(),
         _mean_ratio_row(),
         _pin_radius_row(),

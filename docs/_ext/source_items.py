@@ -379,9 +379,9 @@ ITEMS: tuple[Item, ...] = (
         "001",
         "outlook: temperature, load, lubrication, wear, grinding, compensation by sensors",
         "out of scope",
-        "no formula, no number to hold anything against; temperature and torsion have their own page",
-        held=("theory/thermal-and-load.md",),
-        tests=("geartrain/test_thermal.py", "model/test_load.py"),
+        "no formula, no number to hold anything against; temperature and torsion have their own page, and so has wear",
+        held=("theory/thermal-and-load.md", "theory/wear.md"),
+        tests=("geartrain/test_thermal.py", "model/test_load.py", "statics/test_wear.py"),
     ),
     # --- 002 ----------------------------------------------------------------------------------------------------
     Item(
@@ -586,6 +586,14 @@ ITEMS: tuple[Item, ...] = (
         "nearly twice the sun's slope before the step, where both must be equal",
         held=("ledger 003 planet wear", "published 003 planet wear", "published 003 step in the wear curves"),
         tables={3: "Planetary Gear Wear"},
+    ),
+    Item(
+        "003",
+        "wear of the planets a third of the sun's, because three share the load",
+        "not reproducible",
+        "by the law of wear it is a seventh: three planets share it among more teeth, too",
+        held=("ledger 003 share of wear", "theory/wear.md#one-passage"),
+        tests=("statics/test_wear.py",),
     ),
     Item(
         "003",
@@ -802,7 +810,8 @@ ITEMS: tuple[Item, ...] = (
         "004",
         "outlook: compensation, temperature, wear",
         "out of scope",
-        "no formula, no number",
+        "no formula, no number; wear has its own page",
+        held=("theory/wear.md",),
     ),
 )
 

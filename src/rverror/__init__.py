@@ -32,6 +32,7 @@ from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hystere
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
 from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
+from rverror.statics.worn_contacts import Wear, WearCoefficients, wear
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
 from rverror.dynamics.natural_modes import Modes, modes
 from rverror.dynamics.running_up import RunUp, run_up
@@ -146,6 +147,8 @@ __all__ = [
     "Tolerance",
     "TorsionCurve",
     "VirtualUnits",
+    "Wear",
+    "WearCoefficients",
     "__version__",
     "allocate",
     "allocation_json",
@@ -223,6 +226,7 @@ __all__ = [
     "transmission_error_by_effect",
     "validated",
     "virtual_units",
+    "wear",
     "write_orders",
     "write_run",
 ]

@@ -42,6 +42,7 @@ NAMES = {
     "cycloid.disc_profile": ("disc harmonic", "cos sin"),
     "cycloid.disc_pitch": ("disc harmonic", "cos sin"),
     "cycloid.disc_lobe": ("disc lobe", "deviation"),
+    "cycloid.lobe_profile": ("disc harmonic", "cos sin"),
     "cycloid.pin_position": ("pin", "radial tangential"),
     "cycloid.pin_circle": ("harmonic", "radial_cos radial_sin tangential_cos tangential_sin"),
     "cycloid.pin_radius": ("pin", "deviation"),

@@ -89,6 +89,7 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {
     "modes": "at one angle: below",
+    "wear": "over whole turns: tests/statics/test_wear.py",
     "diagnose": "test_unknown_index: marks off are found again",
     "contact_correction": "units with contacts that open: below",
     "error_budget": "of a stack, which is above, and of units with contacts that open: below",

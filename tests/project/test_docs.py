@@ -229,6 +229,10 @@ READ = {
     "cycloid.disc_profile": ({"disc": 1, "harmonic": 2}, lambda g: g.wave(2 * g.psi[1]) * g.n[1]),
     "cycloid.disc_pitch": ({"disc": 0, "harmonic": 3}, lambda g: -g.wave(3 * g.psi[0]) * g.tau[0]),
     "cycloid.disc_lobe": ({"disc": 1, "lobe": 7}, lambda g: [lobe(g, 1, 7) * g.n[1]]),
+    "cycloid.lobe_profile": (
+        {"disc": 1, "harmonic": 2},
+        lambda g: g.wave(2 * (np.angle(g.eps[1]) - g.gamma)) * g.n[1],
+    ),
     "cycloid.pin_position": ({"pin": 3}, lambda g: [g.p[3], 1j * g.p[3]]),
     "cycloid.pin_circle": ({"harmonic": 2}, lambda g: [w * e for e in (g.p, 1j * g.p) for w in g.wave(2 * g.gamma)]),
     "cycloid.pin_radius": ({"pin": "all"}, lambda g: [g.n]),

@@ -43,6 +43,7 @@ SHOWN_BY = {
     "Tolerance": "tolerance",
     "TorsionCurve": "torsion_curve",
     "VirtualUnits": "virtual_units",
+    "Wear": "wear",
 }
 #: Names without an example, and why.
 WITHOUT = {

@@ -291,6 +291,19 @@ def test_wear_slopes():
     assert planet / expected > 1.7
 
 
+def test_planets_wear_less_than_a_third_of_the_sun():
+    """Flanks between the ends of the line of action and the tips, by the lengths of their involutes."""
+    r1, r2, m = 12.0, 30.0, 2.0
+    whole = (r1 + r2) * TAN20 * COS20
+    tips = [math.sqrt((r + m) ** 2 - (r * COS20) ** 2) for r in (r1, r2)]
+    first, last = max(whole - tips[1], 0), min(tips[0], whole)
+    sun, planet = (last**2 - first**2) / r1, ((whole - first) ** 2 - (whole - last) ** 2) / r2
+    expected = 12 * sun / (3 * 30 * planet)
+    assert figures("003 share of wear", "computed") == pytest.approx([expected])
+    assert figures("003 share of wear", "corrected") == pytest.approx([expected])
+    assert expected < 0.5 * figures("003 share of wear", "printed")[0]
+
+
 def test_friction_law_and_its_text_disagree():
     assert figures("003 friction", "computed") == pytest.approx([48, 40])
     low, high, none, slope = figures("003 friction", "printed")

@@ -17,7 +17,8 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure",
+    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
     "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
     "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip

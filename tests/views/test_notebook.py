@@ -21,7 +21,8 @@ from rverror.views.sheets import MOST_ROWS
 
 PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Hysteresis", "Efficiency", "ContactPressure", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
+    "Hysteresis", "Efficiency", "ContactPressure",
+    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
     "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Diagnosis", "Diagnosis, nothing missing",
     "Diagnosis, torque",
 )  # fmt: skip

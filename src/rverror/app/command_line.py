@@ -19,6 +19,7 @@ from rverror.app import (
     read_command,
     reference_commands,
     tolerance_commands,
+    wear_command,
 )
 from rverror.app.batch import SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
@@ -161,6 +162,7 @@ def _parser() -> argparse.ArgumentParser:
     compensate_command.add_commands(commands)
     read_command.add_commands(commands)
     tolerance_commands.add_commands(commands)
+    wear_command.add_commands(commands)
     dynamics_commands.add_commands(commands)
     contact_commands.add_commands(commands)
     reference_commands.add_commands(commands)

@@ -36,6 +36,7 @@ CORE_UNITS = {
     "inertia": "tonne*mm^2",
     "torsional_stiffness": "N*mm/rad",
     "pressure": "N/mm^2",
+    "wear_coefficient": "mm^2/N",
     "slope": "dimensionless",
     "number": "dimensionless",
 }
@@ -56,6 +57,7 @@ DISPLAY_UNITS = {
     "inertia": "kg*m^2",
     "torsional_stiffness": "N*m/rad",
     "pressure": "MPa",
+    "wear_coefficient": "mm^3/(N*m)",
     "slope": "arcsec/turn",
     "number": "dimensionless",
 }
@@ -75,7 +77,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     },
     "torque": {"N*mm": (1.0, 0.0), "N*m": (1e3, 0.0)},
     "stiffness": {"N/mm": (1.0, 0.0), "N/um": (1e3, 0.0)},
-    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0)},
+    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "h": (3600.0, 0.0)},
     "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
     "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
     "angular_speed": {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 180.0, 0.0), "rpm": (math.pi / 30.0, 0.0)},
@@ -85,6 +87,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "inertia": {"tonne*mm^2": (1.0, 0.0), "kg*m^2": (1e3, 0.0), "kg*cm^2": (0.1, 0.0)},
     "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
     "pressure": {"N/mm^2": (1.0, 0.0), "MPa": (1.0, 0.0), "GPa": (1e3, 0.0)},
+    "wear_coefficient": {"mm^2/N": (1.0, 0.0), "mm^3/(N*m)": (1e-3, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
     "number": {"dimensionless": (1.0, 0.0)},
 }

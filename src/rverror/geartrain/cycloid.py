@@ -30,6 +30,9 @@ from rverror.geartrain.source import (
     rv,
 )
 
+#: Sources that wear makes.
+LOBE_PROFILE, DISC_PROFILE, PIN_RADIUS = "cycloid.lobe_profile", "cycloid.disc_profile", "cycloid.pin_radius"
+
 
 @dataclass(frozen=True)
 class PinContacts:
@@ -353,6 +356,31 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
 
 
+def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+    """Error of a disc's profile along its normal that is alike on all lobes, c cos(h phi) + s sin(h phi).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    disc, harmonic : int
+        Which disc; h, waves from one root to the next over the roll angle phi by which the eccentric direction leads
+        the pin that touches there.  0 is the whole profile, by cos.
+
+    Returns
+    -------
+    ErrorVector
+        Terms cos, sin; positive is more material.
+
+    Notes
+    -----
+    What wear leaves (`wear`), and any correction of the profile.  No source has it; 002 corrects profiles by their
+    normal and a shift alone.
+    """
+    phi = contacts.eccentric[only(disc)][:, None] - pin_positions(contacts.reducer)[:, None]
+    waves = np.stack([np.cos(harmonic * phi), np.sin(harmonic * phi)])
+    return ErrorVector(contact="pin", vector=waves[..., None, :] * contacts.pin_normal[only(disc)], at=(only(disc),))
+
+
 def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
     """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
 
@@ -556,12 +584,17 @@ def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     return (unit.discs * fundamental_orders(unit)["housing"],)
 
 
+def _mesh_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All pins pass all lobes alike."""
+    return (fundamental_orders(rv(mechanism))["cycloid mesh"],)
+
+
 _LOBE = every("lobe", lambda unit: range(unit.disc_lobes))
 _PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"])
 
 SOURCES = (
     Source(
-        "cycloid.disc_profile", disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
+        DISC_PROFILE, disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
         false_minima=True,
         equation=r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
@@ -577,6 +610,12 @@ SOURCES = (
         "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
         false_minima=True,
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
+    ),
+    Source(
+        LOBE_PROFILE, lobe_profile, (DISC, harmonics(0, 4)), lengths(20, "cos", "sin"),
+        "disc", _mesh_orders, "none: wear", "profile error alike on all lobes of a disc",
+        alike_at_pins=lambda indices: True, tried=False,
+        equation=r"$\delta = (c\cos h\varphi_i + s\sin h\varphi_i)\, n_i$",
     ),
     Source(
         "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),
@@ -597,7 +636,7 @@ SOURCES = (
         hidden="evenly spaced discs cancel harmonics that are no multiple of their number",
     ),
     Source(
-        "cycloid.pin_radius", pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
+        PIN_RADIUS, pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
         "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
         alike_at_pins=lambda indices: indices["pin"] == "all",
         false_minima=True,

@@ -25,6 +25,8 @@ from rverror.geartrain.source import (
     rv,
 )
 
+#: The source that wear makes.
+TOOTH_THINNING = "involute.tooth_thinning"
 #: Sign of the tangential motion that each flank drives: flank 0 forward, flank 1 reverse.
 _FLANK_SIGN = np.array([1.0, -1.0])
 
@@ -411,7 +413,7 @@ SOURCES = (
         equation=r"$\delta = -(c\cos h\chi + s\sin h\chi)\, f_j\, n_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(
-        "involute.tooth_thinning", tooth_thinning, (_MEMBER,), lengths(150, "thinning"),
+        TOOTH_THINNING, tooth_thinning, (_MEMBER,), lengths(150, "thinning"),
         "direction", constant, "003, wear tables", "tooth thickness lost to wear or backlash, half a flank",
         equation=r"$\delta = \mp\tfrac{1}{2} e\, t_j$",
         hidden="sets the place of the loaded flank only; which gear lost the tooth is never visible",

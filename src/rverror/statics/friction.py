@@ -304,7 +304,7 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
         push = np.zeros_like(settled.x)
         push[:, 2] = along * unit.output_turn
         yields = refined(system.newton_matrix(settled.closed), push)
-        sliding = _Sliding(
+        sliding = Sliding(
             pin=(rows.pin * system.discs(yields)).sum(axis=1),
             joint=yields @ rows.joint.T,
             flank=yields @ rows.flank.T,
@@ -352,7 +352,7 @@ class _Rows:
 
 
 @dataclass(frozen=True)
-class _Sliding:
+class Sliding:
     """Speed of each contact along its row: n by (discs, pins), joints and flanks; mm, or mm per turn in rad."""
 
     pin: Array
@@ -379,15 +379,29 @@ def _rows(contacts: Contacts) -> _Rows:
     return _Rows(pin, joint, flank)
 
 
-def _nominal_sliding(contacts: Contacts, direction: Array) -> _Sliding:
-    """Along the nominal motion, per unit of output speed."""
+def nominal_sliding(contacts: Contacts, direction: Array) -> Sliding:
+    r"""How fast contacts slide along the nominal motion, per unit of output speed.
+
+    A disc turns about the pitch point, so it slides on a pin at its own speed times the distance of the contact from
+    there, R_p sqrt(1 + K^2 - 2 K cos(phi)) - r.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    direction : ndarray, shape (n,)
+        +1 forward, -1 reverse.
+
+    Returns
+    -------
+    Sliding
+    """
     reducer, turns = contacts.reducer, frame_orders(contacts.reducer)
     lead = contacts.eccentric[:, None] - pin_positions(reducer)[:, None]
     K = reducer.short_width_coefficient
     from_pitch_point = reducer.pin_circle_radius * np.sqrt(1 + K**2 - 2 * K * np.cos(lead)) - reducer.pin_radius
     cams = reducer.discs * reducer.cranks
     joint = [turns["crank"] - turns["disc"]] * cams + [turns["crank"] - turns["carrier"]] * reducer.cranks + [0.0, 0.0]
-    return _Sliding(
+    return Sliding(
         pin=samples_first(-turns["disc"] * direction * from_pitch_point),
         joint=direction[:, None] * np.array(joint),
         flank=direction[:, None] * np.full(2 * reducer.cranks, turns["planet"] - turns["sun"]),
@@ -412,14 +426,31 @@ def mean_mesh_slip(reducer: Reducer) -> float:
     equally where they touch: p_b (1 - e1 - e2 + e1^2 + e2^2) / 2 with the contact ratios e1, e2 of either side of the
     pitch point (Niemann's gear loss factor).
     """
+    pitch = math.pi * reducer.module * math.cos(reducer.pressure_angle)
+    one, other = (length / pitch for length in path_of_contact(reducer))
+    return pitch * (1 - one - other + one**2 + other**2) / 2
+
+
+def path_of_contact(reducer: Reducer) -> tuple[float, float]:
+    """Length of the path of contact on either side of the pitch point, mm: to the sun's tip, to the planet's.
+
+    Addenda of one module; a path ends where the mate's involute does.
+
+    Parameters
+    ----------
+    reducer : Reducer
+
+    Returns
+    -------
+    tuple of float
+    """
     alpha, m = reducer.pressure_angle, reducer.module
-    pitch = math.pi * m * math.cos(alpha)
     radii = reducer.sun_pitch_radius, reducer.planet_pitch_radius
-    one, other = (
-        min(math.sqrt((r + m) ** 2 - (r * math.cos(alpha)) ** 2) - r * math.sin(alpha), mate * math.sin(alpha)) / pitch
+    sun, planet = (
+        min(math.sqrt((r + m) ** 2 - (r * math.cos(alpha)) ** 2) - r * math.sin(alpha), mate * math.sin(alpha))
         for r, mate in (radii, radii[::-1])
     )
-    return pitch * (1 - one - other + one**2 + other**2) / 2
+    return sun, planet
 
 
 @dataclass(frozen=True)
@@ -440,7 +471,7 @@ def _coefficients(reducer: Reducer, friction: Friction) -> _Coefficients:
 
 
 def _losses(
-    reducer: Reducer, by: _Coefficients, sliding: _Sliding, *, pin: Array, joint: Array, flank: Array
+    reducer: Reducer, by: _Coefficients, sliding: Sliding, *, pin: Array, joint: Array, flank: Array
 ) -> dict[str, Array]:
     """Power that each kind of contact takes, from the sizes of forces, samples first."""
     cams = reducer.discs * reducer.cranks
@@ -463,7 +494,7 @@ def _closed_form_losses(unit: Reducer, under: Conditions, direction: Array, fric
     return _losses(
         unit,
         _coefficients(unit, friction),
-        _nominal_sliding(where, direction),
+        nominal_sliding(where, direction),
         pin=samples_first(size["pin"]),
         joint=samples_first(joints),
         flank=samples_first(size["mesh"].reshape(-1, n)),
@@ -482,7 +513,7 @@ def _in_equilibrium(
         n = len(settled.x)
         along = direction[first : first + n]
         first += n
-        sliding = _nominal_sliding(settled.contacts.motion, along)
+        sliding = nominal_sliding(settled.contacts.motion, along)
         slid = _slid(settled, by, sliding)
         lost = _losses(unit, by, sliding, pin=slid.pin_force, joint=slid.joint_pressed, flank=slid.flank_force)
         at_sun = _sun_torque(unit, by, sliding, slid) * settled.contacts.motion.sense
@@ -492,14 +523,14 @@ def _in_equilibrium(
     return np.concatenate([one[0] for one in found]), joined, np.concatenate([one[2] for one in found])
 
 
-def _sun_torque(reducer: Reducer, by: _Coefficients, sliding: _Sliding, slid: Tangent) -> Array:
+def _sun_torque(reducer: Reducer, by: _Coefficients, sliding: Sliding, slid: Tangent) -> Array:
     """Torque that the input puts on the sun, counter-clockwise."""
     base = reducer.sun_pitch_radius * math.cos(reducer.pressure_angle)
     lever = np.tile([base, -base], reducer.cranks)
     return np.asarray((slid.flank_force * (lever - by.flank * np.sign(sliding.flank))).sum(axis=1))
 
 
-def _friction(rows: _Rows, by: _Coefficients, sliding: _Sliding, slid: Tangent) -> tuple[Array, Array]:
+def _friction(rows: _Rows, by: _Coefficients, sliding: Sliding, slid: Tangent) -> tuple[Array, Array]:
     """Forces of friction on the parts, (n, size), and their change with the pose, (n, size, size)."""
     contacts = slid.contacts
     first = Layout(contacts.motion.reducer).disc[0]
@@ -520,7 +551,7 @@ def _friction(rows: _Rows, by: _Coefficients, sliding: _Sliding, slid: Tangent) 
     return force, with_discs(change, blocks, first)
 
 
-def _slid(settled: Settled, by: _Coefficients, sliding: _Sliding) -> Tangent:
+def _slid(settled: Settled, by: _Coefficients, sliding: Sliding) -> Tangent:
     """Pose and forces with friction, from those without, by Newton steps on the balance.
 
     Where a bearing slides along the rim of its clearance, or flanks change sides, these may go astray; there friction

@@ -32,7 +32,7 @@ from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
-from rverror.statics.loaded_state import equilibrium
+from rverror.statics.loaded_state import Equilibrium, equilibrium
 
 #: Indices of each kind of contact, in the order of its axes.
 CONTACT_INDICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -41,6 +41,8 @@ CONTACT_INDICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 #: F over Z times the force of the most loaded of Z rollers: without clearance or preload they close by cos(psi) over
 #: half the bearing and carry by the power 10/9 of a line contact (Stribeck; 4.08 F / Z on that roller).
 _STRIBECK = math.gamma(14 / 9) / math.gamma(37 / 18) / (2 * math.sqrt(math.pi))
+
+_STEEL = (206e3, 0.3)  # Young's modulus, N/mm^2, and Poisson's ratio
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +165,8 @@ def contact_pressure(
     gear_width: Any,
     cam_bearing: RollerBearing | None = None,
     carrier_bearing: RollerBearing | None = None,
-    youngs_modulus: Any = 206e3,
-    poisson_ratio: float = 0.3,
+    youngs_modulus: Any = _STEEL[0],
+    poisson_ratio: float = _STEEL[1],
 ) -> ContactPressure:
     """Load of each contact and the pressure under it.
 
@@ -221,10 +223,7 @@ def contact_pressure(
     assert isinstance(unit, Reducer)  # or there were no equilibrium
     stands = motion(unit, Conditions(state.theta + model.index_offset, 1.0))
     assert isinstance(stands, Contacts)
-    size = {key: np.sqrt((state.contact_forces[key] ** 2).sum(axis=-2)) for key in CONTACT_INDICES}
-    size["mesh"] = size["mesh"].sum(axis=1)  # of two flanks one carries, but for preload
-    lead = stands.eccentric[:, None] - pin_positions(unit)[:, None]
-    pin = unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, lead))
+    size, pin = pressing(state), pin_contact_radius(stands)
     sine, sun, planet = math.sin(unit.pressure_angle), unit.sun_pitch_radius, unit.planet_pitch_radius
     mesh = np.array(sine * sun * planet / (sun + planet))
     pressed = {"pin": (size["pin"], widths["disc_width"], pin), "mesh": (size["mesh"], widths["gear_width"], mesh)}
@@ -233,11 +232,11 @@ def contact_pressure(
             roller = np.array(0.5 / (1 / bearing.roller_diameter + 1 / bearing.race_diameter))
             most = size[contact] / (_STRIBECK * bearing.rollers)
             pressed[contact] = most, bearing.roller_length, roller
-    stiff = modulus / (2 * (1 - poisson_ratio**2))
+    stiff = _plane_stiffness(modulus, poisson_ratio)
     pressure, half_width = {}, {}
     for contact, (force, width, radius) in pressed.items():
         pressure[contact] = np.sqrt(force * stiff / (math.pi * width * radius))
-        half_width[contact] = 2 * np.sqrt(force * radius / (math.pi * width * stiff))
+        half_width[contact] = strip_half_width(force / width, radius, stiff)
     return ContactPressure(
         theta=state.theta,
         force={contact: force for contact, (force, _, _) in pressed.items()},
@@ -252,3 +251,27 @@ def _length(name: str, value: Any) -> float:
     if not 0 < size < math.inf:
         raise ValueError(f"{name} = {size:g} mm: must be above 0")
     return size
+
+
+def pressing(state: Equilibrium) -> dict[str, Array]:
+    """Size of each contact's force, N, keyed and shaped as `ContactPressure.force`."""
+    size = {key: np.sqrt((state.contact_forces[key] ** 2).sum(axis=-2)) for key in CONTACT_INDICES}
+    size["mesh"] = size["mesh"].sum(axis=1)  # of two flanks one carries, but for preload
+    return size
+
+
+def pin_contact_radius(stands: Contacts) -> Array:
+    """Radius R of Hertz's formula of each pin on its disc, mm, (discs, pins, n)."""
+    unit = stands.reducer
+    lead = stands.eccentric[:, None] - pin_positions(unit)[:, None]
+    return unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, lead))
+
+
+def strip_half_width(load: Array, radius: Array, stiff: float | None = None) -> Array:
+    """Half-width of the strip of contact under a load per length, N/mm, mm; of steel where E' is left out."""
+    return np.asarray(2 * np.sqrt(load * radius / (math.pi * (stiff or _plane_stiffness(*_STEEL)))))
+
+
+def _plane_stiffness(modulus: float, poisson_ratio: float) -> float:
+    """E' of two equal materials."""
+    return modulus / (2 * (1 - poisson_ratio**2))

@@ -35,6 +35,7 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS, SIZES, ContactCorrection
@@ -454,6 +455,8 @@ def _of_pressure(result: ContactPressure) -> Table:
 
 
 _HERTZ = Unit("Hz", "Hz")
+_HOURS = Unit("h", "h")
+_VOLUME = Unit("mm**3", "mm**3")
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
 
@@ -552,6 +555,28 @@ def _of_run_up(result: RunUp) -> Table:
         **_single(torque=(result.torque, TORQUE)),
     }
     return Table("RunUp", "sample", variables, {"direction": way(result.direction)})
+
+
+@_table.register
+def _of_wear(result: Wear) -> Table:
+    variables = {
+        **_along(
+            "hour",
+            hours=(result.hours, _HOURS),
+            peak_to_peak=(result.peak_to_peak, ANGLE),
+            lost_motion=(result.lost_motion, ANGLE),
+            deepest_of_lobe=(result.lobe_depth.max(axis=1), LENGTH),
+            deepest_of_pin=(result.pin_depth.max(axis=1), LENGTH),
+            **{f"{member}_thinning": (row, LENGTH) for member, row in result.thinning.items()},
+            **{f"{body}_volume": (row, _VOLUME) for body, row in result.volume.items()},
+        ),
+        "roll_angle": Variable(("phase",), result.roll_angle, POSITION),
+        "lobe_depth": Variable(("hour", "phase"), result.lobe_depth, LENGTH),
+        "pin_depth": Variable(("hour", "phase"), result.pin_depth, LENGTH),
+        "each_pin": Variable(("hour", "pin"), result.each_pin, LENGTH),
+        **_single(torque=(result.torque, TORQUE), input_speed=(result.speed, SPEED)),
+    }
+    return Table("Wear", "hour", variables, {"model": _name(result.model)}, frozenset({"hours", "roll_angle"}))
 
 
 def _shares(dim: str, name: str, rows: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:

@@ -39,9 +39,9 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Compensation, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison,
-        Equilibrium, TorsionCurve, Hysteresis, Efficiency, ContactPressure, Modes, SpeedResponse, RunUp, Influence,
-        Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect, Tolerance,
-        FrontPoint or Efficiency.
+        Equilibrium, TorsionCurve, Hysteresis, Efficiency, ContactPressure, Wear, Modes, SpeedResponse, RunUp,
+        Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
+        Tolerance, FrontPoint or Efficiency.
     **options
         A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
         a Comparison how many orders are told, `most`.

@@ -37,6 +37,7 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS
@@ -484,6 +485,22 @@ def _of_pressure(thing: ContactPressure) -> Sheet:
     }
     note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
     return _title("Contact pressure", count_of(thing.theta.size, "angle")) + _beside(columns_shown) + _line(note)
+
+
+@sheet.register
+def _of_wear(thing: Wear) -> Sheet:
+    duty = f"{with_unit(thing.torque, 'torque')}, {with_unit(thing.speed, 'angular_speed')} at the input"
+    found, _ = _shown(thing)
+    heads = {
+        "hours": "hours",
+        "lost motion, arcsec": "lost_motion",
+        "peak-to-peak, arcsec": "peak_to_peak",
+        "lobe, um": "deepest_of_lobe",
+        "pin, um": "deepest_of_pin",
+        "sun thinner, um": "sun_thinning",
+        "planets thinner, um": "planet_thinning",
+    }
+    return _title("Wear", duty) + _beside({head: found[name] for head, name in heads.items()})
 
 
 @sheet.register

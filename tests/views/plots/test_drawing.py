@@ -32,6 +32,7 @@ from rverror import (
     InputError,
     Model,
     Run,
+    WearCoefficients,
     allocate,
     effect,
     equilibrium,
@@ -48,6 +49,7 @@ from rverror import (
     tolerance,
     torsion_curve,
     transmission_error,
+    wear,
 )
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
@@ -383,6 +385,16 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "reducer": BARE.mechanism,
         "influence": influence(BARE.mechanism, THETA, "cycloid.pin_circle", harmonic=1),
         "equilibrium": equilibrium(MODEL, THETA, torque="20 N*m"),
+        "wear": wear(
+            BARE,
+            torque="9 N*m",
+            speed="1000 rpm",
+            hours=[0, 50, 100],
+            coefficients=WearCoefficients(disc="1e-9 mm^3/(N*m)", pin="1e-9 mm^3/(N*m)"),
+            disc_width="9 mm",
+            gear_width="8 mm",
+            direction=1.0,
+        ),
         "torsion": torsion_curve(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"]),
         "hysteresis": hysteresis(BARE, [0.0, 0.1], torques=["-9 N*m", 0, "9 N*m"], friction=Friction(drag="1 N*m")),
         "efficiency": every_kind()["Efficiency"][0],
@@ -423,7 +435,7 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
 
 NAMES = (
     "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "hysteresis",
-    "efficiency", "contact pressure", "modes", "speeds", "run-up",
+    "efficiency", "contact pressure", "wear", "modes", "speeds", "run-up",
     "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
 )  # fmt: skip
@@ -435,7 +447,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
 FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresis", "efficiency", "contact pressure",
-           "speeds", "run-up", "run", "order table", "compensation",
+           "wear", "speeds", "run-up", "run", "order table", "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
 
 

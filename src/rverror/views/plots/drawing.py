@@ -27,6 +27,7 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
@@ -65,6 +66,7 @@ from rverror.views.plots.waveforms import (
     state_polar,
     state_waveform,
 )
+from rverror.views.plots.wear_curves import over_hours, worn_lobe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,6 +102,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Hysteresis: {"loop": loop},
         Efficiency: {"losses": losses},
         ContactPressure: {"pressure": pressures},
+        Wear: {"hours": over_hours, "lobe": worn_lobe},
         Modes: {"shape": mode_shape},
         SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
         RunUp: {"waveform": run_up_waveform},

@@ -1,0 +1,581 @@
+r"""Wear of the contacts over operating hours by Archard's law, and what it does to error and lost motion.
+
+A contact under F that slides by s loses the volume k F s from a body whose wear coefficient is k.  A contact that
+carries F over a length b and runs over a profile's point at v, sliding at v_s, takes off there, each time it passes,
+
+.. math:: h = k \, \frac{F}{b} \, \frac{v_s}{v} ,
+
+whatever the pressure's half-width is.  On a disc's profile rho is the distance of a pin's centre from the pitch point,
+kappa the curvature of the curve that it draws on the disc, and v_s / v = (rho - r) / (rho (1 - kappa r)).
+
+What is worn opens the contact and sheds its load, so the law is integrated in steps, each with the equilibrium of the
+unit as it is worn by then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.viewed import Viewed
+from rverror.geartrain.action_line import Contacts
+from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
+from rverror.geartrain.involute import TOOTH_THINNING
+from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
+from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model, effect
+from rverror.model.readings import felt
+from rverror.statics.energy import samples_last
+from rverror.statics.friction import mean_mesh_slip, nominal_sliding, path_of_contact
+from rverror.statics.hertz import pin_contact_radius, pressing, strip_half_width
+from rverror.statics.loaded_state import Equilibrium, Statics, reducer_of, statics_of
+from rverror.statics.rigidity import lost_motion
+
+#: Bodies that wear, as in `WearCoefficients` and `Wear.volume`.
+BODIES = ("disc", "pin", "sun", "planet")
+#: How pins stand in the housing.
+PINS = ("fixed", "turning")
+_WAVES = 16  # on each lobe: 0.2 % rms of the depth, by kinks where a flank begins to carry, are left out
+_SLOW_WAVES = 4  # around the disc
+_PHASES = 360  # of a pin's mesh with a lobe at which depths are told
+_ANGLES = {"turn of the crank": 61, "period": 509}  # primes, so that no order folds onto a low one
+_AT_ONCE = 0.25  # depth of a step over the elastic approach: second order leaves 0.25^2 / 6 = 1 % of a contact's share
+_MOST_STEPS = 1000
+_POINTS = 7  # hours at which a result is told where one number is given
+_LOST_AT = 16  # angles over which lost motion is averaged
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearCoefficients:
+    """Archard's wear coefficient of each body: worn volume over force and sliding distance.
+
+    Parameters
+    ----------
+    disc, pin, sun, planet : float or quantity
+        mm^2/N, which is mm^3/(N mm); a string such as ``"1e-10 mm^3/(N*m)"``.  A body that is left out does not wear.
+
+    Raises
+    ------
+    ValueError
+        If a value is below 0, or none is above.
+
+    Notes
+    -----
+    It spans orders of magnitude with lubrication, hardness and load, and no value is assumed.  Archard's dimensionless
+    one over the hardness is the same: ``"1e-8 1/GPa"``.
+
+    Examples
+    --------
+    >>> WearCoefficients(disc="2e-10 mm^3/(N*m)").disc
+    2e-13
+    """
+
+    disc: float = 0.0
+    pin: float = 0.0
+    sun: float = 0.0
+    planet: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Convert to mm^2/N and check."""
+        for name in BODIES:
+            value = units.named_core(name, getattr(self, name), "wear_coefficient")
+            if not value >= 0:
+                raise ValueError(f"{name} = {value * 1e3:g} mm^3/(N*m): a wear coefficient must be 0 or more")
+            object.__setattr__(self, name, value)
+        if not any(getattr(self, name) for name in BODIES):
+            raise ValueError(
+                f"no wear coefficient is above 0; give one of {', '.join(BODIES)}, e.g. '1e-10 mm^3/(N*m)'"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wear(Viewed):
+    """Wear of a reducer over its hours of operation.
+
+    Attributes
+    ----------
+    model : Model
+        As it was before.
+    torque, speed : float
+        Of the duty: at the output, N*mm, and of the input, rad/s.
+    hours : ndarray, shape (m,)
+        Hours of operation.
+    peak_to_peak : ndarray, shape (m,)
+        Of the gear train's output error under the duty's torque, rad; of two directions the larger.
+    lost_motion : ndarray, shape (m,)
+        rad, mean over a turn; as `lost_motion` has it.
+    volume : mapping of str to ndarray, shape (m,)
+        Lost by all bodies of a kind, mm^3: ``"disc"``, ``"pin"``, ``"sun"``, ``"planet"``.
+    roll_angle : ndarray, shape (q,)
+        Where on a lobe, or on a fixed pin: angle by which the eccentric leads the pin that touches there, rad.
+    lobe_depth : ndarray, shape (m, q)
+        Lost by the discs' lobes along the normal, mm, mean over lobes and discs.
+    pin_depth : ndarray, shape (m, q)
+        Lost by the pins where a lobe touches them so, mm, mean over pins; alike everywhere where they turn.
+    each_pin : ndarray, shape (m, pins)
+        Depth of each pin where it carries, less the mean pin's, mm.
+    thinning : mapping of str to ndarray, shape (m,)
+        Tooth thickness that ``"sun"`` and ``"planet"`` lost on the pitch circle, both flanks together, mm.
+    effects : tuple of Effect
+        What wear adds to the model, at the last of the hours.
+    sizes : ndarray, shape (m, parameters)
+        Values of all parameters of `effects` at each of the hours, core units.
+    """
+
+    model: Model
+    torque: float
+    speed: float
+    hours: Array
+    peak_to_peak: Array
+    lost_motion: Array
+    volume: Mapping[str, Array]
+    roll_angle: Array
+    lobe_depth: Array
+    pin_depth: Array
+    each_pin: Array
+    thinning: Mapping[str, Array]
+    effects: tuple[Effect, ...]
+    sizes: Array
+
+    def model_at(self, hours: float) -> Model:
+        """The worn model, for `equilibrium`, `lost_motion`, `transmission_error` and all else.
+
+        Parameters
+        ----------
+        hours : float
+            Between two of `hours` depths are taken as linear.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        ValueError
+            If they lie outside `hours`.
+        """
+        if not self.hours[0] <= hours <= self.hours[-1]:
+            raise ValueError(f"hours = {hours:g}: must lie within 0 to {self.hours[-1]:g}, which were computed")
+        row = np.array([np.interp(hours, self.hours, column) for column in self.sizes.T])
+        return self.model.with_effects(*_with_sizes(self.effects, row))
+
+
+def wear(
+    model: Model,
+    *,
+    torque: Any,
+    speed: Any,
+    hours: Any,
+    coefficients: WearCoefficients,
+    disc_width: Any,
+    gear_width: Any,
+    pins: str = "fixed",
+    direction: float | None = None,
+) -> Wear:
+    """Wear of pins, discs and gear flanks at one duty, and the error and lost motion that come of it.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer; its errors, stiffnesses and play share the load.
+    torque : float or quantity
+        Size of the output torque, N*mm; it resists the motion.
+    speed : float or quantity
+        Size of the input speed, rad/s.
+    hours : float or array_like or quantity
+        Hours of operation: those at which it is told, growing, or the last of seven evenly spaced.
+    coefficients : WearCoefficients
+    disc_width, gear_width : float or quantity
+        Length over which a pin touches one disc, and a planet the sun, mm.
+    pins : {"fixed", "turning"}
+        Fixed pins wear each at its own patch, turning ones evenly all around.
+    direction : float, optional
+        +1 forward, -1 reverse; where left out each for half of the hours.
+
+    Returns
+    -------
+    Wear
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer, a size is not above 0, hours fall, or so much is worn that first order is no help.
+    NotConvergedError
+        As in `equilibrium`.
+
+    Notes
+    -----
+    Archard (1953).  Source 001 asks for wear rates from contact pressures and gives none; source 003 takes wear as
+    given.  Depth is linear in F, so no half-width of contact enters but for fixed pins, whose contact halts at the
+    longest arm (Hertz's, of steel).  What the discs lose becomes ``cycloid.lobe_profile``, sixteen waves on each lobe,
+    and four of ``cycloid.disc_profile`` for lobes that lose unlike; the patch of a fixed pin is among them, since the
+    output cannot tell it from one on all lobes.  Pins that lose unlike, or turn, become ``cycloid.pin_radius``, gears
+    ``involute.tooth_thinning``, half of it on either flank even where one direction wears one alone: a constant of the
+    error, none of the lost motion.  Turning pins creep: their volume is the same however fast they turn, and the discs'
+    an upper bound.  Rolling bearings wear by no such law and stay as they are.  Lost motion is taken at 3 % of the
+    rated torque, or of the duty's where none is given.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> worn = wear(
+    ...     unit,
+    ...     torque="412 N*m",
+    ...     speed="1815 rpm",
+    ...     hours=6000,
+    ...     coefficients=WearCoefficients(disc="1e-10 mm^3/(N*m)"),
+    ...     disc_width="9 mm",
+    ...     gear_width="8 mm",
+    ... )
+    >>> bool(worn.lost_motion[-1] > worn.lost_motion[0])
+    True
+    >>> state = rverror.equilibrium(worn.model_at(3000.0), [0.0, 0.1], torque="412 N*m")
+    """
+    unit = reducer_of(model.mechanism, "wear")
+    if pins not in PINS:
+        raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")
+    if direction not in (None, 1, -1):
+        raise ValueError(f"direction = {direction!r}: must be +1 (forward), -1 (reverse), or left out for both")
+    asked = {
+        "torque": (torque, "torque"),
+        "speed": (speed, "angular_speed"),
+        "disc_width": (disc_width, "length"),
+        "gear_width": (gear_width, "length"),
+    }
+    size = {name: units.named_core(name, *given) for name, given in asked.items()}
+    for name, value in size.items():
+        if not 0 < value < math.inf:
+            dimension = asked[name][1]
+            shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
+            raise ValueError(f"{name} = {shown}: must be above 0")
+    told = _row_of_hours(hours)
+    errors = felt(model.effects)
+    duty = _Duty(
+        reducer=unit,
+        by=coefficients,
+        disc_width=size["disc_width"],
+        gear_width=size["gear_width"],
+        fixed=pins == "fixed",
+        alike=_alike(model),
+        errors=bool(errors),
+    )
+    theta = _angles(model)
+    sides = (1.0, -1.0) if direction is None else (float(direction),)
+    statics = [statics_of(unit, Conditions(theta, side, size["torque"])) for side in sides]
+    per_hour = 3600 * size["speed"] / abs(unit.ratio)
+    states = list(_states(duty, errors, statics, told * per_hour))
+    rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size["torque"]))
+    worn = [duty.effects(state.worn) for state in states]
+    places = theta[:: max(theta.size // _LOST_AT, 1)]
+    lost = [float(lost_motion(rated.with_effects(*more), places).mean()) for more in worn]
+    volume = np.array([state.worn.volume for state in states])
+    thinning = np.array([state.worn.thinning for state in states])
+    return Wear(
+        model=model,
+        torque=size["torque"],
+        speed=size["speed"],
+        hours=told,
+        peak_to_peak=np.array([state.peak_to_peak for state in states]),
+        lost_motion=np.array(lost),
+        volume=dict(zip(BODIES, volume.T, strict=True)),
+        roll_angle=_PHASE,
+        lobe_depth=np.array([state.worn.lobe for state in states]),
+        pin_depth=np.array([state.worn.pin for state in states]),
+        each_pin=np.array([state.worn.each_pin for state in states]),
+        thinning=dict(zip(("sun", "planet"), thinning.T, strict=True)),
+        effects=worn[-1],
+        sizes=np.array([[value for one in more for value in one.values] for more in worn]),
+    )
+
+
+def _row_of_hours(hours: Any) -> Array:
+    """Hours at which to tell, from none on; plain numbers are hours."""
+    if isinstance(hours, str):
+        row = np.array(units.named_core("hours", hours, "time") / 3600)
+    elif units.is_quantity(hours):
+        row = units.to_core_array(hours, "time") / 3600
+    else:
+        row = np.asarray(hours, dtype=np.float64)
+    if row.ndim == 0:
+        row = np.linspace(0.0, float(row), _POINTS)
+    elif row.ndim == 1 and row.size and row[0] > 0:
+        row = np.concatenate([[0.0], row])
+    if row.ndim != 1 or not (np.isfinite(row).all() and row.size > 1 and row[0] == 0 and (np.diff(row) > 0).all()):
+        raise ValueError(f"hours = {hours!r}: must be above 0, and grow where there are several")
+    return row
+
+
+def _alike(model: Model) -> bool:
+    """Whether all pins are loaded alike, so that one turn of the crank against the carrier says all."""
+    return all(source(e.key).repeats_with_crank(model.mechanism, e.indices) for e in felt(model.effects))
+
+
+def _angles(model: Model) -> Array:
+    unit = reducer_of(model.mechanism)
+    if _alike(model):
+        n, span = _ANGLES["turn of the crank"], 2 * math.pi / fundamental_orders(unit)["carrier"]
+    else:
+        n, span = _ANGLES["period"], 2 * math.pi * true_period(unit)
+    return np.asarray(span * np.arange(n) / n)
+
+
+@dataclass(frozen=True)
+class _Worn:
+    """What is worn off, or what wears per rad of output: lengths in mm, volumes in mm^3.
+
+    Attributes
+    ----------
+    lobes : ndarray, complex, shape (discs, waves)
+        Depth of each disc's lobes, the real part of sum c_h exp(-i h phi).
+    slow : ndarray, complex, shape (discs, slow waves)
+        Depth of each disc where it carries, less that of its mean lobe: the real part of sum c_h exp(-i h psi).
+    pin : ndarray, shape (q,)
+        Depth of the mean pin where a lobe touches it.
+    each_pin : ndarray, shape (pins,)
+        Depth of each pin where it carries, less that of the mean pin.
+    thinning : ndarray, shape (2,)
+    volume : ndarray, shape (4,)
+    """
+
+    lobes: Any
+    slow: Any
+    pin: Array
+    each_pin: Array
+    thinning: Array
+    volume: Array
+
+    def plus(self, other: _Worn, share: float) -> _Worn:
+        """This and a share of another."""
+        return _Worn(*(getattr(self, f.name) + share * getattr(other, f.name) for f in fields(self)))
+
+    @property
+    def lobe(self) -> Array:
+        """Depth of the mean lobe over the roll angle, (q,)."""
+        return _over_phases(self.lobes.mean(axis=0))
+
+
+_STEP = 2 * math.pi / _PHASES
+_PHASE = np.array(_STEP * (np.arange(_PHASES) + 0.5), dtype=np.float64)
+_H = np.arange(_WAVES + 1)
+_SLOW = np.arange(1, _SLOW_WAVES + 1)
+
+
+def _normal(reducer: Reducer, phase: Array) -> Array:
+    """Angle of a contact's normal on its pin, from the line to the housing's centre, rad."""
+    return np.asarray(-np.angle(1 - reducer.short_width_coefficient * np.exp(1j * phase)))
+
+
+def _pressed_before(place: Array) -> Array:
+    """Share of Hertz's pressure that lies before a place of its strip, -1 to 1."""
+    x = np.clip(place, -1.0, 1.0)
+    return np.asarray(0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / math.pi)
+
+
+def _over_phases(waves: Any) -> Array:
+    return np.asarray((np.exp(-1j * _PHASE[:, None] * _H) @ waves).real)
+
+
+def _waves_of(depth: Array) -> Any:
+    """Coefficients of a depth over the roll angle."""
+    return depth @ np.exp(1j * _PHASE[:, None] * _H) / _PHASES * np.where(_H == 0, 1.0, 2.0)
+
+
+@dataclass(frozen=True)
+class _Duty:
+    """What wears, and by how much for what it carries."""
+
+    reducer: Reducer
+    by: WearCoefficients
+    disc_width: float
+    gear_width: float
+    fixed: bool
+    alike: bool  # pins
+    errors: bool
+
+    def nothing(self) -> _Worn:
+        """A new unit."""
+        unit = self.reducer
+        lobes, slow = (np.zeros((unit.discs, waves.size), dtype=np.complex128) for waves in (_H, _SLOW))
+        return _Worn(lobes, slow, np.zeros(_PHASES), np.zeros(unit.pins), np.zeros(2), np.zeros(4))
+
+    def rate(self, statics: Statics, state: Equilibrium) -> _Worn:
+        """Wear per rad of output in the mean over a motion."""
+        where, force, unit = statics.motion, pressing(state), self.reducer
+        sliding = nominal_sliding(where, where.direction)
+        slip = samples_last(sliding.pin)
+        work = force["pin"] * np.abs(slip)  # N mm per rad
+        n = work.shape[-1]
+        lobes, slow = self._on_discs(where, slip, work)
+        pin, each_pin = self._on_pins(where, force["pin"], work)
+        flank = np.abs(sliding.flank).max() * mean_mesh_slip(unit) * force["mesh"].sum() / n
+        volume = np.array([self.by.disc, self.by.pin, self.by.sun, self.by.planet])
+        volume = volume * np.array([work.sum() / n, work.sum() / n, flank, flank])
+        return _Worn(lobes, slow, pin, each_pin, volume[2:] * self._thinning(), volume)
+
+    def _on_discs(self, where: Contacts, slip: Array, work: Array) -> tuple[Any, Any]:
+        unit, n = self.reducer, work.shape[-1]
+        lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
+        from_pitch_point = unit.pin_radius - slip / (frame_orders(unit)["disc"] * where.direction)
+        per_phase = from_pitch_point * pin_contact_radius(where) / unit.pin_radius  # of profile, z_c lobes together
+        taken = self.by.disc * work / (per_phase * self.disc_width * n)
+        lobes = _sums(taken, lead, _H) / (2 * math.pi) * np.where(_H == 0, 1.0, 2.0)
+        worked = work.sum(axis=(1, 2))
+        depth = np.stack([_over_phases(waves) for waves in lobes])
+        by_phase = np.stack([_by_phase(one, phi) for one, phi in zip(work, lead, strict=True)])
+        carried = np.divide((by_phase * depth).sum(axis=1), worked**2, out=np.zeros_like(worked), where=worked > 0)
+        return lobes, 2 * carried[:, None] * _sums(work, where.pin_angle, _SLOW)
+
+    def _on_pins(self, where: Contacts, force: Array, work: Array) -> tuple[Array, Array]:
+        unit = self.reducer
+        if not self.by.pin or not work.any():
+            return np.zeros(_PHASES), np.zeros(unit.pins)
+        mean = work.sum(axis=(0, 2)) / (unit.discs * work.shape[-1])  # of each pin against one disc
+        more = np.zeros(unit.pins) if self.alike else mean / mean.mean() - 1
+        if not self.fixed:
+            depth = self.by.pin * mean.mean() / (2 * math.pi * unit.pin_radius * self.disc_width)
+            return np.full(_PHASES, depth), depth * more
+        lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
+        strip = strip_half_width(force / self.disc_width, pin_contact_radius(where)) / unit.pin_radius
+        worked = _by_phase(work, lead)
+        half = np.divide(_by_phase(work * strip, lead), worked, out=np.zeros(_PHASES), where=worked > 0)
+        edge = _normal(unit, _PHASE - _STEP / 2), _normal(unit, _PHASE + _STEP / 2)
+        half = np.maximum(half, np.abs(edge[1] - edge[0]) / 100)
+        # the strip moves on within a phase, and comes to rest at the longest arm
+        moves, middle = np.maximum(np.abs(edge[1] - edge[0]), half / 100), (edge[0] + edge[1]) / 2
+        off = _normal(unit, _PHASE)[:, None] - middle
+        pressed = (_pressed_before((off + moves / 2) / half) - _pressed_before((off - moves / 2) / half)) / moves
+        depth = pressed @ worked / (unit.discs * unit.pins * work.shape[-1])
+        depth = depth * self.by.pin / (self.disc_width * unit.pin_radius)
+        return depth, more * float(worked @ depth / worked.sum())
+
+    def _thinning(self) -> Array:
+        """Tooth thickness on the pitch circle that a volume lost by all teeth is, per mm^3: sun, planets."""
+        unit = self.reducer
+        alpha, (recess, approach) = unit.pressure_angle, path_of_contact(unit)
+        thin = []
+        for radius, up, down, teeth in (
+            (unit.sun_pitch_radius, recess, approach, unit.sun_teeth),
+            (unit.planet_pitch_radius, approach, recess, unit.planet_teeth * unit.cranks),
+        ):
+            foot = radius * math.sin(alpha)  # the involute's radius of curvature at the pitch point
+            flank = ((foot + up) ** 2 - (foot - down) ** 2) / (2 * radius * math.cos(alpha))
+            thin.append(1 / (teeth * self.gear_width * flank * math.cos(alpha)))
+        return np.array(thin)
+
+    def effects(self, worn: _Worn) -> tuple[Effect, ...]:
+        """What is worn as errors of the catalogue."""
+        patch = _waves_of(worn.pin) if self.fixed else np.zeros(_H.size)
+        told = {
+            LOBE_PROFILE: (_H, worn.lobes + patch, self.by.disc or (self.by.pin and self.fixed)),
+            DISC_PROFILE: (_SLOW, worn.slow, self.by.disc and self.errors),
+        }
+        made = [
+            effect(key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag), origin=_ORIGIN)
+            for key, (harmonics, discs, wears) in told.items()
+            if wears
+            for disc, waves in enumerate(discs)
+            for h, wave in zip(harmonics, waves, strict=True)
+        ]
+        if self.by.pin and not self.fixed:
+            made.append(effect(PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
+        if self.by.pin and not self.alike:
+            made += [
+                effect(PIN_RADIUS, pin=pin, deviation=-float(depth), origin=_ORIGIN)
+                for pin, depth in enumerate(worn.each_pin)
+            ]
+        for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
+            if getattr(self.by, member):
+                made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
+        return tuple(made)
+
+    def deepest(self, worn: _Worn) -> float:
+        """Largest depth between a lobe and a pin."""
+        return float(np.max(worn.lobe + worn.pin) + np.abs(worn.slow).sum(axis=1).max() + np.abs(worn.each_pin).max())
+
+
+def _sums(amount: Array, angle: Array, harmonics: Any) -> Any:
+    """Sum over all pins and angles of an amount times each wave exp(i h angle), (discs, waves)."""
+    once = np.exp(1j * angle)
+    wave, found = amount.astype(np.complex128), []
+    for h in range(harmonics[-1] + 1):
+        if h >= harmonics[0]:
+            found.append(wave.sum(axis=(1, 2)))
+        wave = wave * once
+    return np.stack(found, axis=-1)
+
+
+def _by_phase(amount: Array, lead: Array) -> Array:
+    """Sum of an amount about each of the phases, shared between the two on either side."""
+    at = np.mod(lead, 2 * math.pi).ravel() / _STEP - 0.5
+    low = np.floor(at).astype(np.intp)
+    share, size = at - low, amount.ravel()
+    return np.asarray(
+        np.bincount(low % _PHASES, (1 - share) * size, minlength=_PHASES)
+        + np.bincount((low + 1) % _PHASES, share * size, minlength=_PHASES)
+    )
+
+
+_ORIGIN = "wear"
+
+
+@dataclass(frozen=True)
+class _WornUnit:
+    """A worn unit when it is told."""
+
+    worn: _Worn
+    peak_to_peak: float
+
+
+def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array) -> Iterator[_WornUnit]:
+    """Worn units after each of some turns of the output, rad, by Heun's steps."""
+    stiffness = duty.reducer.stiffness.pin_contact
+
+    near: list[Array | None] = [None] * len(sides)
+
+    def solved(worn: _Worn) -> tuple[_Worn, float, float]:
+        """Rate, elastic approach of the most loaded pin, and peak-to-peak."""
+        rate, force, swing = duty.nothing(), 0.0, 0.0
+        errors = (*effects, *duty.effects(worn))
+        for at, one in enumerate(sides):
+            (settled,) = one.solutions(errors, near[at])
+            near[at], state = settled.x, settled.equilibrium()
+            rate = rate.plus(duty.rate(one, state), 1 / len(sides))
+            force = max(force, float(pressing(state)["pin"].max()))
+            swing = max(swing, float(np.ptp(state.transmission_error)))
+        return rate, force / stiffness, swing
+
+    worn, at, steps = duty.nothing(), 0.0, 0
+    first, approach, swing = solved(worn)
+    for end in turned:
+        while at < end:
+            fastest = duty.deepest(first)
+            parts = math.ceil((end - at) * fastest / (_AT_ONCE * approach)) or 1
+            if steps + parts > _MOST_STEPS:
+                raise ValueError(
+                    f"some {fastest * turned[-1]:.2g} mm would be worn off, more than {_MOST_STEPS} steps of a quarter "
+                    f"of the pins' elastic approach, {approach:.2g} mm; give fewer hours or a smaller coefficient"
+                )
+            step = (end - at) / parts
+            second, *_ = solved(worn.plus(first, step))
+            worn = worn.plus(first, step / 2).plus(second, step / 2)
+            first, approach, swing = solved(worn)
+            at, steps = (end if parts == 1 else at + step), steps + 1
+        yield _WornUnit(worn, swing)
+
+
+def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:
+    """The same effects of other sizes."""
+    made, first = [], 0
+    for one in effects:
+        last = first + len(one.values)
+        made.append(replace(one, values=tuple(float(value) for value in sizes[first:last])))
+        first = last
+    return tuple(made)
