@@ -7,6 +7,7 @@ docs/plots.md; it takes a minute.  A test holds table, pictures and kinds togeth
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,15 @@ unit = rverror.Model(
     ),
     "unit 7",
 )
+worm = rverror.Model(
+    rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5}),
+    (
+        rverror.effect("shaft.eccentricity", shaft="motor", harmonic=1, cos="12 arcsec"),
+        rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="30 arcsec"),
+        rverror.effect("sensor.encoder_eccentricity", cos="8 arcsec", sin="3 arcsec"),
+    ),
+    "motor, idler, output",
+)
 theta = 2 * np.pi * np.arange(512) / 512
 state = rverror.equilibrium(unit, theta, torque="100 N*m")
 torsion = rverror.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
@@ -75,6 +85,11 @@ LINES = {
     "model-order_map": 'unit.plot(kind="order_map", points=512)',
     "model-mechanism": 'unit.plot(kind="mechanism", theta="30 deg", torque="20 N*m")',
     "influence-waveform": 'rverror.influence(unit.mechanism, theta[:64], "cycloid.pin_circle", harmonic=2).plot()',
+    "influence-crank": 'rverror.influence(unit.mechanism, theta[:64], "crank.eccentricity", crank=0, disc=1).plot()',
+    "influence-planet": 'rverror.influence(unit.mechanism, theta[:64], "involute.planet_eccentricity", crank=0).plot()',
+    "influence-bore": 'rverror.influence(unit.mechanism, theta[:64], "coupling.carrier_bore_position", crank=0).plot()',
+    "reducer-mechanism": 'rverror.reducer("RV-40E", output="housing").plot(theta="30 deg")',
+    "drive-spectrum": 'worm.plot(kind="spectrum")',
     "equilibrium-waveform": "state.plot()",
     "equilibrium-polar": 'state.plot(kind="polar")',
     "equilibrium-spectrum": 'state.plot(kind="spectrum")',
@@ -143,8 +158,8 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     for name, line in LINES.items():
         (folder / f"{name}.png").write_bytes(small(eval(line, names).figure))
-    before_and_after = small(diagnosis_figure(names["found"]), width=900)
-    (DOCS / "before-and-after.png").write_bytes(before_and_after)
+    forward = replace(names["found"], traces=names["found"].traces[:1])
+    (DOCS / "before-and-after.png").write_bytes(small(diagnosis_figure(forward), width=840))
     page = DOCS / "plots.md"
     page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")
 
