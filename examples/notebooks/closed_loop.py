@@ -51,7 +51,7 @@ for effect in model.effects:
 # a line of its own:
 
 # %%
-model.plot().figure
+model.plot()
 
 # %% [markdown]
 # ## Run
@@ -63,7 +63,7 @@ model.plot().figure
 runs = [replace(rverror.load_run(shipped / name), path=name) for name in ("forward.csv", "reverse.csv")]
 ax = runs[0].plot(ratio=model)
 ax.set_title("forward.csv, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # One slow wave over each revolution stands out, under a dense ripple. By order, waves per output turn, the ripple is
@@ -73,7 +73,7 @@ ax.figure
 # %%
 ax = runs[0].plot(kind="spectrum", ratio=model, highest=190)
 ax.set_title("forward.csv, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # ## Diagnosis
@@ -93,7 +93,7 @@ print(rverror.to_text(found))
 # waveform; drawn is the distance behind the best. None of the others comes near.
 
 # %%
-found.plot(kind="candidates").figure
+found.plot(kind="candidates")
 
 # %%
 for addition in found.added:
@@ -125,7 +125,7 @@ print(f"{'noise':24} {found.noise_rms / ARCSEC:8.2f}")
 # %%
 ax = found.plot(kind="residual")
 ax.set_title("residual of forward.csv, left-out stretches, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # The same by order. The order 1 is gone, which the new effect has explained. So are the lines at 40 and its
@@ -134,7 +134,7 @@ ax.figure
 # %%
 ax = found.plot(kind="spectrum", highest=190)
 ax.set_title("residual of forward.csv, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # ## The new model

@@ -60,7 +60,7 @@ found
 # crest.
 
 # %%
-found.plot(kind="contributions").figure
+found.plot(kind="contributions")
 
 # %% [markdown]
 # Five tolerances make no wave. The sun floats between the planets and gives way, so its eccentricity and its offset
@@ -82,7 +82,7 @@ for entry in found.closed.contributions:
 # tail on the right is thin, as it takes many unlucky parts at once to get there.
 
 # %%
-found.plot(kind="distribution", limit=28 * ARCSEC).figure
+found.plot(kind="distribution", limit=28 * ARCSEC)
 
 # %%
 for level in (0.5, 0.95, 0.99):
@@ -102,7 +102,7 @@ print(f"worst case {worst / ARCSEC:.1f} arcsec, {worst / found.units.quantile(0.
 # with play in all bearings the output lags. That is a constant, too.
 
 # %%
-found.plot(kind="envelope").figure
+found.plot(kind="envelope")
 
 # %% [markdown]
 # ## What contacts change

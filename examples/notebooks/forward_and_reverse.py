@@ -146,7 +146,7 @@ told(alone)
 # toss to name one; the report asks for a reverse run instead.
 
 # %%
-alone.plot(kind="candidates").figure
+alone.plot(kind="candidates")
 
 # %%
 print(rverror.to_text(alone).partition("What to measure next")[2].partition("separates")[0].strip())
@@ -159,7 +159,7 @@ pair = rverror.diagnose(declared, runs)
 told(pair)
 
 # %%
-pair.plot(kind="candidates").figure
+pair.plot(kind="candidates")
 
 # %% [markdown]
 # Now the kind is certain, the bench was given x 15 um and y 20 um on the planet of crank 0, and the size is right.

@@ -39,7 +39,7 @@ unit = rverror.reducer("RV-40E")
 # carries, per unit of output torque, times its own size along that force. All pictures below follow from this.
 
 # %%
-unit.plot(theta=0.1).figure
+unit.plot(theta=0.1)
 
 # %% [markdown]
 # ## How to read the pictures

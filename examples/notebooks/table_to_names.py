@@ -106,7 +106,7 @@ print("\n".join((folder / "seen.csv").read_text().splitlines()[:8]))
 table = rverror.load_run(folder / "seen.csv")
 ax = table.plot(kind="passport")
 ax.set_title("passport of the six strongest orders, SIMULATED")
-ax.figure
+ax
 
 # %%
 passports = {one.order: one for one in rverror.passport(table.cases, ratio=declared.mechanism.ratio)}

@@ -69,7 +69,7 @@ for name, cost, verified in (
 # of the line a tolerance got finer, to the right wider.
 
 # %%
-found.plot(kind="widths").figure
+found.plot(kind="widths")
 
 # %% [markdown]
 # The tolerances that make no wave (two of the sun, three of the carrier) are let go until a bound stops them: ten
@@ -78,7 +78,7 @@ found.plot(kind="widths").figure
 # peak-to-peak.
 
 # %%
-found.plot(kind="costs").figure
+found.plot(kind="costs")
 
 # %% [markdown]
 # ## What the last arcsec costs
@@ -102,8 +102,7 @@ for rate in found.tighten_first:
 # %%
 points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few, **rverror.terms(tolerances))
 front = sorted((*points, rverror.FrontPoint(found.limit, found)), key=lambda point: point.limit)
-ax = found.plot(kind="front", front=front)
-ax.figure
+found.plot(kind="front", front=front)
 
 # %% [markdown]
 # Each shadow price is the slope of this line at its point, so the slope of a chord between two points lies between

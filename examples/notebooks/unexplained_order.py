@@ -57,7 +57,7 @@ for line in first.unexplained:
 # %%
 ax = first.plot(kind="spectrum", highest=130)
 ax.set_title("residual of the forward run, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # First make sure that it is no order of the reducer in disguise. Too few samples a turn fold a high order onto a low
@@ -79,7 +79,7 @@ for frame in ("gear mesh", "cycloid mesh"):
 # %%
 ax = rverror.order_map([*runs, rated], ratio=unit, highest=130)
 ax.set_title("order map of the runs, SIMULATED")
-ax.figure
+ax
 
 # %% [markdown]
 # Height and phase of the line, run by run, after the declared model is taken off. The interval comes from the

@@ -210,7 +210,7 @@ for path, mapping in (
 # %%
 ax = runs[0].plot(kind="spectrum", ratio=declared, highest=130)
 ax.set_title("forward.csv, SIMULATED")
-ax.figure
+ax
 
 # %%
 found = rverror.diagnose(declared, runs)
@@ -227,7 +227,7 @@ print(f"held-out rms: {before:.2f} arcsec before, {after:.2f} after, noise {foun
 # %%
 ax = found.plot(kind="residual")
 ax.set_title("residual of forward.csv, left-out stretches, SIMULATED")
-ax.figure
+ax
 
 # %%
 temporary.cleanup()

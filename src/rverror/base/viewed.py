@@ -28,8 +28,10 @@ def page_of(thing: Any) -> str:
 class Viewed:
     """What can be looked at: `plot` draws it, a notebook shows it as a table."""
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Axes:
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw it, as `rverror.draw` does for its kind.
+
+        A notebook whose cell ends with it shows the picture.
 
         Parameters
         ----------

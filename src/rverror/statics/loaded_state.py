@@ -99,6 +99,10 @@ class Equilibrium(Viewed):
         or for what floating-point numbers can tell where preload is many times the load.
     theta : ndarray, shape (n,)
         Nominal output angle as the bench reads it, rad.
+    model : Model, optional
+        Whose state it is, as `equilibrium` was given it.
+    conditions : Conditions, optional
+        As the bench reads them: angles, direction, torque and time.
     """
 
     transmission_error: Array
@@ -108,6 +112,8 @@ class Equilibrium(Viewed):
     steps: Steps
     residual: Array
     theta: Array
+    model: Model | None = None
+    conditions: Conditions | None = None
 
 
 @dataclass(frozen=True)
@@ -209,8 +215,8 @@ def equilibrium(
     >>> bool((state.loaded_pins < 20).all())  # at most the half of the pins that drives
     True
     """
-    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    return statics.equilibrium(model.effects)
+    statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
+    return replace(statics.equilibrium(model.effects), model=model, conditions=read)
 
 
 def linearise(
@@ -249,15 +255,17 @@ def linearise(
     >>> pin.matrix.shape
     (2, 2)
     """
-    statics = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    return statics.linearise(model.effects)
+    statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
+    found = statics.linearise(model.effects)
+    return replace(found, state=replace(found.state, model=model, conditions=read))
 
 
-def _statics_of(model: Model, theta: Any, **conditions: Any) -> Statics:
-    """Statics where the gear train stands when the bench reads theta."""
+def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, Conditions]:
+    """Statics where the gear train stands when the bench reads theta, and the conditions as it reads them."""
     reducer_of(model.mechanism)
     where = stand(model, pose(model.mechanism, theta, **conditions))
-    return replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
+    statics = replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
+    return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
 
 def _joined(parts: list[Equilibrium]) -> Equilibrium:
@@ -266,6 +274,8 @@ def _joined(parts: list[Equilibrium]) -> Equilibrium:
 
     def join(name: str) -> Any:
         values = [getattr(part, name) for part in parts]
+        if values[0] is None:  # told by who asked for it
+            return None
         if isinstance(values[0], Mapping):
             return {key: np.concatenate([v[key] for v in values], axis=-1) for key in values[0]}
         return np.concatenate(values, axis=-1)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.views.html import escaped
@@ -20,6 +21,7 @@ from rverror.views.html import escaped
 _LETTER = 6.4  # px, mean width of a letter of 12 px
 _LEFT, _RIGHT = 52, 16
 _HEIGHT = 300  # of a spectrum
+_PASSES = 8  # over the whole width, that are told apart
 
 #: Shapes that stand on the axis, from their place: a stroke for a sample set aside, a triangle for a slip.
 MARKS = {"aside": "v-11", "slip": "l-4.5 0l4.5-8l4.5 8z"}
@@ -55,13 +57,37 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     return [float(f"{k * step:.12g}") for k in range(first, last + 1)]
 
 
-def thinned(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
-    """Lowest and highest point of each of so many columns: what a line of many points looks like."""
-    if x.size <= 2 * columns:
-        return x, y
-    parts = np.array_split(np.arange(x.size), columns)
-    kept = np.unique([p[i] for p in parts for i in (int(np.argmin(y[p])), int(np.argmax(y[p])))])
-    return x[kept], y[kept]
+def thinned(x: Array, rows: Sequence[Array], columns: int) -> npt.NDArray[np.intp]:
+    """Samples that show what lines of many look like: the lowest and highest of each line in each column.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Not a number where the lines are broken.
+    rows : sequence of ndarray, shape (n,)
+    columns : int
+        Over the span of x.
+
+    Returns
+    -------
+    ndarray
+        Places of the samples, ends and breaks included.
+    """
+    n = x.size
+    if n <= 2 * columns:
+        return np.arange(n)
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    breaks = np.flatnonzero(np.isnan(x))
+    at = np.floor(np.nan_to_num((x - low) / (high - low or 1.0), nan=-1.0) * columns)
+    column = np.cumsum(np.diff(at, prepend=at[:1]) != 0)
+    if column[-1] > _PASSES * columns:  # to and fro on the spot: no columns, so parts of the trace
+        column = np.arange(n) * columns // n
+    kept = [np.array([0, n - 1]), breaks, breaks[breaks > 0] - 1, breaks[breaks < n - 1] + 1]
+    for row in rows:
+        order = np.lexsort((np.where(np.isnan(row), np.nanmedian(row), row), column))
+        ends = np.flatnonzero(np.diff(column[order], append=-1))
+        kept += [order[ends], order[np.append(0, ends[:-1] + 1)]]
+    return np.unique(np.concatenate(kept))
 
 
 def waveforms(
@@ -102,8 +128,8 @@ def waveforms(
         for value in ticks(-reach, reach, 5):
             parts.append(_horizontal(up(value), width, f"{value:g}"))
         for name, values in lines:
-            x, y = thinned(angle, values, inner)
-            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(x), up(y), strict=True))
+            kept = thinned(angle, [values], inner)
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(angle[kept]), up(values[kept]), strict=True))
             parts.append(f'<polyline class="{escaped(name)}" points="{points}"/>')
         for name, angles in marks:
             parts.append(_standing(name, across(angles), start + panel_height))

@@ -74,10 +74,13 @@ def test_the_envelope_holds_every_unit_at_its_limits(found: ErrorBudget) -> None
     angle, mean = line(ax, "expected")
     assert angle == pytest.approx(np.degrees(found.closed.theta))
     assert mean == pytest.approx(found.closed.mean / ARCSEC)
-    _, low = line(ax, "worst case")
-    assert low == pytest.approx(found.closed.worst.lower / ARCSEC)
+    (worst,) = [text for text in legend(ax) if text.startswith("worst case")]
+    less = float(worst.split()[3])  # carrier bores shift the whole
+    assert less > 30
+    assert line(ax, worst)[1] - less == pytest.approx(found.closed.worst.lower / ARCSEC, abs=0.05)
     corners = ax.collections[0].get_paths()[0].vertices[:, 1]
-    assert corners.max() == pytest.approx((found.closed.mean + found.closed.standard_deviation).max() / ARCSEC)
+    closed = found.closed
+    assert corners.max() == pytest.approx((closed.mean + closed.deviation_standard_deviation).max() / ARCSEC)
     assert found.closed.plot(kind="envelope").get_ylabel() == "transmission error, arcsec"
 
 
@@ -117,10 +120,11 @@ def test_the_front_marks_the_allocation_and_what_cannot_be_met(
     found, front = least
     ax = found.plot(kind="front", front=front)
     x, y = line(ax, "least cost")
-    assert x == pytest.approx([40, 60])
-    assert y[0] == pytest.approx(found.cost)
-    assert y[1] < y[0]
-    assert line(ax, "cannot be met")[0] == pytest.approx([2])
+    assert x == pytest.approx([2, 40, 60])
+    assert np.isnan(y[0])
+    assert y[1] == pytest.approx(found.cost)
+    assert y[2] < y[1]
+    assert line(ax, "cannot be met: no cost")[0] == pytest.approx([2])
     assert [line(ax, "the limit asked for")[0][0], line(ax, "the limit asked for")[1][0]] == pytest.approx(
         [40, found.cost]
     )

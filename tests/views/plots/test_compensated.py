@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from every_kind import compensation
+from every_kind import HOSTILE, compensation
 from rverror import Correction, InputError, OrderTable
 
 
@@ -22,7 +22,7 @@ def test_orders_before_and_after() -> None:
 
 def test_a_run_that_no_fit_saw_is_drawn_first_and_dashed() -> None:
     ax = compensation().plot(kind="waveform")
-    assert ax.get_title() == "unseen.csv"
+    assert ax.get_title().replace("\n", " ") == f"{HOSTILE}, unseen.csv"
     assert ax.lines[1].get_linestyle() == "--" or ax.lines[1].is_dashed()
     assert "seen by no fit: 0 arcsec rms" in ax.lines[1].get_label()
     assert "3.54 arcsec rms" in ax.lines[0].get_label()

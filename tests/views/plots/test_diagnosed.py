@@ -77,7 +77,7 @@ def test_without_left_out_revolutions_the_title_does_not_claim_them(found: Diagn
 
 def test_runs_stand_at_their_rms_beside_the_noise(found: Diagnosis) -> None:
     ax = found.plot(kind="runs")
-    assert ticks(ax) == ["forward.csv (forward), 20 N*m", "reverse.csv (reverse), 20 N*m"]
+    assert ticks(ax) == ["forward.csv, 20 N*m, forward", "reverse.csv, 20 N*m, reverse"]
     for at, word in enumerate(("before", "after")):
         x, y = line(ax, word)
         assert list(y) == [0, 1]

@@ -143,7 +143,7 @@ def test_colours_of_one_picture_differ(found: Diagnosis, ax: Axes, name: str) ->
 def test_waveform_draws_the_trace(found: Diagnosis, ax: Axes, run: int, word: str) -> None:
     trace = found.traces[run]
     waveform(trace, ax=ax)
-    assert ax.get_title() == f"{word}.csv ({word})"
+    assert ax.get_title() == f"{word}.csv, 20 N*m, {word}"
     labels = legend(ax)
     assert len(labels) == 3
     for label, values in zip(labels, (trace.measured, trace.before, trace.after), strict=True):
@@ -164,7 +164,7 @@ def test_waveform_shows_the_model_once_where_nothing_was_added(found: Diagnosis,
 @pytest.mark.parametrize("name", ["bench/a/forward.csv", "C:\\bench\\forward.csv", "forward.csv"])
 def test_titles_hold_the_file_name_without_its_folder(found: Diagnosis, ax: Axes, name: str) -> None:
     waveform(replace(found.traces[0], name=name), ax=ax)
-    assert ax.get_title() == "forward.csv (forward)"
+    assert ax.get_title() == "forward.csv, 20 N*m, forward"
 
 
 # --- order spectrum ---------------------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def test_named_peaks_stand_apart(found: Diagnosis, ax: Axes) -> None:
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_model_waveform_draws_each_effect_and_their_sum(ax: Axes, direction: float) -> None:
     model_waveform(MODEL, direction=direction, ax=ax)
-    assert ax.get_title() == "test unit"
+    assert ax.get_title() == f"test unit, {'forward' if direction > 0 else 'reverse'}, closed form"
     labels = legend(ax)
     assert labels[-1] == "total"
     total = np.zeros(4096)
@@ -252,7 +252,7 @@ def test_model_waveform_of_a_model_without_effects(ax: Axes) -> None:
     model_waveform(Model(MODEL.mechanism), ax=ax)
     assert legend(ax) == ["total"]
     assert (line(ax, "total")[1] == 0).all()
-    assert ax.get_title() == "transmission error"
+    assert ax.get_title() == "RV-40E, forward, closed form"
 
 
 def test_a_model_of_many_effects_can_be_drawn() -> None:
@@ -260,7 +260,10 @@ def test_a_model_of_many_effects_can_be_drawn() -> None:
     pins = tuple(effect("cycloid.pin_position", pin=i, radial=1e-4 * (i + 1)) for i in range(40))
     ax = model_waveform(Model(MODEL.mechanism, pins))
     assert len(ax.get_lines()) == 41
-    assert legend(ax) == [*(f"cycloid.pin_position (pin {i})" for i in range(28, 40)), "total"]
+    assert [text.split(", about")[0] for text in legend(ax)] == [
+        *(f"cycloid.pin_position (pin {i})" for i in range(28, 40)),
+        "total",
+    ]
     assert "28 more" in ax.get_legend().get_title().get_text()
     to_bytes(ax.figure, "png")
 
@@ -270,10 +273,10 @@ def test_a_model_of_many_effects_can_be_drawn() -> None:
 
 def test_the_figure_has_a_waveform_for_each_run_and_a_spectrum(found: Diagnosis) -> None:
     figure = diagnosis_figure(found)
-    titles = [ax.get_title() for ax in figure.axes]
-    assert titles == ["forward.csv (forward)", "reverse.csv (reverse)", "residual spectrum, forward.csv"]
+    forward, reverse = (f"RV-40E example, as declared, {way}.csv, 20 N*m, {way}" for way in ("forward", "reverse"))
+    assert [ax.get_title() for ax in figure.axes] == [forward, reverse, f"residual spectrum, {forward}"]
     one_way = diagnosis_figure(replace(found, traces=found.traces[1:]))
-    assert [ax.get_title() for ax in one_way.axes] == ["reverse.csv (reverse)", "residual spectrum, reverse.csv"]
+    assert [ax.get_title() for ax in one_way.axes] == [reverse, f"residual spectrum, {reverse}"]
 
 
 @pytest.mark.parametrize("rows", [1, 3])
@@ -489,7 +492,7 @@ def test_axes_of_the_wrong_sort_are_refused(things: dict[str, Any], name: str) -
 
 def test_the_usual_plot_needs_no_word(found: Diagnosis) -> None:
     assert MODEL.plot().get_legend().get_texts()[-1].get_text() == "total"
-    assert found.plot().get_title() == "forward.csv (forward)"
+    assert found.plot().get_title() == "RV-40E example, as declared, forward.csv, 20 N*m, forward"
     assert BARE.mechanism.plot().get_title().startswith("RV-003 at 0 deg")
 
 

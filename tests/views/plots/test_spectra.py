@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,13 +88,34 @@ def test_the_spectrum_of_a_state() -> None:
     model = Model(UNIT, (effect("sensor.encoder_eccentricity", cos="3 arcsec", sin="4 arcsec"),))
     theta = 2 * np.pi * np.arange(64) / 64
     state = equilibrium(model, theta, torque="412 N*m")
-    ax = state.plot(kind="spectrum", mechanism=UNIT)
+    ax = state.plot(kind="spectrum")
     order, size = stems(ax, "loaded equilibrium")
     assert size[list(order).index(1.0)] == pytest.approx(5, rel=1e-3)
-    assert ["1", "output side"] in names(ax)
-    assert ["1"] in names(state.plot(kind="spectrum"))
+    assert ["1", "sensor.encoder_eccentricity"] in names(ax)
+    assert ax.get_title() == "RV-40E, 412 N*m, forward, loaded equilibrium"
+    bare = replace(state, model=None, conditions=None)
+    assert ["1", "output side"] in names(bare.plot(kind="spectrum", mechanism=UNIT))
+    assert ["1"] in names(bare.plot(kind="spectrum"))
     with pytest.raises(InputError, match=r"even angles"):
         equilibrium(model, theta**2, torque="412 N*m").plot(kind="spectrum")
+
+
+def test_peaks_of_a_loaded_state_have_their_causes() -> None:
+    """Waves have the effect that makes them unloaded; order 80 the clearance, which no closed form knows."""
+    waves = (
+        effect("crank.eccentricity", crank=0, disc=1, radial="4 um"),
+        effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="3 um"),
+        effect("cycloid.pin_circle", harmonic=2, radial_cos="3 um"),
+    )
+    theta = 2 * np.pi * np.arange(192) / 192
+    unloaded = names(Model(UNIT, waves).plot(kind="spectrum", highest=90))
+    state = equilibrium(Model(UNIT, waves), theta, torque="412 N*m")
+    assert set(map(tuple, unloaded)) <= set(map(tuple, names(state.plot(kind="spectrum"))))
+    play = Model(UNIT, (effect("crank.bearing_clearance", clearance="5 um"),))
+    loose = equilibrium(play, theta, torque="20 N*m")
+    assert names(loose.plot(kind="spectrum"))[0] == ["80", "crank.bearing_clearance"]
+    right = equilibrium(Model(UNIT), theta, torque="20 N*m").plot(kind="spectrum")
+    assert not any("." in cause for _, cause in names(right))  # nothing is declared, so nothing is named
 
 
 # --- noise ------------------------------------------------------------------------------------------------------------

@@ -22,12 +22,16 @@ from rverror.views.plots.figure import (
     GREY,
     ORANGE,
     axes_for,
+    for_drawing,
     legend_below,
     new_figure,
     over_angle,
     plain,
     signal_label,
+    stated,
+    titled,
 )
+from rverror.views.plots.waveforms import unit_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +42,13 @@ _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
 _SHOWN = 15  # bars for which there is room
+
+
+def _unit(found: object) -> list[str]:
+    """Unit, torque and direction of a budget, as far as it knows them."""
+    if not isinstance(found, ErrorBudget):
+        return []
+    return [unit_name(found.model), *stated(direction=found.direction)]
 
 
 def budget_figure(found: ErrorBudget, *, limit: float | None = None) -> Figure:
@@ -68,9 +79,9 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
         ax.barh(at - 0.2, total, label=label, **bars, **_HATCHED)
     ax.set_yticks(at, [plain(entries[e].label) for e in order], fontsize=8)
     hidden = len(moving) - len(order)
-    title = "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else "")
-    ax.set(xlabel="contribution, %", title=title)
-    legend_below(ax)
+    titled(ax, "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""), *_unit(found))
+    ax.set(xlabel="contribution, %")
+    legend_below(ax, columns=2)
     return ax
 
 
@@ -90,23 +101,38 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",
         ylabel="share of the units per arcsec",
-        title=f"{drawn.count} virtual units, closed form",
     )
-    ax.legend(fontsize=8, frameon=False)
+    titled(ax, f"{drawn.count} virtual units", *_unit(found), "closed form")
+    legend_below(ax, columns=4)
     return ax
 
 
 def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
-    """Expected transmission error over the output angle, one standard deviation about it, and the worst case."""
+    """Expected transmission error over the output angle, one standard deviation about it, and the worst case.
+
+    Tolerances shift the whole error too.  Where an offset of the edges is more than their peak-to-peak, it would
+    flatten all waves: it is taken off, down to the standard deviation of the wave, and the legend states it.
+    """
     closed = found if isinstance(found, Budget) else found.closed
-    angle = np.arange(closed.mean.size) if closed.theta is None else np.degrees(closed.theta)
-    mean, spread = closed.mean / ARCSEC, closed.standard_deviation / ARCSEC
+    theta = np.arange(float(closed.mean.size)) if closed.theta is None else np.degrees(closed.theta)
+    mean, lower, upper = closed.mean, closed.worst.lower, closed.worst.upper
+    spread = closed.deviation_standard_deviation
+    offset = float(min((upper - mean - spread).min(), (mean - spread - lower).min()))
+    if taken := offset > max(float(np.ptp(lower)), float(np.ptp(upper))):
+        lower, upper = lower + offset, upper - offset
+    else:
+        spread = closed.standard_deviation
+    rows = (mean, mean - spread, mean + spread, lower, upper)
+    angle, mean, below, above, *edges = for_drawing(theta, *(row / ARCSEC for row in rows))
+    of_wave = " of the wave" if taken else ""
+    said = f" less {offset / ARCSEC:.3g} arcsec either way, the same at all angles" if taken else ""
     ax = axes_for(ax)
-    ax.fill_between(angle, mean - spread, mean + spread, color=GREY, alpha=0.5, lw=0, label="one standard deviation")
-    for edge, label in ((closed.worst.lower, "worst case"), (closed.worst.upper, None)):
-        ax.plot(angle, edge / ARCSEC, color=_LIGHT, ls="--", lw=1.1, label=label)
+    ax.fill_between(angle, below, above, color=GREY, alpha=0.5, lw=0, label=f"one standard deviation{of_wave}")
+    for edge, label in zip(edges, (f"worst case{said}", None), strict=True):
+        ax.plot(angle, edge, color=_LIGHT, ls="--", lw=1.1, label=label)
     ax.plot(angle, mean, color=_DARK, lw=1.2, label="expected")
-    over_angle(ax, ylabel=signal_label("angle"), title="Expected error and what tolerances make of it")
+    title = ["Expected error and what tolerances make of it", *_unit(found)]
+    over_angle(ax, ylabel=signal_label("angle"), title=title)
     if closed.theta is None:
         ax.set_xlabel("sample, number")
     legend_below(ax)
@@ -132,8 +158,8 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.set_xticks(marks, [f"{m:g}" for m in marks])
     ax.minorticks_off()
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    title = f"Widths of least cost for {found.limit / ARCSEC:g} arcsec, {found.kind}"
-    ax.set(xlabel="tolerance found over tolerance as given (a number)", title=title)
+    titled(ax, f"Widths of least cost for {found.limit / ARCSEC:g} arcsec", found.kind)
+    ax.set(xlabel="tolerance found over tolerance as given (a number)")
     if held.any():
         legend_below(ax)
     return ax
@@ -148,7 +174,8 @@ def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
     ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    ax.set(xlabel=_COST, title=f"Cost of each tolerance for {found.limit / ARCSEC:g} arcsec, {found.kind}")
+    titled(ax, f"Cost of each tolerance for {found.limit / ARCSEC:g} arcsec", found.kind)
+    ax.set(xlabel=_COST)
     legend_below(ax)
     return ax
 
@@ -176,18 +203,27 @@ def front_figure(front: Sequence[FrontPoint], chosen: Allocation | None = None) 
 def cost_against_limit(
     front: Sequence[FrontPoint], chosen: Allocation | None = None, *, ax: Axes | None = None
 ) -> Axes:
-    """Least cost against the limit; limits that cannot be met are marked at the bottom, one allocation where chosen."""
+    """Least cost against the limit, one allocation marked where chosen.
+
+    Where a limit cannot be met there is no cost: a cross at the bottom, and no line over it.
+    """
     ax = axes_for(ax)
-    met = [(point.limit / ARCSEC, point.allocation) for point in front if point.allocation is not None]
-    limits, least = [limit for limit, _ in met], [found.cost for _, found in met]
+    ordered = sorted(front, key=lambda point: point.limit)
+    limits = np.array([point.limit for point in ordered]) / ARCSEC
+    least = np.array([np.nan if point.allocation is None else point.allocation.cost for point in ordered])
     ax.plot(limits, least, color=_DARK, marker="o", ms=4, label="least cost")
-    missed = [point.limit / ARCSEC for point in front if point.allocation is None]
-    if missed:
+    missed = limits[np.isnan(least)]
+    if missed.size:
         bottom = ax.get_xaxis_transform()
-        ax.plot(missed, [0.02] * len(missed), "x", color=_LIMIT, transform=bottom, label="cannot be met")
+        crosses = np.full(missed.size, 0.02)
+        ax.plot(missed, crosses, "x", color=_LIMIT, transform=bottom, clip_on=False, label="cannot be met: no cost")
     if chosen is not None:
         ax.plot(chosen.limit / ARCSEC, chosen.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
-        ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
-    ax.set(xlabel="limit, arcsec", ylabel=_COST, title="Least cost of the tolerances against the limit")
-    ax.legend(fontsize=8, frameon=False)
+        if np.isfinite(chosen.cost_before):
+            ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
+    if chosen is None and np.isnan(least).all():
+        ax.set_yticks([])
+    titled(ax, "Least cost of the tolerances against the limit")
+    ax.set(xlabel="limit, arcsec", ylabel=_COST)
+    legend_below(ax, columns=2)
     return ax

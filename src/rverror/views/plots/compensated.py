@@ -18,6 +18,7 @@ from rverror.views.plots.figure import (
     ORDER,
     axes_for,
     check_axes,
+    for_drawing,
     in_shown_unit,
     legend_below,
     new_figure,
@@ -25,7 +26,9 @@ from rverror.views.plots.figure import (
     plain,
     shown_unit,
     signal_label,
+    titled,
 )
+from rverror.views.plots.waveforms import unit_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,8 +64,9 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
             ax.plot([at, at], [low, high], color=BLACK, lw=0.5, zorder=0)
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     ax.set_yscale("log")
-    of = f", the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", title=f"orders compensated{of}")
+    of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}")
+    titled(ax, "orders compensated", *_unit(made), of)
     legend_below(ax)
     return ax
 
@@ -86,18 +90,22 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
     trace = made.traces[run]
     ax = axes_for(ax)
     rank = np.argsort(trace.theta, kind="stable")
-    angle = np.degrees(trace.theta[rank])
+    angle, *rows = for_drawing(np.degrees(trace.theta[rank]), trace.before[rank], trace.after[rank])
     what = "seen by no fit" if trace.unseen else "stretches left out"
-    for values, word, colour, dashes in (
-        (trace.before, "measured", _BEFORE, "solid"),
-        (trace.after, f"compensated, {what}", _AFTER, DASHED if trace.unseen else "solid"),
+    for drawn, values, word, colour, dashes in (
+        (rows[0], trace.before, "measured", _BEFORE, "solid"),
+        (rows[1], trace.after, f"compensated, {what}", _AFTER, DASHED if trace.unseen else "solid"),
     ):
-        size = in_shown_unit(values[rank], "angle")
-        label = f"{word}: {brief(float(np.sqrt(np.mean(size**2))), 3)} {shown_unit('angle')} rms"
-        ax.plot(angle, size, color=colour, lw=0.8, ls=dashes, label=label)
-    over_angle(ax, ylabel=signal_label("angle"), title=plain(file_name(trace.name) or "run"))
+        rms = float(in_shown_unit(np.sqrt(np.mean(values**2)), "angle"))
+        label = f"{word}: {brief(rms, 3)} {shown_unit('angle')} rms"
+        ax.plot(angle, in_shown_unit(drawn, "angle"), color=colour, lw=0.8, ls=dashes, label=label)
+    over_angle(ax, ylabel=signal_label("angle"), title=[*_unit(made), plain(file_name(trace.name) or "run")])
     legend_below(ax)
     return ax
+
+
+def _unit(made: Compensation) -> list[str]:
+    return [] if made.model is None else [unit_name(made.model)]
 
 
 def compensation_figure(made: Compensation) -> Figure:

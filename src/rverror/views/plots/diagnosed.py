@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief, way
+from rverror.base.numbers import brief
 from rverror.base.text import describe, file_name
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import residual_spectrum
@@ -27,6 +28,7 @@ from rverror.views.plots.figure import (
     ORANGE,
     ORDER,
     axes_for,
+    for_drawing,
     in_shown_unit,
     legend_below,
     new_figure,
@@ -34,9 +36,13 @@ from rverror.views.plots.figure import (
     plain,
     shown_unit,
     signal_label,
+    stated,
+    tallest,
+    titled,
 )
 from rverror.views.plots.passports import table_figure
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
+from rverror.views.plots.waveforms import unit_name
 from rverror.views.set_aside import LABELS, marks
 
 if TYPE_CHECKING:
@@ -44,6 +50,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BEFORE, _AFTER = ORANGE, BLUE
+_BAND = 0.75  # of its colour, that the model's band has under what was measured
 _HIGHEST = 260.0
 _NEIGHBOURS = 25  # lines whose median stands for what noise leaves
 _STANDS_OUT = 8.0  # times that median, of all lines
@@ -53,20 +60,22 @@ _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their poi
 _MARKERS = {"aside": (_TICK_UP, 9.0, 1.2), "slip": (_CARET_UP_BASE, 7.0, 0.0)}  # marker, its size and line width
 
 
-def waveform(trace: Trace, *, quantity: str = "angle", ax: Axes | None = None) -> Axes:
+def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes | None = None) -> Axes:
     """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's.
 
-    Marks on the axis tell where samples were set aside and where the reading slips.
+    What was measured is the thin black line over the model's band, so a good fit does not hide it.  Marks on the axis
+    tell where samples were set aside and where the reading slips.  `unit`, where given, is named in the title.
     """
     ax = axes_for(ax)
-    angle = np.degrees(trace.theta)
-    measured, before, after = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
-    ax.plot(angle, measured, color=GREY, lw=2.0, label="measured, mean of revolutions")
-    ax.plot(angle, before, color=_BEFORE, lw=1.0, ls=DASHED, label="declared model")
+    rows = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
+    angle, measured, before, after = for_drawing(np.degrees(trace.theta), *rows)
+    over: dict[str, Any] = {"color": BLACK, "lw": 0.7, "zorder": 2.5}
+    ax.plot(angle, measured, label="measured, mean of revolutions", **over)
+    ax.plot(angle, before, color=_BEFORE, lw=1.2, ls=DASHED, label="declared model")
     if not np.allclose(trace.before, trace.after):
-        ax.plot(angle, after, color=_AFTER, lw=1.0, label="with what was added")
+        ax.plot(angle, after, color=_AFTER, lw=2.4, alpha=_BAND, label="with what was added")
     _mark(ax, trace)
-    over_angle(ax, ylabel=signal_label(quantity), title=_trace_name(trace))
+    over_angle(ax, ylabel=signal_label(quantity), title=[unit, *_trace_title(trace)])
     legend_below(ax)
     return ax
 
@@ -89,7 +98,7 @@ def _mark(ax: Axes, trace: Trace) -> None:
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
     """`waveform` of one run of a diagnosis."""
-    return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, ax=ax)
+    return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, unit=unit_name(diagnosis.declared), ax=ax)
 
 
 def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -104,11 +113,12 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     for (word, colour, dashes, width), rest in zip(looks, trace.residual, strict=True):
         values = in_shown_unit(rest - rest.mean(), diagnosis.quantity)
         label = f"{word}, rms {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit}"
-        ax.plot(np.degrees(trace.theta), values, color=colour, ls=dashes, lw=width, label=label)
+        ax.plot(*for_drawing(np.degrees(trace.theta), values), color=colour, ls=dashes, lw=width, label=label)
     ax.axhline(0, color=BLACK, lw=0.4)
     _mark(ax, trace)
     what = "residual, left-out stretches" if trace.left_out else "residual"
-    over_angle(ax, ylabel=f"measured less model, {unit}", title=f"{what}, {_trace_name(trace)}")
+    title = [what, unit_name(diagnosis.declared), *_trace_title(trace)]
+    over_angle(ax, ylabel=f"measured less model, {unit}", title=title)
     legend_below(ax)
     return ax
 
@@ -126,10 +136,10 @@ def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     noise = float(in_shown_unit(np.array([diagnosis.noise_rms]), diagnosis.quantity)[0])
     label = f"noise of a single reading, {brief(noise, 3)} {unit}"
     ax.axvline(noise, color=BLACK, ls=DASHES[2], lw=1.0, label=label)
-    ax.set_yticks(at, [_trace_name(trace) + _load(trace) for trace in diagnosis.traces], fontsize="small")
+    ax.set_yticks(at, [", ".join(_trace_title(trace)) for trace in diagnosis.traces], fontsize="small")
     held = all(trace.left_out for trace in diagnosis.traces) and bool(diagnosis.traces)
-    title = "residual of each run" + (", left-out stretches" if held else "")
-    ax.set(xlabel=f"rms of the residual, {unit}", title=title, ylim=(len(pairs) - 0.5, -0.5))
+    titled(ax, "residual of each run", "left-out stretches" if held else "", unit_name(diagnosis.declared))
+    ax.set(xlabel=f"rms of the residual, {unit}", ylim=(len(pairs) - 0.5, -0.5))
     ax.set_xlim(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0)
     legend_below(ax)
     return ax
@@ -214,10 +224,11 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     shown = order <= (highest or _last_found(diagnosis))
     middle = float(np.median(after))
     bottom = max(middle / 30, 1e-5)
-    ax.vlines(order[shown], bottom, before[shown], color=_BEFORE, lw=1.6, label="residual before")
-    ax.vlines(order[shown], bottom, after[shown], color=_AFTER, lw=0.9, label="residual after")
+    ax.vlines(*_stems(order[shown], bottom, before[shown]), color=_BEFORE, lw=1.6, label="residual before")
+    ax.vlines(*_stems(order[shown], bottom, after[shown]), color=_AFTER, lw=0.9, label="residual after")
     floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
-    ax.plot(order[shown], np.maximum(floor, bottom)[shown], color=BLACK, lw=1.0, ls=DASHED, label="noise floor")
+    shown_floor = for_drawing(order[shown], np.maximum(floor, bottom)[shown])
+    ax.plot(*shown_floor, color=BLACK, lw=1.0, ls=DASHED, label="noise floor")
     within = resolution(order)
     apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)
     size = np.where(shown, before, 0.0)
@@ -229,11 +240,16 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.margins(x=0.01)
     top = max(float(size.max(initial=0.0)), float(after[shown].max(initial=0.0)), 10 * bottom)
     name = partial(frame_name, diagnosis.declared.mechanism, within=within)
-    name_peaks(ax, order[chosen], before[chosen], name, bottom=bottom, top=top)
-    title = f"residual spectrum, {plain(file_name(trace.name))}"
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit(diagnosis.quantity)}", title=title)
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit(diagnosis.quantity)}")
+    titled(ax, "residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace))
     legend_below(ax)
+    name_peaks(ax, order[chosen], before[chosen], name, bottom=bottom, top=top)
     return ax
+
+
+def _stems(order: Array, bottom: float, size: Array) -> tuple[Array, float, Array]:
+    place, height = tallest(order, size)
+    return place, bottom, height
 
 
 def _last_found(diagnosis: Diagnosis) -> float:
@@ -247,7 +263,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
         return table_figure(diagnosis)
     figure, axes = new_figure(len(diagnosis.traces) + 1)
     for trace, ax in zip(diagnosis.traces, axes[:-1], strict=True):
-        waveform(trace, quantity=diagnosis.quantity, ax=ax)
+        waveform(trace, quantity=diagnosis.quantity, unit=unit_name(diagnosis.declared), ax=ax)
     order_spectrum(diagnosis, ax=axes[-1])
     return figure
 
@@ -261,9 +277,6 @@ def _trace(diagnosis: Diagnosis, run: int) -> Trace:
     return diagnosis.traces[run]
 
 
-def _trace_name(trace: Trace) -> str:
-    return f"{plain(file_name(trace.name))} ({way(trace.direction)})"
-
-
-def _load(trace: Trace) -> str:
-    return "" if trace.torque is None else f", {in_shown_unit(np.array([trace.torque]), 'torque')[0]:.4g} N*m"
+def _trace_title(trace: Trace) -> list[str]:
+    """File, torque and direction of a run."""
+    return [plain(file_name(trace.name)), *stated(torque=trace.torque, direction=trace.direction)]

@@ -126,7 +126,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
 )
 
 
-def draw(thing: Any, *, ax: Axes | None = None, kind: str | None = None, **options: Any) -> Axes:
+def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **options: Any) -> Axes:
     """Draw a result.
 
     Parameters
@@ -134,7 +134,7 @@ def draw(thing: Any, *, ax: Axes | None = None, kind: str | None = None, **optio
     thing : Model or Run or Diagnosis or other result
         One of the kinds of `PICTURES`; each of them has it as its method ``plot``.
     ax : Axes, optional
-        Where to draw; a new figure where left out.
+        Where to draw; a new figure where left out, which a notebook shows where its cell ends with the plot.
     kind : str, optional
         Which of its plots; the usual one where left out.
     **options
@@ -164,6 +164,8 @@ def draw(thing: Any, *, ax: Axes | None = None, kind: str | None = None, **optio
     >>> draw(unit, kind="stacked").get_ylabel()
     'transmission error, arcsec'
     """
+    if isinstance(ax, str):
+        raise InputError(f"ax = {ax!r}: a plot is chosen by its name, kind={ax!r}; what stands first are axes")
     plots = next((PICTURES[one] for one in type(thing).__mro__ if one in PICTURES), None)
     if plots is None:
         known = ", ".join(one.__name__ for one in PICTURES)

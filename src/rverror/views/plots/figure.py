@@ -6,18 +6,26 @@ matplotlib comes with the extra ``plot`` and is imported only when a figure is m
 from __future__ import annotations
 
 import io
+import textwrap
 import warnings
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.numbers import way, with_unit
+from rverror.views.svg import thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
+    from matplotlib.transforms import Bbox, Transform
 
 # Okabe and Ito's colours, which stay apart in print and for colour-blind eyes.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -42,6 +50,17 @@ NOTHING = 1e-6
 
 OUTPUT_ANGLE = "output angle, deg"
 ORDER = "order, per output turn"
+
+#: Columns of points of the widest figure as a file: two points in each are all that a line can show there.
+COLUMNS = 1200
+_KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
+_INSIDE = 0.96  # of the room of axes in a layout, less what it leaves free
+_WIDEST_BESIDE = 0.4  # of the room of axes, that a legend may take from their width
+_HIGHEST_BELOW = 0.5  # or from their height
+_WIDE = 0.6  # of the room of axes, from which on a legend stands in its middle, not in that of the axes
+_INSCRIBED = 2**-0.5  # of the diameter of a circle, the side of a square in it
+_PAD = 4.2  # letters from axes to the legend under them: ticks and label
+_FEWEST_LETTERS = 12  # of a line of a legend
 
 Projection = Literal["rectilinear", "polar"]
 
@@ -99,7 +118,7 @@ def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tup
     2
     """
     figure = _figure(width, height * rows)
-    return figure, list(figure.subplots(rows, 1, squeeze=False)[:, 0])
+    return figure, [_shown(ax) for ax in figure.subplots(rows, 1, squeeze=False)[:, 0]]
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -107,7 +126,23 @@ def _figure(width: float, height: float) -> Figure:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise InputError("plots need matplotlib; install it with: pip install 'rverror[plot]'") from error
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = partial(to_bytes, figure, "png")  # type: ignore[attr-defined]
+    return figure
+
+
+def _shown(ax: Axes) -> Axes:
+    """Axes that a notebook shows as their figure; pyplot does not know that figure, so it is not shown twice."""
+    ax._repr_png_ = partial(to_bytes, cast("Figure", ax.figure), "png")  # type: ignore[attr-defined]
+    return ax
+
+
+@contextmanager
+def missing_letters() -> Iterator[None]:
+    """Let letters that the font lacks be measured and drawn without a warning: a box stands for each."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
 
 
 def axes_for(
@@ -115,7 +150,7 @@ def axes_for(
 ) -> Axes:
     """Axes to draw on: those given, if `check_axes` lets them pass, else those of a new figure of a size in inches."""
     if ax is None:
-        return _figure(width, height).add_subplot(projection=projection)
+        return _shown(_figure(width, height).add_subplot(projection=projection))
     check_axes(ax, projection=projection)
     return ax
 
@@ -165,24 +200,234 @@ def signal_label(quantity: str) -> str:
     return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
 
 
-def over_angle(ax: Axes, *, ylabel: str, title: str) -> None:
+def over_angle(ax: Axes, *, ylabel: str, title: Sequence[str]) -> None:
     """Label axes over the output angle, from end to end of what is drawn."""
-    ax.set(xlabel=OUTPUT_ANGLE, ylabel=ylabel, title=title)
+    ax.set(xlabel=OUTPUT_ANGLE, ylabel=ylabel)
+    titled(ax, *title)
     ax.margins(x=0)
 
 
+def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
+    """Torque, N*mm or with its unit, and direction as a title says them; of what is not known nothing.
+
+    Examples
+    --------
+    >>> stated(torque=20e3, direction=-1.0)
+    ['20 N*m', 'reverse']
+    """
+    told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
+    if direction is not None:
+        told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (np.atleast_1d(direction) == sense).any()))
+    return told
+
+
+@missing_letters()
+def titled(ax: Axes, *parts: str) -> None:
+    """Title made of parts, with commas between them, in as many lines as the axes' room asks for."""
+    room, _ = _room(ax)
+    lines: list[str] = []
+    for part in filter(None, parts):
+        longer = f"{lines[-1]}, {part}" if lines else part
+        if not lines or ax.set_title(longer).get_window_extent().width > room:
+            lines.append(part)
+        else:
+            lines[-1] = longer
+    for at, text in enumerate(lines):
+        letters = len(text)
+        while ax.set_title(lines[at]).get_window_extent().width > room and letters > _FEWEST_LETTERS:
+            letters -= max(1, letters // 12)
+            lines[at] = textwrap.fill(text, letters)
+    title = ax.set_title(",\n".join(lines))
+    own = ax.transAxes + ax.titleOffsetTrans  # type: ignore[attr-defined]  # as matplotlib places it
+    wide = title.get_window_extent().width > _WIDE * room
+    title.set_transform(_across_figure(ax, own) if wide else own)
+    title.set_x(_middle(ax) if wide else 0.5)
+    _make_room(ax)
+
+
+def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
+    """Line, or several over one abscissa, without the samples of a long trace that no picture can show.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Not a number where a line is broken.
+    *rows : ndarray, shape (n,)
+
+    Returns
+    -------
+    tuple of ndarray
+        x and the rows: the lowest and the highest of each row in each column of points, so that no peak is lost.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 100_000)
+    >>> thin, values = for_drawing(x, np.where(x == x[777], 9.0, np.sin(x)))
+    >>> thin.size < 5000, float(values.max())
+    (True, 9.0)
+    """
+    if x.size <= _KEPT_WHOLE:
+        return (x, *rows)
+    kept = thinned(x, rows, COLUMNS)
+    return tuple(one[kept] for one in (x, *rows))
+
+
+def tallest(place: Array, size: Array) -> tuple[Array, Array]:
+    """Of very many stems those that a picture can show: in each column of points the tallest.
+
+    Examples
+    --------
+    >>> place, size = tallest(np.arange(1e5), np.ones(100_000))
+    >>> place.size <= COLUMNS
+    True
+    """
+    if place.size <= COLUMNS:
+        return place, size
+    column = np.floor((place - place[0]) / (place[-1] - place[0]) * (COLUMNS - 1))
+    order = np.lexsort((size, column))
+    kept = np.sort(order[np.flatnonzero(np.diff(column[order], append=-1))])
+    return place[kept], size[kept]
+
+
+def _room(ax: Axes) -> tuple[float, float]:
+    """Width and height, in dots, of what belongs to axes: their cell, or themselves where nothing lays figures out."""
+    part = ax.get_figure()
+    assert part is not None
+    spec = ax.get_subplotspec()
+    if spec is None or not _laid_out(ax):
+        box = _place(ax)
+        return box.width * part.bbox.width, box.height * part.bbox.height
+    grid = spec.get_gridspec()
+    wide, high = part.bbox.width * len(spec.colspan) / grid.ncols, part.bbox.height * len(spec.rowspan) / grid.nrows
+    return _INSIDE * wide, high
+
+
+def _middle(ax: Axes) -> float:
+    """Middle of the cell of axes, or of themselves where nothing lays figures out, in parts of the figure's width."""
+    spec = ax.get_subplotspec()
+    if spec is None or not _laid_out(ax):
+        return float(_place(ax).x0 + _place(ax).width / 2)
+    return float(spec.colspan.start + spec.colspan.stop) / 2 / spec.get_gridspec().ncols
+
+
+def _across_figure(ax: Axes, up: Transform) -> Transform:
+    """Across in parts of the figure, up as given."""
+    from matplotlib.transforms import blended_transform_factory
+
+    part = cast("Figure", ax.get_figure())
+    return blended_transform_factory(getattr(part, "transSubfigure", part.transFigure), up)
+
+
+def _laid_out(ax: Axes) -> bool:
+    figure = ax.get_figure(root=True)
+    return figure is not None and figure.get_layout_engine() is not None
+
+
+def _place(ax: Axes) -> Bbox:
+    """Where axes stood before room was made in them, in parts of the figure."""
+    spec, part = ax.get_subplotspec(), ax.get_figure()
+    return ax.get_position() if spec is None else spec.get_position(cast("Figure", part))
+
+
+def _make_room(ax: Axes, legend: Legend | None = None, *, beside: bool = False) -> None:
+    """Take the room of a title of several lines and of a legend from their axes, where no layout does it."""
+    part, spec = ax.get_figure(), ax.get_subplotspec()
+    if part is None or _laid_out(ax):
+        return
+    box, wide, low = _place(ax), 0.0, 0.0
+    title = ax.title.get_window_extent().height
+    lines = 1 + ax.get_title().count("\n")
+    high = title * (lines - 1) / lines
+    if legend is not None and beside:
+        wide = legend.get_window_extent().width
+    elif legend is not None:
+        under = box.y0 * part.bbox.height if spec is None or spec.is_last_row() else 0.0
+        label = _PAD * legend.prop.get_size_in_points() * part.dpi / 72
+        low = legend.get_window_extent().height + max(label - under, 0.0)
+    across, up = part.bbox.width, part.bbox.height
+    ax.set_position((box.x0, box.y0 + low / up, box.width - wide / across, box.height - (low + high) / up))
+    ax.set_in_layout(True)  # who asks for a layout later gets it
+
+
+@missing_letters()
 def legend_below(ax: Axes, *, columns: int = 3, **options: Any) -> None:
     """Legend under the axes and their label, where it hides no line."""
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
-    look = {"ncols": columns, "frameon": False, "fontsize": "small", "handlelength": 3}
-    ax.legend(**place, **look, **options)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": _PAD}
+    look = {"frameon": False, "fontsize": "small", "handlelength": 3}
+    wide, high = _room(ax)
+    legend, _ = _legend(ax, columns, wide, _HIGHEST_BELOW * high, **place, **look, **options)
+    if legend and legend.get_window_extent().width > _WIDE * wide:
+        legend.set_bbox_to_anchor((_middle(ax), 0.0), transform=_across_figure(ax, ax.transAxes))
+    _make_room(ax, legend)
 
 
+@missing_letters()
 def legend_beside(ax: Axes, *, title: str | None = None, away: float = 0.0) -> None:
-    """Legend right of the axes, for long names; so much of their width away where something stands between."""
-    look = {"frameon": False, "fontsize": "x-small", "title_fontsize": "x-small", "handlelength": 4}
-    ax.legend(loc="upper left", bbox_to_anchor=(1.01 + away, 1), title=title, **look)
+    """Legend right of the axes, for long names; so much of their width away where something stands between.
+
+    Where it would take too much of their width, or is too high, it stands under them.
+    """
+    look = {"frameon": False, "fontsize": "x-small", "title_fontsize": "x-small", "handlelength": 4, "title": title}
+    wide, high = _room(ax)
+    legend, whole = _legend(ax, 1, wide, high, loc="upper left", bbox_to_anchor=(1.01 + away, 1), **look)
+    if legend is None or (whole and legend.get_window_extent().width <= _WIDEST_BESIDE * wide):
+        _make_room(ax, legend, beside=True)
+    else:
+        legend_below(ax, title=title)
+
+
+@missing_letters()
+def legend_in_ring(ax: Axes, *, inner: float) -> None:
+    """Legend in the middle of polar axes, or under them where a circle of so much of their radius does not hold it."""
+    look = {"frameon": False, "fontsize": "x-small", "handlelength": 3}
+    side = _INSCRIBED * inner * min(size_in_dots(ax))
+    legend, whole = _legend(ax, 1, side, side, loc="center", **look)
+    if not whole or (legend and legend.get_window_extent().width > side):
+        legend_below(ax)
+
+
+def size_in_dots(ax: Axes) -> tuple[float, float]:
+    """Width and height of axes in the figure's layout, with what is on them so far."""
+    figure = ax.get_figure(root=True)
+    layout = None if figure is None else figure.get_layout_engine()
+    if figure is not None and layout is not None:
+        layout.execute(figure)
+    box = ax.get_window_extent()
+    return float(box.width), float(box.height)
+
+
+def _legend(ax: Axes, columns: int, wide: float, high: float, **options: Any) -> tuple[Legend | None, bool]:
+    """Legend no wider and no higher than this: with fewer columns, then broken lines, then fewer entries.
+
+    Also whether all entries are in it.
+    """
+    from matplotlib.lines import Line2D
+
+    handles = options.pop("handles", None) or ax.get_legend_handles_labels()[0]
+    labels = [str(handle.get_label()) for handle in handles]
+    if not handles:
+        return None, True
+
+    def made(labels: Sequence[str], more: int = 0) -> Legend:
+        rest = ([Line2D([], [], ls="none")], [f"{more} more"]) if more else ([], [])
+        kept = len(labels)
+        return ax.legend([*handles[:kept], *rest[0]], [*labels, *rest[1]], ncols=columns, **options)
+
+    legend = made(labels)
+    while legend.get_window_extent().width > wide and columns > 1:
+        columns -= 1
+        legend = made(labels)
+    told, letters = labels, max(map(len, labels))
+    while legend.get_window_extent().width > wide and letters > _FEWEST_LETTERS:
+        letters = min(letters - 1, int(letters * wide / legend.get_window_extent().width))
+        told = [textwrap.fill(label, max(letters, _FEWEST_LETTERS), subsequent_indent="  ") for label in labels]
+        legend = made(told)
+    more = 0
+    while legend.get_window_extent().height > high and more < len(told) - 1:
+        more += 1
+        legend = made(told[: len(told) - more], more)
+    return legend, not more
 
 
 def to_bytes(figure: Figure, kind: str) -> bytes:
@@ -193,8 +438,7 @@ def to_bytes(figure: Figure, kind: str) -> bytes:
     # without metadata a picture holds no address and is the same tomorrow
     nameless = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     options: dict[str, Any] = {"dpi": 130} if kind == "png" else {"metadata": nameless}
-    with rc_context({"svg.hashsalt": "rverror"}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # a box stands for it
+    with rc_context({"svg.hashsalt": "rverror"}), missing_letters():
         figure.savefig(buffer, format=kind, **options)
     return buffer.getvalue()
 

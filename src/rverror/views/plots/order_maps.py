@@ -23,9 +23,19 @@ from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.statics.loaded_state import equilibrium
 from rverror.views.by_order import residual_spectrum
-from rverror.views.plots.figure import ORDER, axes_for, check_axes, in_shown_unit, plain, shown_unit, span_of
+from rverror.views.plots.figure import (
+    ORDER,
+    axes_for,
+    check_axes,
+    in_shown_unit,
+    plain,
+    shown_unit,
+    span_of,
+    stated,
+    titled,
+)
 from rverror.views.plots.spectra import lines_of, mechanism_of, run_lines
-from rverror.views.plots.waveforms import signals_of
+from rverror.views.plots.waveforms import signals_of, unit_name, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +114,7 @@ def order_map(
     if len(quantities) > 1:
         raise InputError("some runs are torque records and others hold an error; draw them apart")
     unit = shown_unit(quantities.pop()) if quantities else "arcsec"
-    return _map(rows, ylabel=_BY[by], unit=unit, title="order map of runs", highest=highest, ax=ax)
+    return _map(rows, ylabel=_BY[by], unit=unit, title=["order map of runs", *unit_of(ratio)], highest=highest, ax=ax)
 
 
 def diagnosis_map(
@@ -132,7 +142,8 @@ def diagnosis_map(
         label = f"{at:.4g} " if loads else f"{plain(file_name(trace.name))}\n"
         rows.append(_Row(at, label + way(trace.direction), found.order, size))
     ylabel, unit = _BY["torque"] if loads and rows else "", shown_unit(diagnosis.quantity)
-    return _map(rows, ylabel=ylabel, unit=unit, title=f"order map of the residual {which}", highest=highest, ax=ax)
+    title = [f"order map of the residual {which}", unit_name(diagnosis.declared)]
+    return _map(rows, ylabel=ylabel, unit=unit, title=title, highest=highest, ax=ax)
 
 
 def model_map(
@@ -181,11 +192,13 @@ def model_map(
         found = lines_of(theta, state.transmission_error)
         at = units.to_display(units.to_core(torque, "torque"), "torque")
         rows.append(_Row(at, f"{at:.4g}", found.order, in_shown_unit(found.size, "angle")))
-    title = f"order map, loaded, {way(direction)}" + (f", {plain(model.name)}" if model.name else "")
+    title = ["order map, loaded", unit_name(model), *stated(direction=direction)]
     return _map(rows, ylabel=_BY["torque"], unit="arcsec", title=title, highest=highest, ax=ax)
 
 
-def _map(rows: Sequence[_Row], *, ylabel: str, unit: str, title: str, highest: float, ax: Axes | None) -> Axes:
+def _map(
+    rows: Sequence[_Row], *, ylabel: str, unit: str, title: Sequence[str], highest: float, ax: Axes | None
+) -> Axes:
     if not rows:
         raise InputError("an order map needs one run or more")
     ax = axes_for(ax, height=1.6 + 0.35 * max(len(rows), 4))
@@ -210,7 +223,8 @@ def _map(rows: Sequence[_Row], *, ylabel: str, unit: str, title: str, highest: f
         drawn = ax.pcolormesh(edges, [place - 0.46, place + 0.46], heights[None], norm=scale, cmap="YlGnBu")
     ax.set_yticks(range(len(ordered)), [row.label for row in ordered], fontsize="small")
     last = min(highest, max(float(row.order[-1]) for row in ordered))
-    ax.set(xlabel=ORDER, ylabel=ylabel, title=title, xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
+    titled(ax, *title)
+    ax.set(xlabel=ORDER, ylabel=ylabel, xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
     if drawn is not None:
         largest_of = f", largest of {columns} lines" if columns > 1 else ""
         ax.figure.colorbar(drawn, ax=ax, label=f"amplitude, {unit}{largest_of}", extend="min")

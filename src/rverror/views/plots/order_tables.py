@@ -22,6 +22,7 @@ from rverror.views.plots.figure import (
     legend_beside,
     line_style,
     shown_unit,
+    titled,
 )
 
 if TYPE_CHECKING:
@@ -104,7 +105,8 @@ def table_amplitudes(
         first, last = (_told(varied, rest) for rest in (min(groups), max(groups)))
         title.append(f"{'small to large' if by == 'order' else 'thin to thick'}: {first} to {last}")
     label = ORDER if by == "order" else _BY[by][1]
-    ax.set(xlabel=label, ylabel=f"amplitude, {shown_unit('angle')}", title=", ".join(title))
+    ax.set(xlabel=label, ylabel=f"amplitude, {shown_unit('angle')}")
+    titled(ax, *title)
     sizes = np.array([size for order, size in largest.items() if by == "order" or order in drawn])
     if sizes.max() > _HIDES * np.median(sizes) and all((np.abs(case.waves) > 0).all() for case in cases):
         ax.set_yscale("log")

@@ -13,7 +13,7 @@ from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
-from rverror.views.plots.figure import plain
+from rverror.views.plots.figure import missing_letters, plain, size_in_dots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +27,8 @@ _ALONE = 3.0  # times the resolution, within which no other order of a frame may
 _FONT = 7.0  # points
 _LINE = 1.25  # of the font
 _GAP = 5.0  # points, between names
+_NAMED = 0.6  # of the height of axes, that names may take
+_OVER = 0.04  # of it, left free under them
 
 
 def resolution(order: Array) -> float:
@@ -106,15 +108,17 @@ def strongest(size: Array, *, floor: float | Array, apart: int = 1, most: int = 
     return chosen
 
 
+@missing_letters()
 def name_peaks(ax: Axes, order: Array, size: Array, name: Callable[[float], str], *, bottom: float, top: float) -> None:
     """Write the names of peaks in rows over a logarithmic spectrum and set the limits of its ordinate.
 
-    A name that finds no room in three rows is left out, so the most important come first.
+    A name that finds no room in three rows is left out, so the most important come first.  Rows are points below the
+    upper edge, as texts are: they stay apart in axes of any height.
 
     Parameters
     ----------
     ax : Axes
-        With its abscissa's limits set.
+        With its abscissa's limits set, and with labels, title and legend, which take room from it.
     order, size : ndarray
         Of the peaks.
     name : callable
@@ -122,32 +126,36 @@ def name_peaks(ax: Axes, order: Array, size: Array, name: Callable[[float], str]
     bottom, top : float
         Smallest and largest value to be shown.
     """
+    from matplotlib.transforms import ScaledTranslation
+
     ax.set_yscale("log")
-    width, height = _size_in_points(ax)
+    ax.set_ylim(bottom, top)
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    width, height = (72 * size / figure.dpi for size in size_in_dots(ax))
     low, high = ax.get_xlim()
-    taken: list[list[tuple[float, float]]] = [[] for _ in range(_ROWS)]
-    placed: list[tuple[int, int, float, str]] = []
-    tallest = 0.0
+    texts = [[plain(line) for line in name(place).split("\n")] for place in order]
+    step = max(map(len, texts), default=1) * _LINE * _FONT + _GAP
+    taken: list[list[tuple[float, float]]] = [[] for _ in range(min(_ROWS, int(_NAMED * height / step)))]
+    placed: list[tuple[int, int, float]] = []
     for number, place in enumerate(order):
-        lines = [plain(line) for line in name(place).split("\n")]
-        half = _half_width(lines)
+        half = _half_width(texts[number])
         found = _room(taken, (place - low) / (high - low) * width, half, width)
         if found is None:
             continue
         row, middle = found
         taken[row].append((middle - half, middle + half))
-        placed.append((row, number, middle / width, "\n".join(lines)))
-        tallest = max(tallest, len(lines) * _LINE * _FONT)
+        placed.append((row, number, middle / width))
     rows = 1 + max((row for row, *_ in placed), default=-1)
-    room = min((rows * (tallest + _GAP) + _GAP) / height, 0.6)
-    decades = np.log10(top / bottom) / max(1 - room - 0.04, 0.3)
+    decades = np.log10(top / bottom) / (1 - (rows * step + _GAP) / height - _OVER)
     ax.set_ylim(bottom, bottom * 10**decades)
-    for row, number, middle, text in sorted(placed):  # lower rows later, over the leaders of those above
+    for row, number, middle in sorted(placed):  # lower rows later, over the leaders of those above
+        down = ScaledTranslation(0, -(row + 1) * step / 72, figure.dpi_scale_trans)
         ax.annotate(
-            text,
+            "\n".join(texts[number]),
             xy=(order[number], size[number]),
-            xytext=(middle, 1 - (row + 1) * (tallest + _GAP) / height),
-            textcoords="axes fraction",
+            xytext=(middle, 1.0),
+            textcoords=ax.transAxes + down,
             ha="center",
             va="bottom",
             fontsize=_FONT,
@@ -175,10 +183,3 @@ def _room(
             if all(middle + half <= start or middle - half >= end for start, end in spans):
                 return row, middle
     return None
-
-
-def _size_in_points(ax: Axes) -> tuple[float, float]:
-    """Width and height of axes, before a layout that mostly widens them."""
-    box = ax.get_position()
-    across, up = (72 * length for length in ax.get_figure(root=True).get_size_inches())  # type: ignore[union-attr]
-    return float(box.width * across), float(box.height * up)

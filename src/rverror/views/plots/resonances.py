@@ -9,7 +9,8 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, with_unit
 from rverror.diagnosis.result import Diagnosis
-from rverror.views.plots.figure import GREY, axes_for, in_shown_unit, legend_beside, line_style
+from rverror.views.plots.figure import GREY, axes_for, in_shown_unit, legend_beside, line_style, titled
+from rverror.views.plots.waveforms import unit_name
 from rverror.views.resonance_report import law_of
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     ends = [end for one in found for series in one.series for end in (series.frequency[0], series.frequency[-1])]
     low, high = (end(one.frequency for one in found) for end in (min, max))
     ax.set_xlim(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends)))
-    ax.set(xlabel="frequency of the order, Hz", ylabel="amplitude, arcsec", yscale="log", title="orders over the speed")
+    ax.set(xlabel="frequency of the order, Hz", ylabel="amplitude, arcsec", yscale="log")
+    titled(ax, "orders over the speed", unit_name(diagnosis.declared))
     legend_beside(ax, title="lines: laws of one mode;\ngrey: its frequency and interval")
     return ax

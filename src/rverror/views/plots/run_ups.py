@@ -6,9 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rverror.base.numbers import way, with_unit
+from rverror.base.numbers import with_unit
 from rverror.dynamics.running_up import RunUp
-from rverror.views.plots.figure import BLACK, GREY, axes_for, in_shown_unit, legend_beside, line_style
+from rverror.views.plots.figure import (
+    BLACK,
+    GREY,
+    axes_for,
+    for_drawing,
+    in_shown_unit,
+    legend_beside,
+    line_style,
+    stated,
+    titled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,9 +33,11 @@ def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes_for(ax, height=4.2)
     about = found.crawl.mean()
-    ax.plot(found.time, in_shown_unit(found.transmission_error - about, "angle"), color=BLACK, lw=0.8, label="error")
-    for number, (label, row) in enumerate({"vibration": found.vibration, "windup": found.windup}.items()):
-        ax.plot(found.time, in_shown_unit(row, "angle"), lw=1.2, label=label, **line_style(number))
+    rows = (found.transmission_error - about, found.vibration, found.windup)
+    time, *drawn = for_drawing(found.time, *(in_shown_unit(row, "angle") for row in rows))
+    ax.plot(time, drawn[0], color=BLACK, lw=0.8, label="error")
+    for number, (label, row) in enumerate(zip(("vibration", "windup"), drawn[1:], strict=True)):
+        ax.plot(time, row, lw=1.2, label=label, **line_style(number))
     pulls = found.output_torque < 0
     if pulls.any():
         across = ax.get_xaxis_transform()
@@ -33,7 +45,7 @@ def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
     last = with_unit(float(found.speed[-1]), "angular_speed")
     title = f"run-up from {with_unit(float(found.speed[0]), 'angular_speed')} to {last}"
     ax.set(xlabel="time, s", ylabel="transmission error, arcsec")
-    ax.set_title(", ".join([title, with_unit(found.torque, "torque"), way(found.direction)]))
+    titled(ax, title, *stated(torque=found.torque, direction=found.direction))
     ax.set_xlim(float(np.min(found.time)), float(np.max(found.time)))
     legend_beside(ax)
     return ax

@@ -17,8 +17,10 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
-from rverror.geartrain.kinematics import true_period
+from rverror.geartrain.kinematics import Conditions, true_period
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.model.catalogue import source
+from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import noise_spectrum, revolutions
@@ -28,22 +30,28 @@ from rverror.views.plots.figure import (
     BLACK,
     BLUE,
     DASHED,
+    NOTHING,
     ORANGE,
     ORDER,
     axes_for,
+    for_drawing,
     in_shown_unit,
     legend_below,
-    plain,
     shown_unit,
     span_of,
+    stated,
+    tallest,
+    titled,
 )
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
 from rverror.views.plots.waveforms import (
     MOST_TURNS,
     Signal,
     parts_of,
-    run_name,
+    run_title,
     signals_of,
+    state_title,
+    unit_name,
     whole_turn,
 )
 
@@ -55,6 +63,7 @@ _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact wav
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
 _ROWS = ((BLUE, "solid", 1.6), (ORANGE, DASHED, 0.8))
+_SAME = 1e-6  # orders that lie so near are one
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -131,16 +140,42 @@ def model_spectrum(
     theta = _TURN * span * np.arange(round(turn.size * span)) / round(turn.size * span)
     parts = parts_of(model, theta, direction=direction, torque=torque)
     whole = lines_of(theta, parts.rows.sum(axis=0))
-    alone = [lines_of(theta, row).size for row in parts.rows]
-    keys = [effect.key for effect in model.effects]
+    causes = causes_of(model, theta, parts.rows)
 
     def name(order: float) -> str:
-        at = int(np.argmin(np.abs(whole.order - order)))
-        by_size = sorted(range(len(keys)), key=lambda i: -alone[i][at])
-        others = sum(alone[i][at] > _PART * alone[by_size[0]][at] for i in by_size[1:])
-        return f"{order:g}\n{keys[by_size[0]]}" + (f" + {others}" if others else "")
+        return _cause_name([key for key, _ in causes.at(order)], order)
 
-    return _draw([("total", whole)], name, title=plain(model.name or "order spectrum"), highest=highest, ax=ax)
+    title = [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
+    return _draw([("total", whole)], name, title=title, highest=highest, ax=ax)
+
+
+@dataclass(frozen=True)
+class Causes:
+    """Amplitudes that each effect alone makes, by order: `rows` (effects, orders), with the effects' keys."""
+
+    keys: tuple[str, ...]
+    order: Array
+    rows: Array
+
+    def at(self, order: float) -> list[tuple[str, float]]:
+        """Key and amplitude of those that make a tenth or more of what the largest makes, the largest first."""
+        size = self.rows[:, int(np.argmin(np.abs(self.order - order)))]
+        by_size = np.argsort(-size, kind="stable")
+        return [(self.keys[i], float(size[i])) for i in by_size if size[i] > _PART * size[by_size[0]]]
+
+
+def causes_of(model: Model, theta: Array, rows: Array) -> Causes:
+    """Spectra of what the effects of a model make alone at even angles: `rows`, (effects, n)."""
+    found = [lines_of(theta, row) for row in rows]
+    order = found[0].order if found else lines_of(theta, np.zeros_like(theta)).order
+    size = np.array([one.size for one in found]).reshape(len(found), order.size)
+    return Causes(tuple(effect.key for effect in model.effects), order, size)
+
+
+def _cause_name(keys: Sequence[str], order: float) -> str:
+    """Order, the effect that makes most of it, and how many others share in it; empty without any."""
+    others = f" + {len(keys) - 1}" if len(keys) > 1 else ""
+    return f"{order:g}\n{keys[0]}{others}" if keys else ""
 
 
 def run_spectrum(
@@ -163,20 +198,24 @@ def run_spectrum(
         size = in_shown_unit(found.size, signal.quantity)
         rows.append((way(signal.direction), Lines(found.order, size, floor, found.floor_name)))
     name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
-    unit, title = shown_unit(signals[0].quantity), f"order spectrum, {run_name(run)}"
-    return _draw(rows, name, title=title, unit=unit, highest=highest, ax=ax)
+    unit, title = shown_unit(signals[0].quantity), run_title(run, ratio, signals)
+    return _draw(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
 def state_spectrum(
     state: Equilibrium, *, mechanism: Mechanism | None = None, highest: float | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Order spectrum of the transmission error of a loaded state at even angles.
+    """Order spectrum of the transmission error of a loaded state at even angles, with the causes of its peaks.
+
+    A peak has the name of the declared effect that makes most of it in closed form at the same angles; else of the
+    declared effect that the catalogue gives this order, such as a clearance, which works under load alone; else of the
+    frame that it fits.
 
     Parameters
     ----------
     state : Equilibrium
     mechanism : Reducer, optional
-        For the frames of the peaks.
+        For the frames of the peaks, of a state that does not know its model.
     highest : float, optional
         As in `model_spectrum`.
 
@@ -190,8 +229,34 @@ def state_spectrum(
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
-    name = "loaded equilibrium"
-    return _draw([(name, found)], _namer(mechanism, found), title=name, highest=highest, ax=ax)
+    unit = mechanism if state.model is None else state.model.mechanism
+    name = _namer(unit, found)
+    if state.model is not None and state.conditions is not None:
+        name = partial(_loaded_name, state.model, _causes_at(state.model, state.conditions), found, name)
+    return _draw([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
+
+
+def _causes_at(model: Model, where: Conditions) -> Causes:
+    rows = in_shown_unit(transmission_error_by_effect(model, where), "angle")
+    return causes_of(model, where.theta, rows)
+
+
+def _loaded_name(model: Model, causes: Causes, lines: Lines, frame: Callable[[float], str], order: float) -> str:
+    """Name of a peak under load: of what makes it in closed form, of what the catalogue gives it, of its frame."""
+    size = float(lines.size[int(np.argmin(np.abs(lines.order - order)))])
+    made = _cause_name([key for key, alone in causes.at(order) if alone > _PART * size], order)
+    near = max(resolution(lines.order), _SAME)
+    silent = [
+        effect.key
+        for effect, row in zip(model.effects, causes.rows, strict=True)
+        if row.max(initial=0.0) <= NOTHING
+        and any(_multiple(order, of, near) for of in source(effect.key).orders(model.mechanism, effect.indices))
+    ]
+    return made or _cause_name(silent, order) or frame(order)
+
+
+def _multiple(order: float, of: float, near: float) -> bool:
+    return round(order / of) >= 1 and abs(order - of * round(order / of)) <= near
 
 
 def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mechanism:
@@ -220,7 +285,7 @@ def _draw(
     rows: Sequence[tuple[str, Lines]],
     name: Callable[[float], str],
     *,
-    title: str,
+    title: Sequence[str],
     unit: str = "arcsec",
     highest: float | None = None,
     ax: Axes | None = None,
@@ -236,16 +301,18 @@ def _draw(
     # the second row is drawn thin and light over the first
     for (label, found), (colour, dashes, width) in zip(rows, _ROWS, strict=False):
         shown = (found.order <= last) & (found.size > bottom)
-        ax.vlines(found.order[shown], bottom, found.size[shown], color=colour, lw=width, label=label)
+        order, size = tallest(found.order[shown], found.size[shown])
+        ax.vlines(order, bottom, size, color=colour, lw=width, label=label)
         if found.floor is not None:
             at, name_of = found.order <= last, f"{label}: {found.floor_name}"
-            ax.plot(found.order[at], found.floor[at], color=BLACK, ls=dashes, lw=1.0, label=name_of)
+            ax.plot(*for_drawing(found.order[at], found.floor[at]), color=BLACK, ls=dashes, lw=1.0, label=name_of)
     ax.set_xlim(0, last)
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {unit}")
+    titled(ax, *title)
+    legend_below(ax)
     size = np.where(lines.order <= last, lines.size, 0.0)
     chosen = strongest(size, floor=out, apart=LOBE if resolution(lines.order) else 1)
     name_peaks(ax, lines.order[chosen], size[chosen], name, bottom=bottom, top=top)
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {unit}", title=title)
-    legend_below(ax)
     return ax
 
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import way, with_unit
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
@@ -23,8 +22,11 @@ from rverror.views.plots.figure import (
     in_shown_unit,
     legend_beside,
     line_style,
+    plain,
     shown_unit,
     span_of,
+    stated,
+    titled,
 )
 
 if TYPE_CHECKING:
@@ -55,7 +57,8 @@ def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None 
     for number, at in enumerate(leading):
         ax.plot(speed, size[:, at], label=_named(response.order[at]), **line_style(number))
     _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
-    ax.set(xlabel=_SPEED, ylabel=f"amplitude, {shown_unit('angle')}", title=_title("error by order", response, leading))
+    ax.set(xlabel=_SPEED, ylabel=f"amplitude, {shown_unit('angle')}")
+    titled(ax, *_title("error by order", response, leading))
     ax.set_ylim(bottom=0)
     legend_beside(ax)
     return ax
@@ -110,7 +113,8 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
     _name_modes(ax, response.frequency[low], top)
     _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
     told = _number_crossings(ax, response, leading, last, top)
-    ax.set(xlabel=_SPEED, ylabel="frequency, Hz", title=_title("Campbell diagram", response, leading))
+    ax.set(xlabel=_SPEED, ylabel="frequency, Hz")
+    titled(ax, *_title("Campbell diagram", response, leading))
     ax.set(xlim=(0, max(last, 1e-9)), ylim=(0, max(top, 1e-9)))
     legend_beside(ax, away=_NAMES_OF_MODES)
     ax.text(1.02 + _NAMES_OF_MODES, 0.0, told, transform=ax.transAxes, va="bottom", fontsize="x-small", gid="crossings")
@@ -200,7 +204,8 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
     least = largest / 10**_DECADES
     scale = LogNorm(least, largest)
     drawn = ax.pcolormesh(speeds, orders, np.maximum(size, least).T, norm=scale, cmap="YlGnBu", rasterized=True)
-    ax.set(xlabel=_SPEED, ylabel=ORDER, title=_title("orders over speed", response))
+    ax.set(xlabel=_SPEED, ylabel=ORDER)
+    titled(ax, *_title("orders over speed", response))
     ax.figure.colorbar(drawn, ax=ax, label=f"amplitude, {shown_unit('angle')}", extend="min")
     return ax
 
@@ -227,8 +232,8 @@ def _named(order: float) -> str:
     return f"order {order:.6g}"
 
 
-def _title(what: str, response: SpeedResponse, leading: npt.NDArray[np.intp] | None = None) -> str:
-    parts = [what, with_unit(response.torque, "torque"), way(response.direction)]
+def _title(what: str, response: SpeedResponse, leading: npt.NDArray[np.intp] | None = None) -> list[str]:
+    parts = [what, plain(response.reducer.name), *stated(torque=response.torque, direction=response.direction)]
     if leading is not None and leading.size < response.order.size:
         parts.append(f"the largest {leading.size} of {response.order.size} orders")
-    return ", ".join(parts)
+    return parts

@@ -30,19 +30,24 @@ from rverror.views.plots.figure import (
     BLUE,
     DASHED,
     GREY,
+    NOTHING,
     OUTPUT_ANGLE,
     VERMILLION,
     axes_for,
     fill_style,
+    for_drawing,
     in_shown_unit,
     legend_below,
     legend_beside,
+    legend_in_ring,
     line_style,
     over_angle,
     plain,
     shown_unit,
     signal_label,
     span_of,
+    stated,
+    titled,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +62,9 @@ _TURN = 2 * np.pi
 _LABELS_AT = np.radians(22.5)  # of the circles
 _HATCH = (0.0, 0.0, 0.0, 0.5)
 _STATE = "loaded equilibrium"
+_ORIGIN = 4.0  # centre of polar axes, of their span either side of the base circle below it
+_HOLE = (_ORIGIN - 1) / (_ORIGIN + 1)  # of their radius, within which nothing is drawn
+_FLATTENED = 2.0  # times the largest wave, that lines with their constants span
 
 
 def whole_turn(mechanism: Reducer | Drive) -> Array:
@@ -132,16 +140,17 @@ def model_waveform(
     if theta is None and waves is not None:
         parts = _first_waves(parts, waves)
     shown = parts if most is None else parts.largest(most)
-    angle = np.degrees(shown.theta)
     named = np.argsort(-np.abs(shown.rows).max(axis=1), kind="stable")[:_NAMED].tolist()
-    for i, (name, row) in enumerate(zip(shown.names, shown.rows, strict=True)):
+    drawn = about_constants(shown)
+    angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
+    for i, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
         if i in named:
             ax.plot(angle, row, lw=0.9, label=name, **line_style(sorted(named).index(i)))
         else:
             ax.plot(angle, row, lw=0.4, color=GREY)
-    ax.plot(angle, parts.rows.sum(axis=0), color=BLACK, lw=1.3, label="total")
+    ax.plot(angle, rows[-1], color=BLACK, lw=1.3, label="total")
     more = len(shown.names) - len(named)
-    over_angle(ax, ylabel=signal_label("angle"), title=_title(model))
+    over_angle(ax, ylabel=_error_label(shown, drawn), title=_title(model, torque=torque, direction=direction))
     legend_beside(ax, title=f"the largest, {more} more unnamed" if more else None)
     return ax
 
@@ -166,17 +175,46 @@ def stacked(
     if theta is None:
         parts = _first_waves(parts, waves)
     shown = parts.largest(most)
-    angle = np.degrees(shown.theta)
-    edges = np.concatenate([np.zeros((1, angle.size)), np.cumsum(shown.rows, axis=0)])
-    for i, name in enumerate(shown.names):
+    drawn = about_constants(shown)
+    whole = np.concatenate([np.zeros((1, drawn.theta.size)), np.cumsum(drawn.rows, axis=0)])
+    angle, *edges = for_drawing(np.degrees(drawn.theta), *whole)
+    for i, name in enumerate(drawn.names):
         area = ax.fill_between(angle, edges[i], edges[i + 1], lw=0.0, edgecolor=_HATCH, label=name, **fill_style(i))
         area.set_alpha(0.55)
         ax.plot(angle, edges[i + 1], color=BLACK, lw=0.5)
     ax.axhline(0, color=BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=BLACK, lw=1.6, label="total")
-    over_angle(ax, ylabel=signal_label("angle"), title=_title(model))
+    over_angle(ax, ylabel=_error_label(shown, drawn), title=_title(model, torque=torque, direction=direction))
     legend_beside(ax)
     return ax
+
+
+def about_constants(parts: Parts) -> Parts:
+    """Rows without their constants, which their names then state, where these would flatten the waves.
+
+    They do where all lines together span more than twice what the largest of them spans, so that no wave has half of
+    the height.
+    """
+    if not parts.names:
+        return parts
+    lines = np.concatenate([parts.rows, parts.rows.sum(axis=0, keepdims=True)])
+    largest = float(np.ptp(lines, axis=1).max())
+    if largest <= NOTHING or float(np.ptp(lines)) <= _FLATTENED * largest:
+        return parts
+    constants = parts.rows.mean(axis=1)
+    names = [
+        f"{name}, about {at:+.4g}" if abs(at) > NOTHING else name
+        for name, at in zip(parts.names, constants, strict=True)
+    ]
+    return Parts(parts.theta, parts.rows - constants[:, None], tuple(names))
+
+
+def _error_label(whole: Parts, drawn: Parts) -> str:
+    """What the ordinate shows: all of the error, or what constants leave."""
+    if drawn is whole:
+        return signal_label("angle")
+    name, unit = signal_label("angle").split(", ")
+    return f"{name} about {float(whole.rows.sum(axis=0).mean()):+.4g}, {unit}"
 
 
 def _first_waves(parts: Parts, waves: int) -> Parts:
@@ -207,11 +245,17 @@ def model_polar(
     if theta is None and 1 < turns <= MOST_TURNS:
         theta = np.concatenate([whole_turn(model.mechanism) + _TURN * turn for turn in range(turns)])
     parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
-    return _polar([("total", parts.theta, parts.rows.sum(axis=0))], title=_title(model), ax=ax)
+    title = _title(model, torque=torque, direction=direction)
+    return _polar([("total", parts.theta, parts.rows.sum(axis=0))], title=title, ax=ax)
 
 
-def _title(model: Model) -> str:
-    return plain(model.name or "transmission error")
+def _title(model: Model, *, torque: Any, direction: float) -> list[str]:
+    return [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
+
+
+def unit_name(model: Model) -> str:
+    """Name of a unit for titles, or of what it is."""
+    return plain(model.name or model.mechanism.name or "transmission error")
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------
@@ -259,9 +303,16 @@ def _broken(x: Array, y: Array, breaks: npt.NDArray[np.intp]) -> tuple[Array, Ar
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
-def run_name(run: Run) -> str:
-    """Short name of a run for titles."""
-    return plain(file_name(run.path) or "run")
+def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: Sequence[Signal]) -> list[str]:
+    """Unit where it is known, short name, torque and directions of a run."""
+    directions = [signal.direction for signal in signals]
+    return [*unit_of(ratio), plain(file_name(run.path) or "run"), *stated(torque=run.torque, direction=directions)]
+
+
+def unit_of(ratio: Reducer | Drive | Model | float | None) -> list[str]:
+    """Name of what was measured, for titles, as far as it has one."""
+    name = ratio.name or ratio.mechanism.name if isinstance(ratio, Model) else getattr(ratio, "name", "")
+    return [plain(name)] if name else []
 
 
 def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
@@ -269,9 +320,9 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
     for part, (colour, dashes) in zip(signals, ((BLUE, "solid"), (VERMILLION, DASHED)), strict=False):
-        angle, values = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
-        ax.plot(angle, values, color=colour, ls=dashes, lw=0.9, label=way(part.direction))
-    over_angle(ax, ylabel=signal_label(signals[0].quantity), title=run_name(run))
+        whole = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
+        ax.plot(*for_drawing(*whole), color=colour, ls=dashes, lw=0.9, label=way(part.direction))
+    over_angle(ax, ylabel=signal_label(signals[0].quantity), title=run_title(run, ratio, signals))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
     legend_below(ax)
     return ax
@@ -281,7 +332,7 @@ def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None,
     """Transmission error of a run, or its torque, about a base circle; revolutions lie over one another."""
     signals = signals_of(run, ratio)
     lines = [(way(s.direction), *_broken(s.theta, in_shown_unit(s.values, s.quantity), s.breaks)) for s in signals]
-    return _polar(lines, title=run_name(run), quantity=signals[0].quantity, ax=ax)
+    return _polar(lines, title=run_title(run, ratio, signals), quantity=signals[0].quantity, ax=ax)
 
 
 # --- loaded states ----------------------------------------------------------------------------------------------------
@@ -291,15 +342,23 @@ def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state."""
     values = in_shown_unit(state.transmission_error, "angle")
     ax = axes_for(ax)
-    ax.plot(np.degrees(state.theta), values, color=BLUE, lw=1.0, label=_STATE)
-    over_angle(ax, ylabel=signal_label("angle"), title=_STATE)
+    ax.plot(*for_drawing(np.degrees(state.theta), values), color=BLUE, lw=1.0, label=_STATE)
+    over_angle(ax, ylabel=signal_label("angle"), title=state_title(state))
     return ax
 
 
 def state_polar(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state about a base circle."""
     values = in_shown_unit(state.transmission_error, "angle")
-    return _polar([(_STATE, state.theta, values)], title=_STATE, ax=ax)
+    return _polar([(_STATE, state.theta, values)], title=state_title(state), ax=ax)
+
+
+def state_title(state: Equilibrium) -> list[str]:
+    """Unit, load and direction of a loaded state, as far as it knows them."""
+    unit = [] if state.model is None else [unit_name(state.model)]
+    where = state.conditions
+    load = [] if where is None else stated(torque=where.torque, direction=where.direction)
+    return [*unit, *load, _STATE]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
@@ -311,8 +370,10 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
     ax = axes_for(ax)
     for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
-        ax.plot(np.degrees(found.theta), scale * row, lw=1.1, label=label, **line_style(number))
-    over_angle(ax, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=plain(found.key))
+        ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **line_style(number))
+    if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
+        ax.set_ylim(-1, 1)  # rounding is nothing to be seen
+    over_angle(ax, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=[plain(found.key)])
     legend_below(ax, columns=4)
     return ax
 
@@ -321,7 +382,7 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
 
 
 def _polar(
-    lines: Sequence[tuple[str, Array, Array]], *, title: str, quantity: str = "angle", ax: Axes | None = None
+    lines: Sequence[tuple[str, Array, Array]], *, title: Sequence[str], quantity: str = "angle", ax: Axes | None = None
 ) -> Axes:
     """Lines (name, rad, shown unit) about a circle that stands for their common mean."""
     ax = axes_for(ax, projection="polar", width=6.0, height=6.0)
@@ -330,22 +391,23 @@ def _polar(
     reach = span_of(max(float(np.nanmax(np.abs(values - mean))) for _, _, values in lines))
     step = _round_step(reach)
     for number, (name, theta, values) in enumerate(lines):
-        ax.plot(theta, values - mean, lw=0.9, label=name, **line_style(number))
+        ax.plot(*for_drawing(theta, values - mean), lw=0.9, label=name, **line_style(number))
     circle = np.linspace(0, _TURN, 361)
-    label = f"base circle: mean, {mean:.4g} {unit}"
+    digits = 3 - math.floor(math.log10(reach))  # no more than the circles show
+    label = f"base circle: mean, {round(mean, digits) + 0.0:.6g} {unit}"
     ax.plot(circle, np.zeros_like(circle), color=BLACK, lw=1.0, ls=(0, (6, 3)), label=label)
     outer = step * np.ceil(reach / step - 1e-9)
     ax.set_rlim(-outer, outer)  # type: ignore[attr-defined]
-    ax.set_rorigin(-4 * outer)  # type: ignore[attr-defined]
+    ax.set_rorigin(-_ORIGIN * outer)  # type: ignore[attr-defined]
     circles = step * np.arange(-round(outer / step), round(outer / step) + 1)
     ax.set_rticks(circles, [])  # type: ignore[attr-defined]
     for place, word in ((-outer, f"{-outer:g}"), (0.0, "0"), (outer, f"+{outer:g} {unit}")):
         box = {"fc": "white", "ec": "none", "pad": 0.8}
         ax.text(_LABELS_AT, place, word, ha="center", va="center", fontsize="x-small", bbox=box)
-    ax.set_title(title)
+    titled(ax, *title)
     ax.set_xlabel(f"{OUTPUT_ANGLE}; {step:g} {unit} from circle to circle")
     ax.set_ylabel(f"outwards: {signal_label(quantity).partition(',')[0]} above its mean, {unit}", labelpad=30)
-    ax.legend(loc="center", frameon=False, fontsize="x-small", handlelength=3)
+    legend_in_ring(ax, inner=_HOLE)
     return ax
 
 

@@ -1,0 +1,168 @@
+"""The gallery of plots: a small picture of each, made by the line of code that stands beside it.
+
+`python docs/_ext/gallery.py` draws the pictures of docs/gallery and of the README, and writes their table into
+docs/plots.md; it takes a minute.  A test holds table, pictures and kinds together.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rverror.views.plots.drawing import diagnosis_figure
+
+DOCS = Path(__file__).parents[1]
+FOLDER = "gallery"
+_COLUMNS = 3
+_WIDTH = 720  # px
+_COLOURS = 48  # of a palette: what lines, hatches and their soft edges need
+_BEGIN, _END = "<!-- gallery, written by docs/_ext/gallery.py -->", "<!-- end of gallery -->"
+
+#: What the lines below draw; everything is simulated.
+SETUP = """
+import math
+from dataclasses import replace
+from importlib.resources import files
+import numpy as np
+import rverror
+
+demo = files("rverror") / "data" / "demo"
+declared = rverror.load_model(str(demo / "model.toml"))
+runs = [rverror.load_run(str(demo / name), declared) for name in ("forward.csv", "reverse.csv")]
+found = rverror.diagnose(declared, runs)
+made = rverror.compensate(declared, runs)
+
+unit = rverror.Model(
+    rverror.reducer("RV-40E"),
+    (
+        rverror.effect("crank.eccentricity", crank=0, disc=1, radial="4 um"),
+        rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos="3 um"),
+        rverror.effect("involute.planet_eccentricity", crank=0, x="6 um"),
+    ),
+    "unit 7",
+)
+worm = rverror.Model(
+    rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5}),
+    (
+        rverror.effect("shaft.eccentricity", shaft="motor", harmonic=1, cos="12 arcsec"),
+        rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="30 arcsec"),
+        rverror.effect("sensor.encoder_eccentricity", cos="8 arcsec", sin="3 arcsec"),
+    ),
+    "motor, idler, output",
+)
+theta = 2 * np.pi * np.arange(512) / 512
+state = rverror.equilibrium(unit, theta, torque="100 N*m")
+torsion = rverror.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
+loaded = rverror.simulate_runs(unit, torques=("20 N*m", "100 N*m", "400 N*m"), points=1024, revolutions=2,
+                               method="equilibrium", noise="0.3 arcsec", seed=1)
+table = rverror.order_table_from_runs(loaded, unit, (39, 40, 78, 80, 120))
+
+arm = replace(unit, bench=rverror.Bench(load_inertia="20 kg*m^2", damping_ratio=0.03))
+modes = rverror.modes(arm, torque="100 N*m")
+speeds = rverror.speed_response(arm, np.linspace(15, 1815, 61) * math.pi / 30, torque="412 N*m")
+started = rverror.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi / 30, torque="412 N*m")
+
+tolerances = (
+    rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(10.0, 0.005)),
+    rverror.tolerance("cycloid.pin_radius", "3 um", cost=rverror.costs.Reciprocal(4.0, 0.003)),
+    rverror.tolerance("involute.planet_eccentricity", "8 um", cost=rverror.costs.Reciprocal(2.0, 0.008)),
+)
+budget = rverror.error_budget(rverror.Model(unit.mechanism), tolerances, count=8192, index_count=512)
+terms = rverror.terms(tolerances)
+least = rverror.allocate(budget.stack, limit="45 arcsec", kind="worst", verify=2048, **terms)
+limits = ["1 arcsec", "30 arcsec", "35 arcsec", "40 arcsec", "45 arcsec", "50 arcsec", "55 arcsec"]
+front = rverror.cost_front(budget.stack, limits=limits, kind="worst", verify=2048, **terms)
+"""
+
+#: Line that draws each picture.
+LINES = {
+    "model-waveform": "unit.plot()",
+    "model-stacked": 'unit.plot(kind="stacked")',
+    "model-polar": 'unit.plot(kind="polar")',
+    "model-spectrum": 'unit.plot(kind="spectrum")',
+    "model-order_map": 'unit.plot(kind="order_map", points=512)',
+    "model-mechanism": 'unit.plot(kind="mechanism", theta="30 deg", torque="20 N*m")',
+    "influence-waveform": 'rverror.influence(unit.mechanism, theta[:64], "cycloid.pin_circle", harmonic=2).plot()',
+    "influence-crank": 'rverror.influence(unit.mechanism, theta[:64], "crank.eccentricity", crank=0, disc=1).plot()',
+    "influence-planet": 'rverror.influence(unit.mechanism, theta[:64], "involute.planet_eccentricity", crank=0).plot()',
+    "influence-bore": 'rverror.influence(unit.mechanism, theta[:64], "coupling.carrier_bore_position", crank=0).plot()',
+    "reducer-mechanism": 'rverror.reducer("RV-40E", output="housing").plot(theta="30 deg")',
+    "drive-spectrum": 'worm.plot(kind="spectrum")',
+    "equilibrium-waveform": "state.plot()",
+    "equilibrium-polar": 'state.plot(kind="polar")',
+    "equilibrium-spectrum": 'state.plot(kind="spectrum")',
+    "torsioncurve-torsion": 'torsion.plot(rated="412 N*m")',
+    "modes-shape": "modes.plot()",
+    "speedresponse-amplitudes": "speeds.plot()",
+    "speedresponse-campbell": 'speeds.plot(kind="campbell")',
+    "speedresponse-order_map": 'speeds.plot(kind="order_map")',
+    "runup-waveform": "started.plot()",
+    "run-waveform": "runs[0].plot(ratio=declared)",
+    "run-polar": 'runs[0].plot(kind="polar", ratio=declared)',
+    "run-spectrum": 'runs[0].plot(kind="spectrum", ratio=declared)',
+    "runs-order_map": "rverror.order_map(loaded, ratio=unit, highest=170)",
+    "ordertable-amplitudes": "table.plot()",
+    "ordertable-passport": 'table.plot(kind="passport")',
+    "diagnosis-waveform": "found.plot()",
+    "diagnosis-spectrum": 'found.plot(kind="spectrum")',
+    "diagnosis-residual": 'found.plot(kind="residual")',
+    "diagnosis-runs": 'found.plot(kind="runs")',
+    "diagnosis-candidates": 'found.plot(kind="candidates")',
+    "diagnosis-order_map": 'found.plot(kind="order_map")',
+    "compensation-orders": "made.plot()",
+    "compensation-waveform": 'made.plot(kind="waveform")',
+    "errorbudget-contributions": "budget.plot()",
+    "errorbudget-distribution": 'budget.plot(kind="distribution", limit=50 * rverror.ARCSEC)',
+    "errorbudget-envelope": 'budget.plot(kind="envelope")',
+    "allocation-widths": "least.plot()",
+    "allocation-costs": 'least.plot(kind="costs")',
+    "allocation-front": 'least.plot(kind="front", front=front)',
+}
+
+
+def gallery() -> str:
+    """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it."""
+    cells = [f"[![{line.replace('`', '')}]({FOLDER}/{name}.png)]({FOLDER}/{name}.png)" for name, line in LINES.items()]
+    lines = [f"`{line}`" for line in LINES.values()]
+    rows = ["| | | |", "| --- | --- | --- |"]
+    for start in range(0, len(cells), _COLUMNS):
+        for part in (cells, lines):
+            taken = part[start : start + _COLUMNS]
+            rows.append("| " + " | ".join([*taken, *[""] * (_COLUMNS - len(taken))]) + " |")
+    return "\n".join(rows)
+
+
+def written(page: str) -> str:
+    """The page with the gallery between its marks."""
+    head, rest = page.split(_BEGIN)
+    return f"{head}{_BEGIN}\n\n{gallery()}\n\n{_END}{rest.partition(_END)[2]}"
+
+
+def small(figure: Any, *, width: int = _WIDTH) -> bytes:
+    """Figure as a small PNG: so many dots wide, with a palette in place of all colours."""
+    from PIL import Image
+
+    raw, out = io.BytesIO(), io.BytesIO()
+    figure.savefig(raw, format="png", dpi=width / figure.get_size_inches()[0], metadata={"Software": None})
+    Image.open(raw).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE).save(out, format="png", optimize=True)
+    return out.getvalue()
+
+
+def main() -> None:
+    """Draw all and write the table."""
+    names: dict[str, Any] = {}
+    exec(SETUP, names)
+    folder = DOCS / FOLDER
+    folder.mkdir(exist_ok=True)
+    for name, line in LINES.items():
+        (folder / f"{name}.png").write_bytes(small(eval(line, names).figure))
+    forward = replace(names["found"], traces=names["found"].traces[:1])
+    (DOCS / "before-and-after.png").write_bytes(small(diagnosis_figure(forward), width=840))
+    page = DOCS / "plots.md"
+    page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
