@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import rverror
 from rverror.geartrain.mechanism import Stiffness
 from rverror.model.compose import source_matrix
+from rverror.statics import energy
 
 ARCSEC = math.pi / 180 / 3600
 UNIT = rverror.reducer("RV-40E")
@@ -147,3 +150,70 @@ def test_no_clearance_a_trace_and_far_too_much(clearance: float) -> None:
             # between the tangential part alone and the whole force: F/r6 and the closed form
             closed = -rverror.influence(unit, theta, "crank.bearing_clearance", direction=1).matrix[0].mean()
             assert 0.7 * closed < lag / clearance < 1.05 * closed
+
+
+# --- without load -----------------------------------------------------------------------------------------------------
+
+WAVE_OF_THREE = rverror.effect("cycloid.pin_circle", harmonic=3, radial_cos="5 um")
+
+
+@pytest.mark.parametrize("place", [944, 3151])
+def test_journals_that_float_beside_open_flanks_come_to_rest(place: int) -> None:
+    """Nothing holds the cranks there: a whole Newton step led 1e10 mm away, and its halvings never back."""
+    model = rverror.Model(UNIT, (effect_of("coupling.bearing_clearance", 2e-3), WAVE_OF_THREE))
+    theta = np.array([2 * np.pi * place / 4095])
+    found = rverror.backlash(model, theta)
+    assert found > rverror.backlash(rverror.Model(UNIT, (WAVE_OF_THREE,)), theta)
+    # the play ends where a small load begins to wind up
+    assert found == pytest.approx(rverror.lost_motion(model, theta, percent=1e-4), abs=0.02 * ARCSEC)
+
+
+SIZES_UM = st.floats(-8, 8)
+GAPS_UM = st.floats(0.2, 20)
+ORDINARY = st.one_of(
+    st.tuples(st.just("coupling.bearing_clearance"), st.fixed_dictionaries({"clearance": GAPS_UM})),
+    st.tuples(st.just("crank.bearing_clearance"), st.fixed_dictionaries({"clearance": GAPS_UM})),
+    st.tuples(
+        st.just("cycloid.pin_circle"),
+        st.fixed_dictionaries({"harmonic": st.integers(1, 5), "radial_cos": SIZES_UM, "radial_sin": SIZES_UM}),
+    ),
+    st.tuples(
+        st.just("cycloid.disc_bore_position"),
+        st.fixed_dictionaries({"disc": st.just(0), "crank": st.just(1), "radial": SIZES_UM, "tangential": SIZES_UM}),
+    ),
+    st.tuples(
+        st.just("cycloid.profile_modification"), st.fixed_dictionaries({"equidistant": GAPS_UM, "shift": GAPS_UM})
+    ),
+)
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(
+    st.sampled_from(["RV-40E", "RV-003"]),
+    st.sampled_from([2, 3]),
+    st.lists(ORDINARY, min_size=1, max_size=3),
+    st.floats(0, 6),
+)
+def test_backlash_of_ordinary_units_is_found(
+    preset: str, cranks: int, errors: list[tuple[str, dict[str, float]]], first: float
+) -> None:
+    """The output gives way to more torque, so its play without load lies within its turn under any."""
+    sized = [
+        rverror.effect(key, **{n: v if isinstance(v, int) else f"{v} um" for n, v in named.items()})
+        for key, named in errors
+    ]
+    model = rverror.Model(rverror.reducer(preset, cranks=cranks, rated_torque="412 N*m"), tuple(sized))
+    theta = first + 0.01 * np.arange(3)
+    free = rverror.backlash(model, theta)
+    assert (free >= 0).all()
+    assert (free <= rverror.lost_motion(model, theta, percent=3)).all()
+
+
+def test_advice_fits_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    for limit in ("_MAX_STEPS", "_MAX_STEPS_NEAR", "_MAX_STEPS_UNLOADING"):
+        monkeypatch.setattr(energy, limit, 0)
+    model = rverror.Model(UNIT, (effect_of("crank.bearing_clearance"),))
+    with pytest.raises(rverror.NotConvergedError, match=r"far above 0\.1 mm$"):
+        rverror.backlash(model, [0.0])
+    with pytest.raises(rverror.NotConvergedError, match="or take a greater load"):
+        rverror.lost_motion(model, [0.0])

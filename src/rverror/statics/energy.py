@@ -45,12 +45,17 @@ GRADIENT_TOLERANCE = 1e-9  # of the applied torque
 _MAX_STEPS = 40
 _MAX_STEPS_NEAR = 10  # from a pose that is likely near
 _UNLOADING = (8.0, 3.0)  # factors between loads on the way down, the second for angles that the first leaves
-_MAX_STEPS_UNLOADING = 200  # at each load
+_MAX_STEPS_UNLOADING = 2000  # at each load; each few lower a convex energy, so only time runs out
 _LOOSER_UNLOADING = 1e4  # than the tolerance at the last load
 _FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
+_TINY = float(np.finfo(np.float64).tiny)
 _EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDING = 2e-14  # of stiffness times displacement, in sums of which the parts cancel
 _OF_ALL_ANGLES = ("reducer", "pin_law", "flank_law", "first_disc")  # of a system
+_KEPT = 4  # energies of the last steps: below the highest of them each step falls
+#: mm.  Work of a whole Newton step, over the tolerance, below which a pose creeps along on rounding alone.  An output
+#: that gives way by less than 1 mrad under its torque is then within 1e-10 rad of its place.
+_CREEPING = 1e-8
 _STRIDE = 8  # every so many angles is solved first; those between start from their neighbours
 
 
@@ -687,28 +692,44 @@ def _minimise(system: System, start: Array, tolerance: float, most: int) -> tupl
     """Pose of least energy, the Newton steps that each angle took, and whether it was found within `most` of them."""
     x, now, part = start.copy(), system.state(start), system
     at, steps = np.arange(len(x)), np.zeros(len(x), dtype=np.intp)
-    before = np.full(len(x), np.inf)
+    before, above = np.full(len(x), np.inf), np.full(len(x), np.inf)
+    recent = np.full((len(x), _KEPT), -np.inf)
     for step in range(most + 1):
         left = now.imbalance
         # what is as small as rounding is let go once it shrinks no more
         moving = (left > tolerance) & ((left > now.unbalanced) | (left < 0.5 * before[at]))
+        moving &= (above[at] > _CREEPING * tolerance) | (step < _MAX_STEPS)
         before[at] = left
         if not moving.all():
             at, part, now = at[moving], part.take(moving), now.take(moving)
         if at.size == 0 or step == most:
             break
         steps[at] += 1
+        recent[at, step % _KEPT] = now.energy
         descent = -solved(part.newton_matrix(now), now.gradient)
-        x[at], now = _line_search(part, x[at], descent, now)
+        above[at] = -(now.gradient * descent).sum(axis=1)
+        x[at], now = _line_search(part, x[at], _within_reach(part, descent), now, recent[at].max(axis=1))
     found = np.ones(len(x), dtype=np.bool_)
     found[at] = False
     return x, steps, found
 
 
-def _line_search(system: System, x: Array, descent: Array, state: State) -> tuple[Array, State]:
+def _within_reach(system: System, descent: Array) -> Array:
+    """Steps no longer than the eccentricity: farther goes only what nothing holds, until it meets something.
+
+    Where journals float and flanks are open, the trace of stiffness that is left leads some 1e10 mm away, from where
+    the halvings of the line search do not come back.
+    """
+    far = np.abs(descent).max(axis=1, keepdims=True)
+    return np.asarray(descent * np.minimum(1.0, system.reducer.eccentricity / np.maximum(far, _TINY)))
+
+
+def _line_search(system: System, x: Array, descent: Array, state: State, highest: Array) -> tuple[Array, State]:
     """Halve each step until the energy falls; the full step is exact once no contact opens or closes.
 
-    Where rounding hides the fall, the slope at the end of the step must not be as steep upwards as it was downwards.
+    It falls below `highest`, the most that the last steps had: a journal that slides along the curved rim of its
+    clearance is pressed into it by each straight step, and comes out by the next one.  Where rounding hides the fall,
+    the slope at the end of the step must not be as steep upwards as it was downwards.
     """
     slope = (state.gradient * descent).sum(axis=1)
     length = np.ones(len(x))
@@ -717,7 +738,7 @@ def _line_search(system: System, x: Array, descent: Array, state: State) -> tupl
     for _ in range(40):
         level = found.energy < state.energy + state.rounding
         ahead = (found.gradient * descent).sum(axis=1)
-        falling = (found.energy <= state.energy + 1e-4 * length * slope) | (level & (ahead <= -0.8 * slope))
+        falling = (found.energy <= highest + 1e-4 * length * slope) | (level & (ahead <= -0.8 * slope))
         if falling.all():
             break
         rising = ~falling

@@ -422,8 +422,7 @@ class Statics:
 
     def _made(self) -> Iterator[Stretch]:
         on_carrier = abs(self.reducer.output_turn) * self.torque
-        under = on_carrier or _NO_LOAD * self.reducer.stiffness.pin_contact * self.reducer.pin_circle_radius**2
-        return (Stretch(where, self.reducer, under) for where in self.travel.geometries())
+        return (Stretch(where, self.reducer, on_carrier or _trace(self.reducer)) for where in self.travel.geometries())
 
     def stretches(self) -> Iterable[Stretch]:
         """One stretch of angles after another; few are kept with what they condense to for the next errors."""
@@ -517,6 +516,11 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
     return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
 
 
+def _trace(reducer: Reducer) -> float:
+    """Torque on the carrier that stands for none, N*mm."""
+    return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
+
+
 def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> Settled:
     errors = preloaded(error_closing(stretch.contacts, effects), stretch.reducer)
     try:
@@ -561,9 +565,10 @@ def _least(
     steps = steps + more
     if not found.all():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[~found][:5])
+        loaded = ", or take a greater load" if torque > _trace(stretch.reducer) else ""
         raise NotConvergedError(
             f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
-            f"{where} deg ...); raise the torque, or check for errors and clearances far above 0.1 mm"
+            f"{where} deg ...); check for errors and clearances far above 0.1 mm{loaded}"
         )
     return x, energy.state(x), steps
 
