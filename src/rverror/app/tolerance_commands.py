@@ -13,7 +13,7 @@ from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
-from rverror.tolerances.allocation import VERIFY, allocate, cost_front, terms
+from rverror.tolerances.allocation import VERIFY, cost_front, terms
 from rverror.tolerances.full_budget import COUNT, error_budget
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
@@ -71,6 +71,9 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
     command.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, for very many units (default 1)")
+    command.add_argument(
+        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+    )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
 
 
@@ -79,7 +82,7 @@ def _budget(options: argparse.Namespace) -> None:
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
     _at_least_one("--units", options.units)
-    with _executor(options.jobs) as executor, closing(Progress()) as progress:
+    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
             tolerances,
@@ -118,24 +121,25 @@ def _allocate(options: argparse.Namespace) -> None:
         "verify": options.units,
         "seed": options.seed,
     }
-    with _executor(options.jobs) as executor, closing(Progress()) as progress:
-        progress("searching the least cost")
-        found = allocate(laid_out, limit=limit, executor=executor, **settings)
-        print(to_text(found), end="")
-        if options.json:
-            files = input_files([options.model, options.tolerances])
-            write_json(options.json, to_json(found, files=files))
-        if options.save:
-            say_replaced(options.save)
-            save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
-        if options.plot:
-            from rverror.views.plots.budgets import front_figure
+    factors = _FRONT if options.plot else (1.0,)
+    assert limit is not None
+    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
+        limits = [limit * factor for factor in factors]
+        front = cost_front(laid_out, limits=limits, executor=executor, progress=progress, **settings)
+    asked = front[factors.index(1.0)]
+    if (found := asked.allocation) is None:
+        raise InputError(asked.reason)
+    print(to_text(found), end="")
+    files = input_files([options.model, options.tolerances])
+    if options.json:
+        write_json(options.json, to_json(found, files=files))
+    if options.save:
+        say_replaced(options.save)
+        save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
+    if options.plot:
+        from rverror.views.plots.budgets import front_figure
 
-            progress("least cost at other limits")
-            assert limit is not None
-            limits = [limit * factor for factor in _FRONT]
-            front = cost_front(laid_out, limits=limits, executor=executor, **settings)
-            write_picture(options.plot, front_figure(front, found))
+        write_picture(options.plot, front_figure(front, found))
 
 
 def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:
@@ -152,6 +156,10 @@ def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, t
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     model = load_model(options.model)
     return model, load_tolerances(options.tolerances, model)
+
+
+def _progress(options: argparse.Namespace) -> Progress:
+    return Progress(terminal_only=not options.progress)
 
 
 def _direction(options: argparse.Namespace) -> float:

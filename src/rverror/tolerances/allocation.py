@@ -7,7 +7,7 @@ Page ``theory/allocation.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -198,6 +198,7 @@ def allocate(
     confidence: float = 0.95,
     seed: int = 0,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Allocation:
     """Find the widths of least cost that keep the output error within a limit.
 
@@ -226,6 +227,8 @@ def allocate(
         Fixes all draws.
     executor : concurrent.futures.Executor, optional
         Where the units that verify are drawn, as for `virtual_units`.
+    progress : callable, optional
+        Called with a line of text as the work goes on.
 
     Returns
     -------
@@ -263,6 +266,7 @@ def allocate(
         confidence=confidence,
         seed=seed,
         executor=executor,
+        progress=progress,
     )
     return _solve(task, _angle(limit))
 
@@ -367,12 +371,20 @@ class _Task:
     confidence: float
     seed: int
     executor: Executor | None
+    progress: Callable[[str], None]
 
     def verified(self, widths: Array) -> Verification:
         """Quantile of the p-p of fresh units, the same ones at every call."""
         stack = replace(self.stack, width=widths)
         seed = self.seed + 1  # the sample has the seed itself
-        drawn = virtual_units(stack, self.verify, seed=seed, draws="random", executor=self.executor)
+        drawn = virtual_units(
+            stack,
+            self.verify,
+            seed=seed,
+            draws="random",
+            executor=self.executor,
+            progress=lambda text: self.progress(f"verifying by {text}"),
+        )
         found = drawn.quantile(self.level, confidence=self.confidence)
         return Verification(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
 
@@ -436,9 +448,12 @@ def _task(
     confidence: float = 0.95,
     seed: int = 0,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> _Task:
     if kind not in _KINDS:
         raise InputError(f"kind = {kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
+    if kind == "rms" and stack.dependence is not None:
+        raise InputError("kind = 'rms': not with correlation between tolerances; use kind = 'yield' or 'worst'")
     for name, share in (("level", level), ("confidence", confidence)):
         check_share(name, share, 0.99)
     fewest = math.ceil(_FEWEST_BEYOND / min(level, 1 - level))
@@ -454,7 +469,8 @@ def _task(
         limited = Quantile(stack, level=level, sample=sample, seed=seed)
     if kind == "worst":
         limited = WorstPeakToPeak(stack)
-    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor)
+    tell = progress or (lambda text: None)
+    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor, tell)
 
 
 def _solve(task: _Task, limit: float) -> Allocation:
@@ -477,6 +493,7 @@ def _verified(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float,
     market, target = task.market, limit
     best: tuple[Found, float, Verification] | None = None
     for attempt in range(ROUNDS):
+        task.progress(f"least cost within {limit / ARCSEC:g} arcsec, solution {attempt + 1}")
         found = least_cost(market, task.limited, target, rows)
         if found is None:
             break

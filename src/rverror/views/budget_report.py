@@ -146,6 +146,8 @@ def _share(indices: SobolIndices | None, which: str, entry: int, *, waves: bool)
     if indices is None or not waves:
         return "-"
     value, low, high = (float(getattr(indices, f"{which}{end}")[entry]) for end in ("", "_low", "_high"))
+    if math.isnan(value):  # correlated with others, so no cause by itself
+        return "-"
     return f"{value:.2f} +- {(high - low) / 2:.2f}"
 
 
