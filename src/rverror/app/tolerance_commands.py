@@ -8,7 +8,16 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import closing, contextmanager
 from typing import Any
 
-from rverror.app.terminal import Progress, check_outputs, quantity, say_replaced, tell, write_json, write_picture
+from rverror.app.terminal import (
+    Progress,
+    check_outputs,
+    quantity,
+    say_replaced,
+    tell,
+    write_json,
+    write_output,
+    write_picture,
+)
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.model.effects import Model
@@ -18,7 +27,7 @@ from rverror.tolerances.full_budget import COUNT, error_budget
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.envelope import input_files
-from rverror.views.report import to_json, to_text
+from rverror.views.report import to_html, to_json, to_text
 
 _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
 
@@ -75,10 +84,11 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
         "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
     )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
 
 
 def _budget(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.plot)
+    model, tolerances = _inputs(options, options.json, options.html, options.plot)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
     _at_least_one("--units", options.units)
@@ -98,9 +108,11 @@ def _budget(options: argparse.Namespace) -> None:
     print(to_text(found, limit=limit), end="")
     if found.units.kept:
         tell(f"{options.resume}: {found.units.kept} chunks were there from before")
+    files = input_files([options.model, options.tolerances])
     if options.json:
-        files = input_files([options.model, options.tolerances])
         write_json(options.json, to_json(found, limit=limit, files=files))
+    if options.html:
+        write_output(options.html, to_html(found, limit=limit, files=files))
     if options.plot:
         from rverror.views.plots.budgets import budget_figure
 
@@ -108,7 +120,7 @@ def _budget(options: argparse.Namespace) -> None:
 
 
 def _allocate(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.plot, options.save)
+    model, tolerances = _inputs(options, options.json, options.html, options.plot, options.save)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     level = _share(options.level)
     _at_least_one("--units", options.units)
@@ -133,6 +145,8 @@ def _allocate(options: argparse.Namespace) -> None:
     files = input_files([options.model, options.tolerances])
     if options.json:
         write_json(options.json, to_json(found, files=files))
+    if options.html:
+        write_output(options.html, to_html(found, files=files))
     if options.save:
         say_replaced(options.save)
         save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)

@@ -46,6 +46,7 @@ _KINDS = ("worst", "yield", "rms")
 _NEAR = 5e-4  # relative; of a verified quantile to its limit
 _FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
 _IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
+_AT_BOUND = 1e-7  # of a width to its bound, relative
 _ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is met
 
 
@@ -119,6 +120,11 @@ class Allocation(Viewed):
         Catalogue key of each entry, and dimension of its width; empty for a stack that does not tell its components.
     speed : float, optional
         Of the input, rad/s, as in the stack.
+    held_by : tuple of str
+        What keeps each entry at its width: ``"limit"`` of the error, ``"upper bound"``, ``"lower bound"``,
+        ``"grade"`` of a table, ``"fixed"``.
+    model : str
+        Name of the unit, as in the stack.
     """
 
     labels: tuple[str, ...]
@@ -143,6 +149,8 @@ class Allocation(Viewed):
     keys: tuple[str, ...] = ()
     dimensions: tuple[str, ...] = ()
     speed: float | None = None
+    held_by: tuple[str, ...] = ()
+    model: str = ""
 
     @property
     def cost_before(self) -> float:
@@ -556,6 +564,8 @@ def _described(
         keys=tuple(component.key for component in first),
         dimensions=tuple(component.dimension for component in first),
         speed=stack.speed,
+        held_by=_held_by(market, widths),
+        model=stack.model,
         kind=task.kind,
         limit=limit,
         level=task.level,
@@ -575,6 +585,16 @@ def _described(
         gap=gap,
         proof=found.proof,
     )
+
+
+def _held_by(market: Market, widths: Array) -> tuple[str, ...]:
+    """What keeps each entry where it is."""
+    said = np.full(len(market.labels), "limit", dtype=object)
+    said[market.smooth & (widths <= market.low * (1 + _AT_BOUND))] = "lower bound"
+    said[market.smooth & (widths >= market.high * (1 - _AT_BOUND))] = "upper bound"
+    said[[e for e, _, _ in market.tables]] = "grade"
+    said[np.array(market.fixed)] = "fixed"
+    return tuple(map(str, said))
 
 
 def _floats(values: Array) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from rverror.base.errors import InputError
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _BOTH_WAYS = re.compile(rf"\s*(?:±|\+/?-)\s*({_NUMBER}.*)$")
 #: A unit behind the first number alone holds no digit, so the slash of ``arcsec/turn`` is not taken for that of limits.
-_TWO = re.compile(rf"\s*([-+]?{_NUMBER})\s*([^\d/+-]*)/\s*([-+]?{_NUMBER})\s*([^\d\s].*)$")
+_TWO = re.compile(rf"\s*([-+]?{_NUMBER})\s*([^\d/+-]*)/\s*([-+]?{_NUMBER})\s*([^\d\s].*)?$")
 
 
 def width_and_centre(value: Any, dimension: str) -> tuple[float, float | None]:
@@ -50,9 +50,9 @@ def width_and_centre(value: Any, dimension: str) -> tuple[float, float | None]:
         if match := _BOTH_WAYS.match(text):
             return units.to_core(match[1], dimension), None
         if match := _TWO.match(text):
-            pair = [units.to_core(f"{match[1]} {match[2].strip() or match[4]}", dimension)]
-            pair += [units.to_core(f"{match[3]} {match[4]}", dimension)]
-            return _of(sorted(pair), value)
+            unit = match[4] or ""
+            texts = f"{match[1]} {match[2].strip() or unit}", f"{match[3]} {unit}"
+            return _of(sorted(units.to_core(one.strip(), dimension) for one in texts), value)
         return units.to_core(text, dimension), None
     if isinstance(value, Sequence):
         if len(value) != 2:

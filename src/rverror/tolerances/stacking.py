@@ -227,6 +227,8 @@ class Stack:
         Input speed, rad/s; None for the closed form at a crawl.
     dependence : Dependence, optional
         Correlation between entries; None where all are independent.
+    model : str
+        Name of the unit, for people.
     """
 
     nominal: Array
@@ -239,6 +241,7 @@ class Stack:
     theta: Array | None = field(default=None)
     speed: float | None = field(default=None)
     dependence: Dependence | None = field(default=None)
+    model: str = ""
 
     def scaled(self, width: Array | None = None) -> Array:
         """Influence of the standard draws, rad, shape (m, n): `influence` times the width of each component.
@@ -745,6 +748,7 @@ def stack(
         theta=angles,
         speed=speed,
         dependence=_dependence(pairs, tolerances, blocks, components) if pairs else None,
+        model=model.name or model.mechanism.name or "the model",
     )
 
 

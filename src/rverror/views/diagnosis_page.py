@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rverror.base.numbers import brief
-from rverror.views.html import document, escaped, escaped_lines, number, scrolled
+from rverror.views.html import document, escaped, escaped_lines, inputs, number, scrolled, tiles
 from rverror.views.set_aside import LABELS
 from rverror.views.svg import MARKS
 
@@ -57,7 +57,7 @@ def page(data: Data, *, summary: str, first: str = "", figures: Sequence[tuple[s
         _candidates(data),
         _declared(data),
         _notes(data),
-        _inputs(data),
+        inputs(data["files"], data["version"]),
         f"<details><summary>The same as text</summary>\n<pre>{escaped_lines(text)}</pre></details>",
     ]
     body = "\n".join(section for section in sections if section)
@@ -76,18 +76,17 @@ def _head(data: Data, title: str, summary: str) -> str:
     def fall(what: str) -> str:
         return " → ".join(number(_size(data, key, what)) for key in ("before", "after"))
 
-    tiles = [
+    leading = [
         ("held-out rms, before → after", f"{fall('heldout_rms')} {unit}"),
         ("noise floor, rms", f"{number(data['noise_rms_' + data['suffix']])} {unit}"),
         ("peak-to-peak, before → after", f"{fall('peak_to_peak')} {unit}"),
         ("added", f"{len(data['added'])} of {data['candidates_tried']} candidates"),
     ]
-    boxes = "".join(f'<div class="tile"><span class="soft">{escaped(a)}</span><b>{b}</b></div>' for a, b in tiles)
     return (
         f"<h1>{escaped(title)}</h1>\n"
         f'<p class="soft">{escaped(data["declared"]["name"])}</p>\n'
         f'<div class="verdict {escaped(data["verdict"])}"><p>{escaped(summary)}</p></div>\n'
-        f'<div class="tiles">{boxes}</div>'
+        f"{tiles(leading)}"
     )
 
 
@@ -327,12 +326,3 @@ def _notes(data: Data) -> str:
     if not data["notes"]:
         return ""
     return "<h2>Notes</h2>\n<ul>" + "\n".join(f"<li>{escaped(note)}</li>" for note in data["notes"]) + "</ul>"
-
-
-def _inputs(data: Data) -> str:
-    rows = [
-        [escaped(item["path"]), number(item["bytes"]), f'<code class="hash">{escaped(item["sha256"])}</code>']
-        for item in data["files"]
-    ]
-    files = scrolled(["file", "bytes", "sha256"], rows, numbers=(1,)) if rows else ""
-    return f"<h2>Inputs and version</h2>\n{files}\n<p>rverror {escaped(data['version'])}</p>"
