@@ -17,6 +17,7 @@ from rverror.base.errors import InputError
 from rverror.tolerances.distribution import (
     OUTSIDE,
     Circle,
+    Lognormal,
     Normal,
     Rayleigh,
     Ring,
@@ -38,6 +39,8 @@ SCALARS = (
     Normal(1.33),
     TruncatedNormal(),
     TruncatedNormal(0.4),
+    Lognormal(shape=0.3),
+    Lognormal(1.33, shape=-0.5),
     Rayleigh(),
     Rayleigh(2.0),
     Samples(MEASURED),
@@ -69,6 +72,34 @@ def test_values_grow_with_the_share_and_with_the_normal_variable(law: Scalar) ->
     assert (np.diff(law.quantile(u)) >= 0).all()
     z = np.linspace(-4, 4, 81).reshape(9, 9)
     np.testing.assert_allclose(law.from_normal(z), law.quantile(ndtr(z)), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(("capability", "shape"), [(1.0, 0.3), (1.33, 1.0), (0.9, -0.5)])
+def test_limits_of_a_lognormal_size_are_as_far_out_as_those_of_a_normal_one(capability: float, shape: float) -> None:
+    """At Cp = 1 the shares beyond the limits are those of 3 sigma; the middle of these quantiles is the limits'."""
+    law = Lognormal(capability, shape=shape)
+    low, high = law.quantile(np.array([ndtr(-3.0), ndtr(3.0)])) - law.middle
+    assert (low, high) == pytest.approx((-1 / capability, 1 / capability), rel=1e-9)
+    below, middle, above = law.quantile(np.array([0.2, 0.5, 0.8]))  # a lognormal variable: log of ratios to its start
+    start = (middle**2 - below * above) / (2 * middle - below - above)
+    ratio = math.log((above - start) / (middle - start))
+    assert ratio == pytest.approx(shape * 0.8416212335729143, rel=1e-7)
+    z = np.linspace(-12, 14, 4001)  # moments over the normal variable, by the trapezoidal rule: exact to rounding here
+    weight = np.exp(-z * z / 2) / math.sqrt(2 * math.pi) * (z[1] - z[0])
+    assert weight @ law.from_normal(z) == pytest.approx(0, abs=1e-12)
+    assert weight @ law.from_normal(z) ** 2 == pytest.approx(law.variance, rel=1e-12)
+
+
+def test_a_lognormal_size_of_little_skewness_is_normal() -> None:
+    u = np.linspace(0.001, 0.999, 99)
+    np.testing.assert_allclose(Lognormal(shape=1e-5).quantile(u), Normal().quantile(u), atol=2e-5)
+    assert Lognormal(shape=1e-5).middle == pytest.approx(0, abs=2e-5)
+
+
+@pytest.mark.parametrize("given_", [{"shape": 0.0}, {"shape": 2.0}, {"shape": 1.5, "capability": 0.5}])
+def test_a_lognormal_size_without_sense_is_refused(given_: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="give"):
+        Lognormal(**given_)
 
 
 @pytest.mark.parametrize("law", BOUNDED, ids=repr)

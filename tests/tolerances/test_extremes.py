@@ -68,6 +68,11 @@ def test_sizes_are_those_of_plain_sums(given_arrays, make) -> None:
     ready = make(waveforms, nominal)
     found, bound = ready.extremes(values), ready.bound(values)
     scale = 1 + np.abs(values) @ np.abs(waveforms).max(axis=1) + np.abs(nominal).max()
+    high, low = ready.places(values)
+    te, every = nominal + values @ waveforms, np.arange(len(values))
+    np.testing.assert_allclose(
+        te[every, high] - te[every, low], np.ptp(te, axis=1), rtol=0, atol=(TOLERANCE + 1e-13 * scale).max()
+    )
     for u, row in enumerate(values):
         expected = plain(waveforms, nominal, row)
         for name in SIZES:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -368,3 +370,127 @@ def test_nothing_but_an_input_error_comes_of_a_bad_file(tmp_path_factory, keys: 
     path.write_text(table(f'key = "{key}"', *(f"{name} = {value}" for name, value in keys.items())), encoding="utf-8")
     with contextlib.suppress(InputError):  # whatever else comes up fails the test
         assert load_tolerances(path, UNIT)[0].width > 0
+
+
+# --- limits, names, tables ------------------------------------------------------------------------------------------
+
+WITH_LIMITS = """\
+[[tolerance]]
+name = "cams"
+key = "crank.eccentricity"
+parameters = ["radial"]
+tolerance = "±5 um"
+cost = { curve = "reciprocal", price = 12, at = "5 um", base = 1 }
+
+[[tolerance]]
+name = "bores"
+key = "cycloid.disc_bore_position"
+indices = { disc = [0, 1] }
+parameters = ["radial"]
+tolerance = ["-0.003 mm", "0.009 mm"]  # drawing 7
+distribution = "uniform"
+correlated_with = { cams = 0.6 }
+fixed = true
+
+[[tolerance]]
+key = "crank.bearing_clearance"
+tolerance = "+16/+4 um"
+distribution = "lognormal"
+bounds = ["1 um", "7 um"]
+cost = { curve = "reciprocal_square", price = 3, at = "6 um" }
+"""
+AS_TABLE = """\
+# of drawing 7
+name,key,parameter,tolerance[um],lower,upper,distribution,disc,correlated with,fixed,price,at,base,curve,least,largest
+cams,crank.eccentricity,radial,5,,,,,,,12,5 um,1,,,
+bores,cycloid.disc_bore_position,radial,,-0.003 mm,0.009 mm,uniform,"0, 1",cams: 0.6,yes,,,,,,
+
+,crank.bearing_clearance,,,4 um,16 um,lognormal,,,no,3,6 um,,reciprocal_square,1 um,7 um
+"""
+
+
+def test_a_table_says_what_a_tolerance_file_says(tmp_path: Path) -> None:
+    toml, table = tmp_path / "t.toml", tmp_path / "t.csv"
+    toml.write_text(WITH_LIMITS, encoding="utf-8")
+    table.write_text(AS_TABLE, encoding="utf-8")
+    assert load_tolerances(table, UNIT) == load_tolerances(toml, UNIT)
+    cams, bores, clearance = load_tolerances(toml, UNIT)
+    assert (cams.width, cams.label, cams.mean) == (pytest.approx(5e-3), "cams", {})
+    assert bores.mean["radial"] == pytest.approx(3e-3)
+    assert bores.correlated_with == {"cams": 0.6}
+    assert clearance.width == pytest.approx(6e-3)
+    semicolons = AS_TABLE.replace('"0, 1"', "0").replace(",", ";")  # as spreadsheets of some countries save it
+    table.write_text(semicolons, encoding="utf-8")
+    assert load_tolerances(table, UNIT)[0] == cams
+
+
+def test_a_spreadsheet_says_what_a_table_says(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    table, book = tmp_path / "t.csv", openpyxl.Workbook()
+    table.write_text(AS_TABLE, encoding="utf-8")
+    for row in csv.reader(AS_TABLE.splitlines()):
+        book.active.append([float(cell) if cell.isdigit() else cell or None for cell in row])
+    book.save(tmp_path / "t.xlsx")
+    assert load_tolerances(tmp_path / "t.xlsx", UNIT) == load_tolerances(table, UNIT)
+    (tmp_path / "u.xlsx").write_text("no workbook")
+    with pytest.raises(InputError, match="no workbook that can be read"):
+        load_tolerances(tmp_path / "u.xlsx")
+
+
+def test_a_spreadsheet_without_its_library_tells_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    (tmp_path / "t.xlsx").write_bytes(b"PK")
+    with pytest.raises(InputError, match=r"rverror\[io\].*CSV") as caught:
+        load_tolerances(tmp_path / "t.xlsx")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("lower,", "lwoer,", ["line 2", "'lwoer'", "did you mean 'lower'"]),
+        ("name,key", "name,name", ["line 2", "no column 'key'"]),
+        ("0.009 mm", "", ["line 4", "lower and upper", "both or neither"]),
+        ("cams: 0.6", "cams 0.6", ["line 4", "'cams: 0.6; bores: -0.2'"]),
+        ("cams: 0.6", "cam: 0.6", ["t.csv", "'cam'", "did you mean 'cams'"]),
+        ("yes", "maybe", ["line 4", "yes or no"]),
+        ("12,5 um,1,", "much,5 um,1,", ["line 3", "price", "number"]),
+        ("12,5 um,1,,,", "12,5 um,1,,,,7", ["line 3", "cells"]),
+        ("radial,5", "radial,five", ["line 3", "five", "5 um"]),
+        ("crank.eccentricity", "crank.eccentrcity", ["line 3", "crank.eccentricity"]),
+    ],
+)
+def test_a_wrong_cell_is_told_with_its_row(before: str, after: str, words: list[str], tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    assert before in AS_TABLE
+    table.write_text(AS_TABLE.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_tolerances(table, UNIT)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n", "key,tolerance[um]\n"])
+def test_an_empty_table_is_refused(text: str, tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"empty|no tolerance"):
+        load_tolerances(table)
+
+
+def test_two_limits_are_saved_as_two_limits_about_the_same_mean(tmp_path: Path) -> None:
+    old, new = tmp_path / "old.toml", tmp_path / "new.toml"
+    old.write_text(WITH_LIMITS, encoding="utf-8")
+    before = load_tolerances(old)
+    save_widths(old, new, [4e-3, 2e-3, 3e-3])
+    after = load_tolerances(new)
+    assert [item.width for item in after] == pytest.approx([4e-3, 2e-3, 3e-3])
+    for one, other in zip(before, after, strict=True):
+        assert dict(other.mean) == pytest.approx(dict(one.mean))
+        assert other.distribution.variance == pytest.approx(one.distribution.variance)
+    text = new.read_text(encoding="utf-8")
+    assert 'tolerance = "+5/+1 um"  # drawing 7' in text
+    (tmp_path / "t.csv").write_text(AS_TABLE, encoding="utf-8")
+    with pytest.raises(InputError, match="TOML"):
+        save_widths(tmp_path / "t.csv", new, [4e-3, 2e-3, 3e-3], overwrite=True)

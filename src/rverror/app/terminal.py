@@ -19,17 +19,21 @@ from rverror.model.effects import Effect
 
 
 class Progress:
-    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
+    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then.
 
-    def __init__(self) -> None:
+    With `terminal_only` nothing is told where standard error is no terminal.
+    """
+
+    def __init__(self, *, terminal_only: bool = False) -> None:
         """Start the clock."""
         self.start = self.last = time.monotonic()
         self.terminal = sys.stderr.isatty()
+        self.silent = terminal_only and not self.terminal
 
     def __call__(self, text: str) -> None:
         """Tell what is being done."""
         now = time.monotonic()
-        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
+        if self.silent or now - self.start < 2 or (not self.terminal and now - self.last < 2):
             return
         self.last = now
         line = f"[{now - self.start:4.0f} s] {text}"

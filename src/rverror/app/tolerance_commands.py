@@ -8,17 +8,26 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import closing, contextmanager
 from typing import Any
 
-from rverror.app.terminal import Progress, check_outputs, quantity, say_replaced, tell, write_json, write_picture
+from rverror.app.terminal import (
+    Progress,
+    check_outputs,
+    quantity,
+    say_replaced,
+    tell,
+    write_json,
+    write_output,
+    write_picture,
+)
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
-from rverror.tolerances.allocation import VERIFY, allocate, cost_front, terms
+from rverror.tolerances.allocation import VERIFY, cost_front, terms
 from rverror.tolerances.full_budget import COUNT, error_budget
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.envelope import input_files
-from rverror.views.report import to_json, to_text
+from rverror.views.report import to_html, to_json, to_text
 
 _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
 
@@ -71,15 +80,19 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
     command.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, for very many units (default 1)")
+    command.add_argument(
+        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+    )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
 
 
 def _budget(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.plot)
+    model, tolerances = _inputs(options, options.json, options.html, options.plot)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
     _at_least_one("--units", options.units)
-    with _executor(options.jobs) as executor, closing(Progress()) as progress:
+    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
             tolerances,
@@ -95,9 +108,11 @@ def _budget(options: argparse.Namespace) -> None:
     print(to_text(found, limit=limit), end="")
     if found.units.kept:
         tell(f"{options.resume}: {found.units.kept} chunks were there from before")
+    files = input_files([options.model, options.tolerances])
     if options.json:
-        files = input_files([options.model, options.tolerances])
         write_json(options.json, to_json(found, limit=limit, files=files))
+    if options.html:
+        write_output(options.html, to_html(found, limit=limit, files=files))
     if options.plot:
         from rverror.views.plots.budgets import budget_figure
 
@@ -105,7 +120,7 @@ def _budget(options: argparse.Namespace) -> None:
 
 
 def _allocate(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.plot, options.save)
+    model, tolerances = _inputs(options, options.json, options.html, options.plot, options.save)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     level = _share(options.level)
     _at_least_one("--units", options.units)
@@ -118,24 +133,27 @@ def _allocate(options: argparse.Namespace) -> None:
         "verify": options.units,
         "seed": options.seed,
     }
-    with _executor(options.jobs) as executor, closing(Progress()) as progress:
-        progress("searching the least cost")
-        found = allocate(laid_out, limit=limit, executor=executor, **settings)
-        print(to_text(found), end="")
-        if options.json:
-            files = input_files([options.model, options.tolerances])
-            write_json(options.json, to_json(found, files=files))
-        if options.save:
-            say_replaced(options.save)
-            save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
-        if options.plot:
-            from rverror.views.plots.budgets import front_figure
+    factors = _FRONT if options.plot else (1.0,)
+    assert limit is not None
+    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
+        limits = [limit * factor for factor in factors]
+        front = cost_front(laid_out, limits=limits, executor=executor, progress=progress, **settings)
+    asked = front[factors.index(1.0)]
+    if (found := asked.allocation) is None:
+        raise InputError(asked.reason)
+    print(to_text(found), end="")
+    files = input_files([options.model, options.tolerances])
+    if options.json:
+        write_json(options.json, to_json(found, files=files))
+    if options.html:
+        write_output(options.html, to_html(found, files=files))
+    if options.save:
+        say_replaced(options.save)
+        save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
+    if options.plot:
+        from rverror.views.plots.budgets import front_figure
 
-            progress("least cost at other limits")
-            assert limit is not None
-            limits = [limit * factor for factor in _FRONT]
-            front = cost_front(laid_out, limits=limits, executor=executor, **settings)
-            write_picture(options.plot, front_figure(front, found))
+        write_picture(options.plot, front_figure(front, found))
 
 
 def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:
@@ -152,6 +170,10 @@ def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, t
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     model = load_model(options.model)
     return model, load_tolerances(options.tolerances, model)
+
+
+def _progress(options: argparse.Namespace) -> Progress:
+    return Progress(terminal_only=not options.progress)
 
 
 def _direction(options: argparse.Namespace) -> float:

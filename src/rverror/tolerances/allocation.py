@@ -7,7 +7,7 @@ Page ``theory/allocation.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,6 +46,7 @@ _KINDS = ("worst", "yield", "rms")
 _NEAR = 5e-4  # relative; of a verified quantile to its limit
 _FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
 _IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
+_AT_BOUND = 1e-7  # of a width to its bound, relative
 _ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is met
 
 
@@ -119,6 +120,11 @@ class Allocation(Viewed):
         Catalogue key of each entry, and dimension of its width; empty for a stack that does not tell its components.
     speed : float, optional
         Of the input, rad/s, as in the stack.
+    held_by : tuple of str
+        What keeps each entry at its width: ``"limit"`` of the error, ``"upper bound"``, ``"lower bound"``,
+        ``"grade"`` of a table, ``"fixed"``.
+    model : str
+        Name of the unit, as in the stack.
     """
 
     labels: tuple[str, ...]
@@ -143,6 +149,8 @@ class Allocation(Viewed):
     keys: tuple[str, ...] = ()
     dimensions: tuple[str, ...] = ()
     speed: float | None = None
+    held_by: tuple[str, ...] = ()
+    model: str = ""
 
     @property
     def cost_before(self) -> float:
@@ -198,6 +206,7 @@ def allocate(
     confidence: float = 0.95,
     seed: int = 0,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Allocation:
     """Find the widths of least cost that keep the output error within a limit.
 
@@ -226,6 +235,8 @@ def allocate(
         Fixes all draws.
     executor : concurrent.futures.Executor, optional
         Where the units that verify are drawn, as for `virtual_units`.
+    progress : callable, optional
+        Called with a line of text as the work goes on.
 
     Returns
     -------
@@ -263,6 +274,7 @@ def allocate(
         confidence=confidence,
         seed=seed,
         executor=executor,
+        progress=progress,
     )
     return _solve(task, _angle(limit))
 
@@ -367,12 +379,20 @@ class _Task:
     confidence: float
     seed: int
     executor: Executor | None
+    progress: Callable[[str], None]
 
     def verified(self, widths: Array) -> Verification:
         """Quantile of the p-p of fresh units, the same ones at every call."""
         stack = replace(self.stack, width=widths)
         seed = self.seed + 1  # the sample has the seed itself
-        drawn = virtual_units(stack, self.verify, seed=seed, draws="random", executor=self.executor)
+        drawn = virtual_units(
+            stack,
+            self.verify,
+            seed=seed,
+            draws="random",
+            executor=self.executor,
+            progress=lambda text: self.progress(f"verifying by {text}"),
+        )
         found = drawn.quantile(self.level, confidence=self.confidence)
         return Verification(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
 
@@ -436,9 +456,12 @@ def _task(
     confidence: float = 0.95,
     seed: int = 0,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> _Task:
     if kind not in _KINDS:
         raise InputError(f"kind = {kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
+    if kind == "rms" and stack.dependence is not None:
+        raise InputError("kind = 'rms': not with correlation between tolerances; use kind = 'yield' or 'worst'")
     for name, share in (("level", level), ("confidence", confidence)):
         check_share(name, share, 0.99)
     fewest = math.ceil(_FEWEST_BEYOND / min(level, 1 - level))
@@ -454,7 +477,8 @@ def _task(
         limited = Quantile(stack, level=level, sample=sample, seed=seed)
     if kind == "worst":
         limited = WorstPeakToPeak(stack)
-    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor)
+    tell = progress or (lambda text: None)
+    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor, tell)
 
 
 def _solve(task: _Task, limit: float) -> Allocation:
@@ -477,6 +501,7 @@ def _verified(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float,
     market, target = task.market, limit
     best: tuple[Found, float, Verification] | None = None
     for attempt in range(ROUNDS):
+        task.progress(f"least cost within {limit / ARCSEC:g} arcsec, solution {attempt + 1}")
         found = least_cost(market, task.limited, target, rows)
         if found is None:
             break
@@ -539,6 +564,8 @@ def _described(
         keys=tuple(component.key for component in first),
         dimensions=tuple(component.dimension for component in first),
         speed=stack.speed,
+        held_by=_held_by(market, widths),
+        model=stack.model,
         kind=task.kind,
         limit=limit,
         level=task.level,
@@ -558,6 +585,16 @@ def _described(
         gap=gap,
         proof=found.proof,
     )
+
+
+def _held_by(market: Market, widths: Array) -> tuple[str, ...]:
+    """What keeps each entry where it is."""
+    said = np.full(len(market.labels), "limit", dtype=object)
+    said[market.smooth & (widths <= market.low * (1 + _AT_BOUND))] = "lower bound"
+    said[market.smooth & (widths >= market.high * (1 - _AT_BOUND))] = "upper bound"
+    said[[e for e, _, _ in market.tables]] = "grade"
+    said[np.array(market.fixed)] = "fixed"
+    return tuple(map(str, said))
 
 
 def _floats(values: Array) -> tuple[float, ...]:

@@ -546,7 +546,7 @@ def _check_sorted(stack: Stack, item: Matched) -> None:
     block, label = stack.blocks[item.entry], stack.labels[item.entry]
     if block.terms != 1 or not isinstance(block.distribution, Scalar):
         raise InputError(f"{label}: only one number can be sorted by size; give one of its parameters alone")
-    if block.correlation or block.random_phase:
+    if block.correlation or block.random_phase or block.joined:
         raise InputError(f"{label}: has a correlation or a random phase; parts are sorted one by one, leave it out")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,8 +32,10 @@ class Contribution:
     width: float  #: T, core unit
     dimension: str  #: a key of `units.CORE_UNITS`
     components: int  #: its number of toleranced components
-    mean_square: float  #: rad^2; variance of its deviation, mean over the revolution
-    #: Of all entries' `mean_square`; these add up to 1, or are all 0 where every entry moves the offset alone.
+    #: rad^2; variance of its deviation, mean over the revolution, with half of every covariance with another entry
+    mean_square: float
+    #: Of all entries' `mean_square`; these add up to 1, or are all 0 where every entry moves the offset alone.  Below 0
+    #: where correlation with others takes off more than the entry adds.
     share: float
     worst_peak_to_peak: float  #: largest peak-to-peak of the entry alone
     worst_part: float  #: its part of the worst case of all, `WorstCase.peak_to_peak`
@@ -139,9 +141,10 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     nominal_offset = float(stack.nominal.mean())
     nominal = stack.nominal - nominal_offset
 
-    variance = _by_entry(stack.blocks, scaled)
-    deviating = _by_entry(stack.blocks, deviation)
+    variance = _by_entry(stack.blocks, scaled) + _shared(stack, scaled)
+    deviating = _by_entry(stack.blocks, deviation) + _shared(stack, deviation)
     offsets = _by_entry(stack.blocks, offset[:, None])[:, 0]
+    offset_variance = float(offsets.sum() + _shared(stack, offset[:, None]).sum())
     mean_squares = deviating.mean(axis=1)
     total = float(mean_squares.sum())
 
@@ -149,7 +152,11 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     entries = []
     for e, block in enumerate(stack.blocks):
         rows = block.components
-        alone = GroupWaves(block.worst_groups(), deviation)
+        groups, middle = block.worst_groups(), block.distribution.middle
+        shift = middle * deviation[rows].sum(axis=0)
+        alone = GroupWaves(groups, deviation)
+        farthest = GroupWaves(groups, deviation, shift).farthest() if shift.any() else alone.farthest()
+        reach = 1 + abs(middle)  # of the farther limit from the mean
         mean_pp, error = _mean_peak_to_peak(block, deviation[rows], draws=draws, seed=(seed, e))
         waves = bool(deviation[rows].any())
         entries.append(
@@ -160,13 +167,14 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
                 components=rows.stop - rows.start,
                 mean_square=float(mean_squares[e]),
                 share=float(mean_squares[e]) / total if total else 0.0,
-                worst_peak_to_peak=alone.farthest()[0],
+                worst_peak_to_peak=farthest[0],
                 worst_part=float(parts[e]),
-                rss=math.sqrt(sum(p * p for p in alone.peak_to_peaks())),
+                rss=reach * math.sqrt(sum(p * p for p in alone.peak_to_peaks())),
                 mean_peak_to_peak=mean_pp,
                 mean_peak_to_peak_error=error,
                 offset_deviation=math.sqrt(offsets[e]),
-                worst_offset=float(GroupWaves(block.worst_groups(), offset[:, None]).size()[0]),
+                worst_offset=float(GroupWaves(groups, offset[:, None]).size()[0])
+                + abs(middle * float(offset[rows].sum())),
                 effect="wave" if waves else "offset" if size[rows].any() else "nothing",
             )
         )
@@ -174,10 +182,10 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     return Budget(
         theta=stack.theta,
         mean=stack.nominal,
-        standard_deviation=np.sqrt(variance.sum(axis=0)),
-        deviation_standard_deviation=np.sqrt(deviating.sum(axis=0)),
+        standard_deviation=np.sqrt(np.maximum(variance.sum(axis=0), 0.0)),
+        deviation_standard_deviation=np.sqrt(np.maximum(deviating.sum(axis=0), 0.0)),
         offset_mean=nominal_offset,
-        offset_deviation=math.sqrt(offsets.sum()),
+        offset_deviation=math.sqrt(max(offset_variance, 0.0)),
         nominal_peak_to_peak=float(np.ptp(nominal)),
         nominal_mean_square=nominal_square,
         mean_square=nominal_square + total,
@@ -203,8 +211,18 @@ def _by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
     return np.array(variances)
 
 
+def _shared(stack: Stack, scaled: Array) -> Array:
+    """What correlation between entries adds to the variance of each, shape (entries, n): half of every covariance."""
+    added = np.zeros((len(stack.blocks), scaled.shape[1]))
+    if stack.dependence is not None:
+        rows = stack.dependence.components
+        np.add.at(added, stack.entry[rows], scaled[rows] * (stack.dependence.between @ scaled[rows]))
+    return added
+
+
 def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[int, int]) -> tuple[float, float]:
     """Mean peak-to-peak of an entry alone and its standard error, from draws that are stratified in each variate."""
+    block = replace(block, joined=False)
     rng = np.random.default_rng(seed)
     columns = block.variates.stop - block.variates.start
     strata = rng.permuted(np.tile(np.arange(draws), (columns, 1)), axis=1).T
@@ -219,34 +237,37 @@ def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[i
 
 def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
     """Worst case, and the part of each entry in its peak-to-peak."""
-    groups = stack.worst_groups
-    nominal_offset = float(stack.nominal.mean())
-    nominal = stack.nominal - nominal_offset
+    groups, middle = stack.worst_groups, stack.middle
+    at_middle = stack.at_middle(width)
+    middle_offset = float(at_middle.mean())
+    centred = at_middle - middle_offset
     reach = GroupWaves(groups, scaled).size()
     offset_reach = float(GroupWaves(groups, offset[:, None]).size()[0])
-    peak_to_peak, high, low = GroupWaves(groups, deviation, nominal).farthest()
-    if nominal[high] < nominal[low]:
+    peak_to_peak, high, low = GroupWaves(groups, deviation, centred).farthest()
+    if centred[high] < centred[low]:
         high, low = low, high
-    swing, lengths = _towards(groups, deviation[:, high] - deviation[:, low])
+    difference = deviation[:, high] - deviation[:, low]
+    swing, lengths = _towards(groups, difference)
     entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
     parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
+    parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
 
-    deviating = np.abs(nominal) + GroupWaves(groups, deviation).size()
+    deviating = np.abs(centred) + GroupWaves(groups, deviation).size()
     at = int(deviating.argmax())
-    sign = -1.0 if nominal[at] < 0 else 1.0
+    sign = -1.0 if centred[at] < 0 else 1.0
     largest, _ = _towards(groups, sign * deviation[:, at])
     of_component = width[stack.entry]
     worst = WorstCase(
-        lower=stack.nominal - reach,
-        upper=stack.nominal + reach,
-        offset=(nominal_offset - offset_reach, nominal_offset + offset_reach),
+        lower=at_middle - reach,
+        upper=at_middle + reach,
+        offset=(middle_offset - offset_reach, middle_offset + offset_reach),
         peak_to_peak=peak_to_peak,
-        peak_to_peak_nominal=float(nominal[high] - nominal[low]),
+        peak_to_peak_nominal=float(stack.nominal[high] - stack.nominal[low]),
         peak_to_peak_angles=(high, low),
-        peak_to_peak_values=swing * of_component,
+        peak_to_peak_values=(middle + swing) * of_component,
         maximum=float(deviating[at]),
         maximum_angle=at,
-        maximum_values=largest * of_component,
+        maximum_values=(middle + largest) * of_component,
     )
     return worst, parts
 

@@ -7,7 +7,7 @@ result over to all units that were computed linearly.  Page ``theory/contact-cor
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,7 +28,7 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.statics.prediction import Predictor
-from rverror.tolerances.sampling import VirtualUnits, check_seed, check_share, computed, share_interval, uniforms
+from rverror.tolerances.sampling import VirtualUnits, check_seed, check_share, computed, share_interval, told, uniforms
 from rverror.tolerances.stacking import Stack, Tolerance
 
 #: Units that the equilibrium solves where no number is given.
@@ -295,6 +295,7 @@ def contact_correction(
     points: int = POINTS,
     seed: int = 0,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> ContactCorrection:
     """Solve a sample of virtual units by the loaded equilibrium and correct the linear sizes of many.
 
@@ -322,6 +323,8 @@ def contact_correction(
         The first units are the same whatever the count.
     executor : concurrent.futures.Executor, optional
         Where units are solved; the numbers are the same with any.
+    progress : callable, optional
+        Called with a line of text as units are solved.
 
     Returns
     -------
@@ -369,7 +372,9 @@ def contact_correction(
         _places(stack),
         drawn + [tolerances[e].mean.get(c.parameter, 0.0) for c, e in zip(stack.components, stack.entry, strict=True)],
     )
-    solved = dict(computed(job, range(-(-count // _BLOCK)), executor))
+    blocks_of_units = range(-(-count // _BLOCK))
+    results = computed(job, blocks_of_units, executor)
+    solved = dict(told(results, progress, f"{count} units at the load", len(blocks_of_units)))
     found = [unit for block in sorted(solved) for unit in solved[block]]
     failures = tuple(unit for unit in found if isinstance(unit, str))
     settled = [i for i, unit in enumerate(found) if not isinstance(unit, str)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from rverror.base.errors import InputError
 #: Share of the parts outside the tolerance at a capability of 1, for an amplitude: that of +-3 sigma.
 OUTSIDE = 0.0027
 
+_LARGEST_SHAPE = 1.5  # of a logarithm: one part in 700 is then 90 times the median
 _FAR = 8.5  # of a normal variable: beyond it lies 1e-17
 _STEPS = 341
 _SMALLEST_UNIFORM = 2.0**-54  # so that no normal quantile is infinite
@@ -31,6 +32,11 @@ class Distribution(ABC):
     name: ClassVar[str]  #: as in tolerance files
     #: Whether the tolerance limits the length of a vector, not each component: the worst case is a circle.
     vector: ClassVar[bool] = False
+
+    @property
+    def middle(self) -> float:
+        """Middle of the limits less the mean, in widths; not 0 where one tail is longer than the other."""
+        return 0.0
 
     @property
     @abstractmethod
@@ -156,6 +162,64 @@ class Normal(_Process):
     def normal_correlation(self, correlation: float) -> float:
         """The same."""
         return correlation
+
+
+@dataclass(frozen=True)
+class Lognormal(_Process):
+    """Each component an exponential of a normal variable: one tail is longer than the other.
+
+    At a capability of 1 the limits are its quantiles of -3 and +3 sigma, as those of `Normal` are.
+
+    Attributes
+    ----------
+    capability : float
+        Process capability Cp, above 0: width between the limits over that between the quantiles of -3 and +3 sigma,
+        whose middle is that of the limits.
+    shape : float
+        Standard deviation of the logarithm, not 0; below 0 the longer tail is the lower one.
+    """
+
+    name: ClassVar[str] = "lognormal"
+    shape: float = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        super().__post_init__()
+        if not 0 < abs(self.shape) <= _LARGEST_SHAPE:
+            raise InputError(
+                f"shape = {self.shape:g}: the standard deviation of the logarithm must be from 0 to {_LARGEST_SHAPE:g} "
+                "and not 0; give one such as 0.3, or distribution = 'normal'"
+            )
+        if abs(self.middle) >= 1:
+            raise InputError(f"capability = {self.capability:g}: the mean lies beyond a limit; give a larger one")
+
+    @property
+    def _scale(self) -> float:
+        return 1 / (self.capability * math.sinh(3 * self.shape))
+
+    @property
+    def middle(self) -> float:
+        """``(cosh(3 sigma) - exp(sigma**2 / 2)) / (Cp sinh(3 sigma))``, sigma the shape."""
+        return (math.cosh(3 * self.shape) - math.exp(self.shape**2 / 2)) * self._scale
+
+    @property
+    def variance(self) -> float:
+        """``exp(sigma**2) (exp(sigma**2) - 1) / (Cp sinh(3 sigma))**2``."""
+        square = self.shape**2
+        return math.exp(square) * math.expm1(square) * self._scale**2
+
+    def quantile(self, probability: Array) -> Array:
+        """``(exp(sigma z) - exp(sigma**2 / 2)) / (Cp sinh(3 sigma))``, z the normal quantile."""
+        return self.from_normal(normal_quantile(probability))
+
+    def from_normal(self, z: Array) -> Array:
+        """The same of a normal value z."""
+        return np.asarray((np.exp(self.shape * z) - math.exp(self.shape**2 / 2)) * self._scale, dtype=np.float64)
+
+    def normal_correlation(self, correlation: float) -> float:
+        """``ln(1 + rho (exp(sigma**2) - 1)) / sigma**2``, exact."""
+        square = self.shape**2
+        return math.log1p(correlation * math.expm1(square)) / square
 
 
 @dataclass(frozen=True)
@@ -315,6 +379,44 @@ class SampledAmplitude(Planar):
 
     def _standard(self) -> Array:
         return np.sort(self.values) / self.width
+
+
+def normal_correlation_between(one: Scalar, other: Scalar, correlation: float) -> float:
+    """Correlation, -1 to 1, that two normal variables need for the given one of their images, Pearson's.
+
+    By quadrature over the one and what the other has beside it; the images' correlation grows with it.
+
+    Raises
+    ------
+    InputError
+        If no normal variables give so large a correlation: two distributions of different shape are never quite alike.
+
+    Examples
+    --------
+    >>> round(normal_correlation_between(Uniform(), Uniform(), -0.5), 6)  # 2 sin(pi rho / 6)
+    -0.517638
+    >>> normal_correlation_between(Normal(), Normal(1.33), 0.5)
+    0.5
+    """
+    if (isinstance(one, Normal) and isinstance(other, Normal)) or correlation == 0:
+        return correlation
+    z = np.linspace(-_FAR, _FAR, _STEPS)
+    weight = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
+    first, second = one.from_normal(z), other.from_normal(z)
+    spread = math.sqrt(float(weight @ (first - weight @ first) ** 2) * float(weight @ (second - weight @ second) ** 2))
+    first = (first - weight @ first) * weight
+
+    def reached(r: float) -> float:
+        given = other.from_normal(r * z[:, None] + math.sqrt(1 - r * r) * z) @ weight
+        return float(first @ given) / spread
+
+    low, high = reached(-1.0), reached(1.0)
+    if not low <= correlation <= high:
+        raise InputError(
+            f"correlation {correlation:g} of a {one.name} and a {other.name} distribution: only {low:.3f} to "
+            f"{high:.3f} is possible; give one of these, or the same distribution to both"
+        )
+    return float(scipy.optimize.brentq(lambda r: reached(r) - correlation, -1.0, 1.0, xtol=1e-10))
 
 
 def normal_quantile(uniform: Array) -> Array:

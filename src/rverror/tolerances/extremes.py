@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import bisect
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
@@ -20,6 +22,9 @@ _UNIT_ROUNDOFF = 2.0**-53
 _WORTHWHILE = 2 / 3  # of the multiplications of the whole product, for `kernel` to take the form by orders
 _DIRECT_SAMPLES = 2**21  # of a block of units: 16 MB, where the product is at its fastest
 _FOLDED_SAMPLES = 2**17  # 1 MB: sums and peaks stay in a core's cache
+
+
+Ints = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,10 @@ class Kernel(ABC):
     @abstractmethod
     def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
         """Write maximum, minimum and rms of each combination, its mean taken off."""
+
+    @abstractmethod
+    def places(self, values: Array) -> tuple[Ints, Ints]:
+        """Samples of the highest and of the lowest value of each combination, shape (units,) each."""
 
     @property
     @abstractmethod
@@ -80,6 +89,22 @@ class DirectKernel(Kernel):
         return self.waveforms.size
 
     def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
+        for part, te in self._waves(values):
+            te.max(axis=1, out=high[part])
+            te.min(axis=1, out=low[part])
+            coordinates = values[part] @ self.factor + self.nominal_factor
+            rms[part] = np.sqrt(np.einsum("ur,ur->u", coordinates, coordinates) / self.nominal.size)
+
+    def places(self, values: Array) -> tuple[Ints, Ints]:
+        """Samples of the highest and of the lowest value of each combination."""
+        high, low = np.empty((2, values.shape[0]), dtype=np.intp)
+        for part, te in self._waves(values):
+            te.argmax(axis=1, out=high[part])
+            te.argmin(axis=1, out=low[part])
+        return high, low
+
+    def _waves(self, values: Array) -> Iterator[tuple[slice, Array]]:
+        """Combinations without their means, a block at a time; the next block overwrites it."""
         samples = self.nominal.size
         buffer = np.empty((_rows(_DIRECT_SAMPLES, samples, values.shape[0]), samples))
         shifted = self.nominal.any()
@@ -87,10 +112,7 @@ class DirectKernel(Kernel):
             te = np.matmul(values[part], self.waveforms, out=buffer[: part.stop - part.start])
             if shifted:
                 te += self.nominal
-            te.max(axis=1, out=high[part])
-            te.min(axis=1, out=low[part])
-            coordinates = values[part] @ self.factor + self.nominal_factor
-            rms[part] = np.sqrt(np.einsum("ur,ur->u", coordinates, coordinates) / samples)
+            yield part, te
 
 
 @dataclass(frozen=True)
@@ -109,12 +131,42 @@ class FoldedKernel(Kernel):
         return self.factor.size + sum(level.size for level in self.levels)
 
     def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
+        for part, coordinates, even, odd in self._folds(values):
+            np.square(coordinates, out=coordinates)
+            np.sqrt(coordinates @ self.weights, out=rms[part])
+            if odd is None:
+                even.max(axis=1, out=high[part])
+                even.min(axis=1, out=low[part])
+                continue
+            swing = np.abs(odd, out=odd)
+            peaks = even + swing
+            peaks.max(axis=1, out=high[part])
+            np.subtract(even, swing, out=peaks).min(axis=1, out=low[part])
+
+    def places(self, values: Array) -> tuple[Ints, Ints]:
+        """Samples of the highest and of the lowest value of each combination, in the first repeat."""
+        high, low = np.empty((2, values.shape[0]), dtype=np.intp)
+        for part, _, even, odd in self._folds(values):
+            if odd is None:
+                even.argmax(axis=1, out=high[part])
+                even.argmin(axis=1, out=low[part])
+                continue
+            swing, every, half = np.abs(odd), np.arange(len(even)), even.shape[1]
+            top, bottom = (even + swing).argmax(axis=1), (even - swing).argmin(axis=1)
+            high[part] = top + half * (odd[every, top] < 0)
+            low[part] = bottom + half * (odd[every, bottom] > 0)
+        return high, low
+
+    def _folds(self, values: Array) -> Iterator[tuple[slice, Array, Array, Array | None]]:
+        """Coordinates, and what of the combinations repeats after the longest half and what changes its sign.
+
+        A block at a time; the next one overwrites it.  The second part is None where everything repeats.
+        """
         lengths = [level.shape[1] for level in self.levels]
         ends = np.cumsum([level.shape[0] for level in self.levels]).tolist()
         rows = _rows(_FOLDED_SAMPLES, lengths[0], values.shape[0])
         products = [np.empty((rows, length)) for length in lengths]
         sums = [np.empty((rows, 2 * length)) for length in lengths[1:-1]]
-        peaks = np.empty((rows, lengths[0]))
         for part in _blocks(values.shape[0], rows):
             used = slice(0, part.stop - part.start)
             coordinates = values[part] @ self.factor
@@ -124,20 +176,12 @@ class FoldedKernel(Kernel):
                 np.matmul(numbers, level, out=product[used])
                 for numbers, level, product in zip(by_level, self.levels, products, strict=True)
             ]
-            np.square(coordinates, out=coordinates)
-            np.sqrt(coordinates @ self.weights, out=rms[part])
             even = waves.pop()
             for odd, both in zip(waves[:0:-1], reversed(sums), strict=True):
                 np.add(even, odd, out=both[used, : odd.shape[1]])
                 np.subtract(even, odd, out=both[used, odd.shape[1] :])
                 even = both[used]
-            if not waves:
-                even.max(axis=1, out=high[part])
-                even.min(axis=1, out=low[part])
-                continue
-            swing = np.abs(waves[0], out=waves[0])
-            np.add(even, swing, out=peaks[used]).max(axis=1, out=high[part])
-            np.subtract(even, swing, out=peaks[used]).min(axis=1, out=low[part])
+            yield part, coordinates, even, waves[0] if waves else None
 
 
 def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:

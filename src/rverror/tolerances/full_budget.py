@@ -115,15 +115,12 @@ def error_budget(
     laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, speed=speed)
     tell(f"closed form of {len(laid_out.components)} components")
     closed = budget(laid_out, seed=seed)
-    tell(f"drawing {count} virtual units")
-    units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder)
+    units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder, progress=progress)
     indices = None
     if any(entry.effect == "wave" for entry in closed.contributions):
-        tell("Sobol indices")
-        indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor)
+        indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
     contact = None
     if torque is not None and speed is None:
-        tell(f"solving {contact_count} units at the load")
         contact = contact_correction(
             model,
             tolerances,
@@ -134,5 +131,6 @@ def error_budget(
             count=contact_count,
             seed=seed,
             executor=executor,
+            progress=progress,
         )
     return ErrorBudget(model, tuple(tolerances), laid_out, direction, closed, units, indices, contact)

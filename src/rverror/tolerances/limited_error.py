@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.tolerances.extremes import kernel
 from rverror.tolerances.market import CLOSE, ROUNDS, Found, Limited, Market, Mask, Row, minimised, pulled_in
 from rverror.tolerances.stacking import Stack
 from rverror.tolerances.worst_pair import GroupWaves
@@ -24,8 +25,7 @@ Ints = npt.NDArray[np.intp]
 MOST_COMBINATIONS = 200_000
 
 _ALL = slice(None)
-_CHUNK = 4_000_000  # numbers in the waveforms of one chunk of units
-_NEGLIGIBLE = 1e-9  # of the largest wave of a unit: what is left out where only the highest and lowest angle are sought
+_CHUNK = 1_000_000  # numbers in the draws of one chunk of units
 _BAND = 4.0  # shares of units beyond the quantile, over and under, between which ranks count for its smoothed mean
 _KEPT = 16  # rows kept of each unit
 _REFINEMENTS = 12  # rounds of a solution on a sample
@@ -63,6 +63,9 @@ class WorstPeakToPeak(Limited):
         angles = stack.nominal.size
         self.entries = len(stack.labels)
         self.nominal = stack.nominal
+        # TE of a unit of each width with its values in the middle of their limits; 0 but for skewed distributions
+        self.middle = np.zeros((self.entries, angles))
+        np.add.at(self.middle, stack.entry, stack.middle[:, None] * stack.influence)
         self.numbers = np.array([w[0] for w, one in zip(waves, number, strict=True) if one]).reshape(-1, angles)
         self.vectors = np.array([w for w, one in zip(waves, number, strict=True) if not one]).reshape(-1, 2, angles)
         self.number_owner, self.vector_owner = owners[number], owners[~number]
@@ -93,17 +96,19 @@ class WorstPeakToPeak(Limited):
         np.add.at(lengths, self.number_owner, np.abs(self.numbers[:, i] - self.numbers[:, j]))
         between = self.vectors[:, :, i] - self.vectors[:, :, j]
         np.add.at(lengths, self.vector_owner, np.hypot(between[:, 0], between[:, 1]))
+        lengths += self.middle[:, i] - self.middle[:, j]
         return list(zip(lengths.T, (self.nominal[i] - self.nominal[j]).tolist(), strict=True))
 
     def _climbed(self, widths: Array) -> Ints:
         """Pairs from which taking the worst parts and the highest and lowest angle by turns leads no higher."""
         pairs, best = self.pairs, np.full(len(self.pairs), -np.inf)
+        at_middle = self.nominal + widths @ self.middle
         for _ in range(ROUNDS):
             single = self.numbers[:, pairs[:, 0]] - self.numbers[:, pairs[:, 1]]
             double = self.vectors[:, :, pairs[:, 0]] - self.vectors[:, :, pairs[:, 1]]
             length = np.hypot(double[:, 0], double[:, 1])
             along = double / np.where(length > 0, length, 1.0)[:, None]
-            waves = self.nominal + (np.sign(single) * widths[self.number_owner, None]).T @ self.numbers
+            waves = at_middle + (np.sign(single) * widths[self.number_owner, None]).T @ self.numbers
             turned = (along * widths[self.vector_owner, None, None]).reshape(-1, len(pairs))
             waves += turned.T @ self.vectors.reshape(-1, self.nominal.size)
             pairs = np.stack([waves.argmax(axis=1), waves.argmin(axis=1)], axis=1)
@@ -114,9 +119,10 @@ class WorstPeakToPeak(Limited):
         return np.unique(pairs, axis=0)
 
     def _worst_of_all(self, widths: Array) -> tuple[int, int]:
-        """Worst pair of all, the higher angle of the nominal error first."""
-        _, i, j = GroupWaves(self.stack.worst_groups, self.stack.scaled(widths), self.nominal).farthest()
-        return (i, j) if self.nominal[i] >= self.nominal[j] else (j, i)
+        """Worst pair of all, the higher angle of what no part's error can change first."""
+        at_middle = self.stack.at_middle(widths)
+        _, i, j = GroupWaves(self.stack.worst_groups, self.stack.scaled(widths), at_middle).farthest()
+        return (i, j) if at_middle[i] >= at_middle[j] else (j, i)
 
 
 class Quantile(Limited):
@@ -135,15 +141,11 @@ class Quantile(Limited):
         taper = np.maximum(0.0, 1 - distance / math.log(_BAND))
         self.ranks = np.flatnonzero(taper)  # that count for the smoothed quantile, and their weight
         self.weight = taper[self.ranks] / taper.sum()
-        # a few waves carry all influences: with them the highest and lowest angles are found at a fraction of the cost
-        left, size, self.waves = np.linalg.svd(stack.scaled(), full_matrices=False)
-        strong = size > _NEGLIGIBLE * size[0]
-        self.coordinates = (left * size)[:, strong] / stack.width[stack.entry][:, None]
-        self.waves = self.waves[strong]
+        self.kernel = kernel(stack.scaled(), stack.nominal)
         self.by_angle = np.ascontiguousarray(stack.influence.T)
         self.belongs = (stack.entry[:, None] == np.arange(len(stack.labels))).astype(np.float64)
         self.known: dict[bytes, float] = {}  # quantile by widths
-        self.solutions: set[bytes] = set()  # widths of least cost, good starts for a limit nearby
+        self.solutions: dict[bytes, dict[float, Array]] = {}  # widths of least cost by bounds and limit
         self.slopes: list[Array] = []  # (sample, entries) each
         self.offsets: list[Array] = []  # (sample,) each
 
@@ -163,18 +165,21 @@ class Quantile(Limited):
             return None
         if self.measure(market.high)[0] <= limit:
             return market.high
-        given = np.clip(market.given, market.low, market.high)
-        starts = [given]
-        if given.tobytes() not in self.solutions:
+        solved = self.solutions.setdefault(np.concatenate([market.low, market.high]).tobytes(), {})
+        if solved:  # the quantile is nearly in proportion to the widths
+            near = min(solved, key=lambda other: abs(math.log(other / limit)))
+            starts = [np.clip(solved[near] * limit / near, market.low, market.high)]
+        else:
+            given = np.clip(market.given, market.low, market.high)
             even = self._by_mean_square(market, limit, given)
-            starts += [even, np.sqrt(even * given)]
+            starts = [given, even, np.sqrt(even * given)]
         widths = min((self._step(market, limit, start) for start in starts), key=market.total)
         for _ in range(_REFINEMENTS):
             before, widths = market.total(widths), self._step(market, limit, widths)
             if abs(market.total(widths) - before) <= 1e-5 * before:
                 break
         widths = pulled_in(market, self, limit, widths)
-        self.solutions.add(widths.tobytes())
+        solved[limit] = widths
         return widths
 
     def refined(self, market: Market, limit: float, found: Found) -> Found:
@@ -255,12 +260,10 @@ class Quantile(Limited):
     def _peak_to_peak(self, widths: Array) -> Array:
         """P-p of every unit; keeps the rows of their highest and lowest angles."""
         stack = self.stack
-        coordinates = self.coordinates * widths[stack.entry][:, None]
+        ratio = (widths / stack.width)[stack.entry]
         slopes, offsets = [], []
-        for part in _chunks(len(self.draws), stack.nominal.size):
-            waves = (self.draws[part] @ coordinates) @ self.waves
-            waves += stack.nominal
-            high, low = waves.argmax(axis=1), waves.argmin(axis=1)
+        for part in _chunks(len(self.draws), stack.entry.size):
+            high, low = self.kernel.places(self.draws[part] * ratio)
             slopes.append((self.draws[part] * (self.by_angle[high] - self.by_angle[low])) @ self.belongs)
             offsets.append(stack.nominal[high] - stack.nominal[low])
         slope, offset = np.concatenate(slopes), np.concatenate(offsets)
@@ -270,6 +273,6 @@ class Quantile(Limited):
         return values
 
 
-def _chunks(number: int, angles: int) -> Iterator[slice]:
-    step = max(1, _CHUNK // angles)
+def _chunks(number: int, components: int) -> Iterator[slice]:
+    step = max(1, _CHUNK // components)
     return (slice(first, min(first + step, number)) for first in range(0, number, step))

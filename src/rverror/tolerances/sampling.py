@@ -222,6 +222,7 @@ def virtual_units(
     folder: PathLike | None = None,
     draws: Draws = "sobol",
     tolerance: float = TOLERANCE,
+    progress: Callable[[str], None] | None = None,
 ) -> VirtualUnits:
     """Draw virtual units of a tolerance stack and compute the sizes of their output errors.
 
@@ -242,6 +243,8 @@ def virtual_units(
         ``sobol``: quasi-random units, up to 21201 variates each.  ``random``: plain random ones.
     tolerance : float
         Bound on the error of a peak-to-peak that the form by orders may make, rad; 0 for the straightforward form.
+    progress : callable, optional
+        Called with a line of text after each chunk.
 
     Returns
     -------
@@ -287,7 +290,8 @@ def virtual_units(
             continue
         results[:, job.span(index)] = found[0]
         bound = max(bound, found[1])
-    for index, (sizes, off) in computed(job, missing, executor):
+    chunks = computed(job, missing, executor)
+    for index, (sizes, off) in told(chunks, progress, f"{job.count} virtual units", len(missing)):
         if store is not None:
             store.write(index, sizes, off)
         results[:, job.span(index)] = sizes
@@ -411,6 +415,14 @@ def computed(
             future.cancel()
 
 
+def told(results: Iterable[Result], progress: Callable[[str], None] | None, what: str, number: int) -> Iterator[Result]:
+    """Results as they come; how many of so many there are is told after each."""
+    for done, result in enumerate(results, 1):
+        if progress is not None:
+            progress(f"{what}: {100 * done / number:.0f} %")
+        yield result
+
+
 @dataclass(frozen=True)
 class _Store:
     """Folder of a job: a file for each chunk that is done, which states what job it belongs to."""
@@ -471,7 +483,8 @@ def _digest(stack: Stack, job: _Chunks, tolerance: float) -> str:
     versions = (_FORMAT, __version__, np.__version__, scipy.__version__)
     settings = (job.count, job.chunk, job.seed, job.draws, tolerance)
     sha = hashlib.sha256()
-    for piece in _pieces((versions, settings, stack.nominal, stack.influence, stack.entry, stack.width, stack.blocks)):
+    arrays = (stack.nominal, stack.influence, stack.entry, stack.width, stack.blocks, stack.dependence)
+    for piece in _pieces((versions, settings, *arrays)):
         sha.update(len(piece).to_bytes(8, "little") + piece)
     return sha.hexdigest()
 

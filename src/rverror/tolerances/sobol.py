@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.tolerances.sampling import Sampler, Size, check_seed, check_share, computed, sampler, uniforms
+from rverror.tolerances.sampling import Sampler, Size, check_seed, check_share, computed, sampler, told, uniforms
 from rverror.tolerances.stacking import Stack
 
 #: Points that indices are estimated from where no number is given.
@@ -85,6 +85,7 @@ def sobol_indices(
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> SobolIndices:
     """Indices of any function of independent uniform variates.
 
@@ -100,6 +101,8 @@ def sobol_indices(
         Of the intervals.
     executor : concurrent.futures.Executor, optional
         Where the scrambles are computed; the numbers are the same with any.
+    progress : callable, optional
+        Called with a line of text after each scramble.
 
     Raises
     ------
@@ -126,7 +129,8 @@ def sobol_indices(
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
     task = _Replicate(function, belongs, number, points, int(seed))
     values = np.empty((_REPLICATES, number + 2, points))
-    for index, found in computed(task, range(_REPLICATES), executor):
+    replicates = computed(task, range(_REPLICATES), executor)
+    for index, found in told(replicates, progress, "Sobol indices", _REPLICATES):
         values[index] = found
     values -= values[:, :2].mean()
     a, b, mixed = values[:, :1], values[:, 1:2], values[:, 2:]
@@ -147,16 +151,27 @@ def stack_indices(
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> SobolIndices:
     """Indices of a size of the output error, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
-    those of `sobol_indices`.
+    those of `sobol_indices`.  Entries that are correlated with others are no independent causes: theirs are nan.
     """
     function = _SizeOf(sampler(stack), size)
-    return sobol_indices(
-        function, stack.variate_entry, count=count, seed=seed, confidence=confidence, executor=executor
+    found = sobol_indices(
+        function,
+        stack.variate_entry,
+        count=count,
+        seed=seed,
+        confidence=confidence,
+        executor=executor,
+        progress=progress,
     )
+    together = [e for e, block in enumerate(stack.blocks) if block.joined]
+    for name in ("first", "first_low", "first_high", "total", "total_low", "total_high"):
+        getattr(found, name)[together] = np.nan
+    return found
 
 
 def _ratio(numerators: Array, variances: Array, confidence: float) -> tuple[Array, Array, Array]:

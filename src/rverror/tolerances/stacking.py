@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import product
 from typing import Any, Literal, NoReturn
@@ -30,9 +30,11 @@ from rverror.model.compose import source_matrix, transmission_error
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import stand
 from rverror.tolerances.cost import SAME_WIDTH, Cost
+from rverror.tolerances.dependence import Dependence, dependence
 from rverror.tolerances.distribution import (
     Circle,
     Distribution,
+    Lognormal,
     Normal,
     Planar,
     Rayleigh,
@@ -46,12 +48,13 @@ from rverror.tolerances.distribution import (
     normal_quantile,
     turned,
 )
+from rverror.tolerances.limits import width_and_centre
 
 Instances = IndexValue | tuple[IndexValue, ...]
 
 #: Distributions by the name that tolerance files use; samples are given by their values.
 DISTRIBUTIONS: Mapping[str, type[Distribution]] = {
-    law.name: law for law in (Uniform, Triangular, Normal, TruncatedNormal, Rayleigh, Circle, Ring)
+    law.name: law for law in (Uniform, Triangular, Normal, TruncatedNormal, Lognormal, Rayleigh, Circle, Ring)
 }
 
 #: Angles of one revolution where none are given: the mesh orders of an RV-40E need them.
@@ -107,6 +110,8 @@ class Block:
     correlation: float = 0.0  #: Pearson correlation of the values of one parameter between any two instances, 0 to 1
     #: Whether each vector is turned by an angle of its own at assembly, after the correlation.
     random_phase: bool = False
+    #: Whether it is drawn together with other entries, by `Stack.dependence`, which holds its correlation too.
+    joined: bool = False
 
     @property
     def variates(self) -> slice:
@@ -126,6 +131,8 @@ class Block:
     @property
     def _drawn(self) -> int:
         """Variates before any turning."""
+        if self.joined:
+            return self.instances * self.terms
         if isinstance(self.distribution, Planar):
             alone = self._vectors * self.distribution.variates
             return alone if self.correlation else self.instances * alone
@@ -145,7 +152,10 @@ class Block:
         return self.distribution.normal_correlation(self.correlation)
 
     def standard(self, uniforms: Array) -> Array:
-        """Standard draws, shape (units, instances * terms), from the block's columns of the uniform variates."""
+        """Standard draws, shape (units, instances * terms), from the block's columns of the uniform variates.
+
+        Of an entry by itself: of one that is `joined` the stack draws.
+        """
         number = uniforms.shape[0]
         drawn = self._values(uniforms[:, : self._drawn])
         if self._turns:
@@ -215,6 +225,10 @@ class Stack:
         Nominal output angle, rad.
     speed : float, optional
         Input speed, rad/s; None for the closed form at a crawl.
+    dependence : Dependence, optional
+        Correlation between entries; None where all are independent.
+    model : str
+        Name of the unit, for people.
     """
 
     nominal: Array
@@ -226,6 +240,8 @@ class Stack:
     blocks: tuple[Block, ...]
     theta: Array | None = field(default=None)
     speed: float | None = field(default=None)
+    dependence: Dependence | None = field(default=None)
+    model: str = ""
 
     def scaled(self, width: Array | None = None) -> Array:
         """Influence of the standard draws, rad, shape (m, n): `influence` times the width of each component.
@@ -250,16 +266,39 @@ class Stack:
         """Standard draws s, shape (units, m), width 1 and mean 0, from variates in 0..1, shape (units, dimensions)."""
         drawn = np.empty((uniforms.shape[0], self.influence.shape[0]))
         for block in self.blocks:
-            drawn[:, block.components] = block.standard(uniforms[:, block.variates])
+            if not block.joined:
+                drawn[:, block.components] = block.standard(uniforms[:, block.variates])
+        if self.dependence is not None:
+            together = [block for block in self.blocks if block.joined]
+            normal = normal_quantile(np.concatenate([uniforms[:, block.variates] for block in together], axis=1))
+            normal = normal @ self.dependence.factor.T
+            for block in together:
+                assert isinstance(block.distribution, Scalar)
+                count = block.instances * block.terms
+                drawn[:, block.components] = block.distribution.from_normal(normal[:, :count])
+                normal = normal[:, count:]
         return drawn
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the standard draws, shape (m, m); zero between entries."""
+        """Covariance of the standard draws, shape (m, m)."""
         matrix = np.zeros((self.influence.shape[0],) * 2)
         for block in self.blocks:
             matrix[block.components, block.components] = block.covariance()
+        if self.dependence is not None:
+            matrix[np.ix_(self.dependence.components, self.dependence.components)] += self.dependence.between
         return matrix
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the limits of each standard draw, whose mean is 0, shape (m,)."""
+        counts = [block.instances * block.terms for block in self.blocks]
+        return np.repeat([block.distribution.middle for block in self.blocks], counts)
+
+    def at_middle(self, width: Array | None = None) -> Array:
+        """Output error with all toleranced values in the middle of their limits, rad, shape (n,)."""
+        middle = self.middle
+        return self.nominal + middle @ self.scaled(width) if middle.any() else self.nominal
 
     @property
     def worst_groups(self) -> tuple[WorstGroup, ...]:
@@ -295,6 +334,11 @@ class Tolerance:
     bounds : tuple of float, optional
         Least and largest width for allocation; `span` where left out.
     cost : Reciprocal or ReciprocalSquare or Grades, optional
+    name : str
+        What people call it; key, indices and parameters where empty.
+    correlated_with : mapping of str to float
+        Correlation of its values with those of other tolerances, by their name or key, -1 to 1: of instances whose
+        common indices are alike, and of parameters in their order.  Said at one of the two.
 
     Raises
     ------
@@ -313,6 +357,8 @@ class Tolerance:
     fixed: bool = False
     bounds: tuple[float, float] | None = None
     cost: Cost | None = None
+    name: str = ""
+    correlated_with: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that the values go together."""
@@ -333,6 +379,14 @@ class Tolerance:
         if not 0 <= self.correlation <= 1:
             self._refuse(
                 f"correlation = {self.correlation:g}: must be from 0 to 1; 1 is the same value in all instances"
+            )
+        for other, value in self.correlated_with.items():
+            if not -1 <= value <= 1:
+                self._refuse(f"correlated_with {other!r}: {value:g}: a correlation must be from -1 to 1")
+        if self.correlated_with and (self.random_phase or not isinstance(self.distribution, Scalar)):
+            self._refuse(
+                "correlated_with beside vectors of random phase, whose components have no correlation; leave it out, "
+                "or use 'rayleigh' or 'normal' without phase"
             )
         self._check_vectors()
         self._check_bounds()
@@ -361,7 +415,7 @@ class Tolerance:
         law = self.distribution
         for item in self.chosen:
             unit = units.DISPLAY_UNITS[item.dimension]
-            lowest = min(law.values) - law.mean if isinstance(law, Samples) else -self.width
+            lowest = min(law.values) - law.mean if isinstance(law, Samples) else self.width * (law.middle - 1)
             low = self.mean.get(item.name, 0.0) + lowest
             if low < item.least - SAME_WIDTH * self.width:
                 self._refuse(
@@ -386,7 +440,8 @@ class Tolerance:
         """Largest width that keeps every parameter at its least value or above."""
         if isinstance(self.distribution, Samples):
             return math.inf  # what was measured is there
-        return min(self.mean.get(item.name, 0.0) - item.least for item in self.chosen)
+        below = 1 - self.distribution.middle  # of the mean to the lower limit, in widths
+        return min(self.mean.get(item.name, 0.0) - item.least for item in self.chosen) / below
 
     @property
     def chosen(self) -> tuple[Parameter, ...]:
@@ -405,7 +460,9 @@ class Tolerance:
 
     @property
     def label(self) -> str:
-        """Key, with the indices and parameters where not all are meant."""
+        """Its name, or its key with the indices and parameters where not all are meant."""
+        if self.name:
+            return self.name
         few = f".{','.join(p.name for p in self.chosen)}" if self.parameters else ""
         return f"{self.key}{_listed(self.indices)}{few}"
 
@@ -435,6 +492,7 @@ def tolerance(
     *,
     distribution: str | None = None,
     capability: float | None = None,
+    shape: float | None = None,
     samples: Sequence[Any] | None = None,
     mean: Any = None,
     correlation: float = 0.0,
@@ -443,6 +501,8 @@ def tolerance(
     fixed: bool = False,
     bounds: tuple[Any, Any] | None = None,
     cost: Cost | None = None,
+    name: str = "",
+    correlated_with: Mapping[str, float] | None = None,
     **indices: IndexValue | Sequence[IndexValue],
 ) -> Tolerance:
     """Make a tolerance from texts with units, quantities or plain numbers in core units.
@@ -451,21 +511,25 @@ def tolerance(
     ----------
     key : str
         A key of the catalogue.
-    width : float or str or quantity
-        T: half the allowed spread of a scalar, the longest allowed vector.  Left out with `samples`.
+    width : float or str or quantity or pair of these
+        T: half the allowed spread of a scalar, the longest allowed vector.  Also ``"±5 um"``; ``"+0.02/-0.01 mm"``, or
+        the lower and the upper limit, of one parameter that is no vector.  Left out with `samples`.
     distribution : str, optional
         A key of `DISTRIBUTIONS`.  Left out: rayleigh where all parameters are vectors, else normal.
     capability : float, optional
-        Process capability Cp of normal, truncated_normal and rayleigh; 1 where left out.
+        Process capability Cp of normal, truncated_normal, lognormal and rayleigh; 1 where left out.
+    shape : float, optional
+        Of lognormal: standard deviation of the logarithm.  Left out beside a lower limit above 0: the value itself is
+        lognormal, without a shift.
     samples : sequence of float, str or quantity, optional
         Measured values, in place of width and distribution; of vectors with `phase` measured lengths.
     mean : float or str or quantity, or a mapping of these by parameter, optional
-        Shift of the centre.
+        Shift of the centre; two limits say it themselves.
     correlation : float, optional
         As in `Tolerance`.
     phase : str, optional
         ``"random"``: each vector is turned by an angle of its own at assembly.
-    parameters, fixed, bounds, cost, **indices
+    parameters, fixed, bounds, cost, name, correlated_with, **indices
         As in `Tolerance`; an index may have several values.
 
     Returns
@@ -492,13 +556,24 @@ def tolerance(
     means = _means(key, chosen, mean)
     law: Distribution
     if samples is None:
-        law = _law(key, distribution, capability, vectors=_in_vectors([p.name for p in chosen]))
         if width is None:
             raise InputError(f"{key}: no tolerance; give a width like '5 {units.DISPLAY_UNITS[dimension]}', or samples")
-        size = _core(f"{key}: tolerance", width, dimension)
+        size, centre = _size(key, width, dimension)
+        least = None if centre is None else centre - size
+        given = {"capability": capability, "shape": shape}
+        law = _law(key, distribution, given, size, least, vectors=_in_vectors([p.name for p in chosen]))
+        if centre is not None:
+            if mean is not None:
+                raise InputError(f"{key}: mean beside two limits, which say it themselves; leave it out")
+            if law.vector or len(chosen) > 1:
+                raise InputError(
+                    f"{key}: two limits are of one number, and {', '.join(p.name for p in chosen)} are "
+                    f"{len(chosen)}; add parameters = [{chosen[0].name!r}], or give the longest allowed vector"
+                )
+            means = {chosen[0].name: centre - size * law.middle}
     else:
-        given = {"tolerance": width, "distribution": distribution, "capability": capability, "mean": mean}
-        beside = [name for name, value in given.items() if value is not None]
+        said = {"tolerance": width, "distribution": distribution, "capability": capability, "shape": shape}
+        beside = [name for name, value in {**said, "mean": mean}.items() if value is not None]
         if beside:
             raise InputError(f"{key}: {beside[0]} beside samples; samples say it themselves, leave it out")
         measured = tuple(_core(f"{key}: samples", value, dimension) for value in samples)
@@ -519,20 +594,44 @@ def tolerance(
         fixed,
         None if limits is None else (limits[0], limits[1]),
         cost,
+        name,
+        dict(correlated_with or {}),
     )
 
 
-def _law(key: str, name: str | None, capability: float | None, *, vectors: bool) -> Distribution:
-    """Distribution by name."""
+def _size(key: str, width: Any, dimension: str) -> tuple[float, float | None]:
+    try:
+        return width_and_centre(width, dimension)
+    except ValueError as error:
+        raise InputError(f"{key}: tolerance: {error}") from error
+
+
+def _law(
+    key: str, name: str | None, given: Mapping[str, float | None], width: float, least: float | None, *, vectors: bool
+) -> Distribution:
+    """Distribution by name; `least` is the lower one of two limits."""
     used = name or (Rayleigh.name if vectors else Normal.name)
     if used not in DISTRIBUTIONS:
         raise InputError(f"{key}: no distribution {used!r};{_names('distributions', list(DISTRIBUTIONS), used)}")
     kind = DISTRIBUTIONS[used]
-    if capability is None:
-        return kind()
-    if not issubclass(kind, (Normal, TruncatedNormal)):
-        raise InputError(f"{key}: capability beside the distribution {used!r}, which has none; leave it out")
-    return kind(capability)
+    values = {what: value for what, value in given.items() if value is not None}
+    for what in values:
+        if what not in {item.name for item in fields(kind)}:  # type: ignore[arg-type]
+            raise InputError(f"{key}: {what} beside the distribution {used!r}, which has none; leave it out")
+    if kind is Lognormal and "shape" not in values:
+        values["shape"] = _own_shape(key, width, least, values.get("capability", 1.0))
+    return kind(**values)
+
+
+def _own_shape(key: str, width: float, least: float | None, capability: float) -> float:
+    """Shape of a lognormal value without a shift: quantiles of -3 and +3 sigma in the ratio exp(6 shape)."""
+    lower = None if least is None else least + width * (1 - 1 / capability)
+    if lower is None or lower <= 0:
+        raise InputError(
+            f"{key}: lognormal without a shape needs a lower limit above 0; add shape = 0.3, the standard deviation of "
+            "the logarithm"
+        )
+    return math.log1p(2 * width / capability / lower) / 6
 
 
 def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]:
@@ -618,17 +717,19 @@ def stack(
         moving = influences_at_speed(model, speed, every, torque=torque, direction=direction)
         angles, nominal, speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
         sources = (matrix for matrix in moving.matrices)
+    pairs = correlations(tolerances)
+    joined = {e for pair in pairs for e in pair}
     components: list[Component] = []
     blocks: list[Block] = []
     rows: list[Array] = []
     means: list[float] = []
-    for item in tolerances:
+    for e, item in enumerate(tolerances):
         entry = source(item.key)
         chosen = [i for i, p in enumerate(entry.parameters) if p in item.chosen]
         instances = item.instances(model.mechanism)
         first = blocks[-1].variates.stop if blocks else 0
         law = item.distribution, item.correlation, item.random_phase
-        blocks.append(Block(first, len(components), len(instances), len(chosen), *law))
+        blocks.append(Block(first, len(components), len(instances), len(chosen), *law, e in joined))
         for indices in instances:
             least = _least(model.mechanism, item.chosen, rounding)
             rows.append(_without_rounding(next(sources)[chosen], least, rounding))
@@ -646,7 +747,86 @@ def stack(
         blocks=tuple(blocks),
         theta=angles,
         speed=speed,
+        dependence=_dependence(pairs, tolerances, blocks, components) if pairs else None,
+        model=model.name or model.mechanism.name or "the model",
     )
+
+
+def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float]:
+    """Correlations between tolerances by their numbers, the smaller first; 0 is left out.
+
+    Parameters
+    ----------
+    tolerances : sequence of Tolerance
+
+    Raises
+    ------
+    InputError
+        If one names no other tolerance or several, or two say different things of one pair.
+
+    Examples
+    --------
+    >>> cams = tolerance("crank.eccentricity", "5 um", name="cams")
+    >>> correlations([cams, tolerance("cycloid.disc_bore_position", "5 um", correlated_with={"cams": 0.5})])
+    {(0, 1): 0.5}
+    """
+    pairs: dict[tuple[int, int], float] = {}
+    for e, item in enumerate(tolerances):
+        for name, value in item.correlated_with.items():
+            found = [f for f, other in enumerate(tolerances) if f != e and name in (other.label, other.key)]
+            if len(found) != 1:
+                known = _names("tolerances", [other.label for other in tolerances if other is not item], name)
+                said = "no other tolerance" if not found else f"{len(found)} tolerances"
+                raise InputError(
+                    f"{item.label}: correlated_with {name!r}: {said} of this name;"
+                    + (" give each a name of its own" if found else known)
+                )
+            pair = (min(e, found[0]), max(e, found[0]))
+            if pairs.setdefault(pair, value) != value:
+                raise InputError(
+                    f"{item.label}: correlated_with {name!r} is {value:g} here and {pairs[pair]:g} there; say it once"
+                )
+    return {pair: value for pair, value in pairs.items() if value}
+
+
+def _dependence(
+    pairs: Mapping[tuple[int, int], float],
+    tolerances: Sequence[Tolerance],
+    blocks: Sequence[Block],
+    components: Sequence[Component],
+) -> Dependence:
+    """Correlation of all components of the tolerances that are drawn together."""
+    laws: dict[int, Scalar] = {}
+    for e in sorted({e for pair in pairs for e in pair}):
+        item, law = tolerances[e], tolerances[e].distribution
+        if item.random_phase or not isinstance(law, Scalar):
+            raise InputError(
+                f"{item.label}: is correlated with another tolerance, and its vectors have a random phase; use "
+                "'rayleigh' or 'normal' without phase"
+            )
+        laws[e] = law
+    alike: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for e, f in pairs:
+        if blocks[e].terms != blocks[f].terms:
+            raise InputError(
+                f"{tolerances[e].label} and {tolerances[f].label}: correlated, with {blocks[e].terms} and "
+                f"{blocks[f].terms} parameters; give both as many by parameters = [...]"
+            )
+        terms = blocks[e].terms
+        alike[e, f] = [
+            (i, j)
+            for i in range(blocks[e].components.start, blocks[e].components.stop)
+            for j in range(blocks[f].components.start, blocks[f].components.stop)
+            if (i - blocks[e].first_component) % terms == (j - blocks[f].first_component) % terms
+            and _together(components[i].indices, components[j].indices)
+        ]
+    inside = {e: (blocks[e].components, blocks[e].correlation, blocks[e].terms) for e in laws}
+    return dependence(laws, inside, pairs, alike, [item.label for item in tolerances])
+
+
+def _together(one: Mapping[str, IndexValue], other: Mapping[str, IndexValue]) -> bool:
+    """Whether the indices that two instances have in common are alike."""
+    return all(one[name] == other[name] for name in one.keys() & other.keys())
 
 
 def _least(mechanism: Mechanism, chosen: Sequence[Parameter], rounding: float) -> float:

@@ -18,14 +18,18 @@ from rverror.geartrain.source import Parameter, Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.distribution import Lognormal
 from rverror.tolerances.iso_grades import it_width
-from rverror.tolerances.stacking import Tolerance, tolerance
+from rverror.tolerances.limits import width_and_centre
+from rverror.tolerances.stacking import Tolerance, correlations, tolerance
+from rverror.tolerances.tolerance_table import is_table, read_table
 
 _TAKEN_OUT = "\0"
 #: Indent, and what follows the value, of a line that holds one key with a text.
-_VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*')(\s*(?:#.*)?)$""")
+_VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*'|\[[^\]#]*\])(\s*(?:#.*)?)$""")
 _SIZES = ("tolerance", "grade", "samples")
 _KEYS = (
+    "name",
     "key",
     "indices",
     "parameters",
@@ -35,8 +39,10 @@ _KEYS = (
     "samples",
     "distribution",
     "capability",
+    "shape",
     "mean",
     "correlation",
+    "correlated_with",
     "phase",
     "fixed",
     "bounds",
@@ -60,7 +66,7 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
     Parameters
     ----------
     path : str or path-like
-        Files of samples that it names lie beside it.
+        TOML; or a table, CSV or xlsx, with a row for each tolerance.  Files of samples that it names lie beside it.
     model : Model, optional
         Whose tolerances they are: indices that it does not have are refused here.
 
@@ -75,7 +81,7 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
 
     Notes
     -----
-    The keys of a ``[[tolerance]]`` table stand in docs page ``theory/budget.md``.
+    The keys of a ``[[tolerance]]`` table, and the columns of a table, stand in docs page ``theory/budget.md``.
 
     Examples
     --------
@@ -87,7 +93,8 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
     ...     load_tolerances(file)[0].width
     0.005
     """
-    return _tolerances(str(path), read_text(path), model)
+    name = str(path)
+    return _read(read_table(path) if is_table(name) else _parsed(name, read_text(path)), model)
 
 
 def save_widths(
@@ -128,34 +135,45 @@ def save_widths(
     ...     new.read_text().splitlines()[2]
     'tolerance = "4 um"  # drawing 12'
     """
-    name, text = str(source_path), read_text(source_path)
-    before = _tolerances(name, text, None)
+    name = str(source_path)
+    if is_table(name):
+        raise InputError(f"{name}: widths are saved in a copy of a TOML file, not of a table; take them from --json")
+    text = read_text(source_path)
+    where = _parsed(name, text)
+    before = _read(where, None)
     named = [None] * len(before) if grades is None else list(grades)
     if not len(before) == len(widths) == len(named):
         raise InputError(f"{name}: {len(widths)} widths for {len(before)} tolerances; give one for each")
     for item, width in zip(before, widths, strict=True):
         if not 0 < width < math.inf:
             raise InputError(f"{name}: width = {width:g} for {item.label}: must be above 0 and finite")
-    where, lines, wanted = read_toml(name, text), split_lines(text), []
+    lines, wanted = split_lines(text), []
     for i, (item, width, grade) in enumerate(zip(before, widths, named, strict=True)):
         if math.isclose(item.width, width, rel_tol=SAME_WIDTH):
             wanted.append(item)
             continue
         entry = _Entry(where, ("tolerance", i), where.content["tolerance"][i])
-        for place, line in entry.changed(lines, width, grade).items():
+        for place, line in entry.changed(lines, item, width, grade).items():
             lines[place] = line
         wanted.append(replace(item, width=_rounded_down(width, entry.dimension)))
     # a line taken out holds a mark that no text file has
     changed = "\n".join(line for line in lines if line != _TAKEN_OUT)
-    after = _tolerances(name, changed, None)
+    after = _read(_parsed(name, changed), None)
     if len(after) != len(wanted) or not all(_alike(a, b) for a, b in zip(after, wanted, strict=True)):
         raise InputError(f"{name}: the new widths would not read back; write each tolerance = ... on a line of its own")
     write_text(target_path, changed.replace("\n", "\r\n") if "\r\n" in text else changed, overwrite=overwrite)
 
 
 def _alike(one: Tolerance, other: Tolerance) -> bool:
-    """Equal but for rounding of the width."""
-    return math.isclose(one.width, other.width, rel_tol=SAME_WIDTH) and replace(one, width=other.width) == other
+    """Equal but for rounding of the width, and of the mean between two limits."""
+    near = [(one.width, other.width)]
+    near += [(one.mean.get(name, 0.0), other.mean.get(name, 0.0)) for name in {*one.mean, *other.mean}]
+    same = all(math.isclose(a, b, rel_tol=SAME_WIDTH, abs_tol=SAME_WIDTH * one.width) for a, b in near)
+    law = one.distribution
+    if isinstance(law, Lognormal) and isinstance(other.distribution, Lognormal):
+        same &= math.isclose(law.shape, other.distribution.shape, rel_tol=SAME_WIDTH)
+        law = replace(law, shape=other.distribution.shape)
+    return same and replace(one, width=other.width, mean=other.mean, distribution=law) == other
 
 
 def _rounded_down(width: float, dimension: str) -> float:
@@ -165,7 +183,7 @@ def _rounded_down(width: float, dimension: str) -> float:
     return math.floor(shown_width / step * (1 + SAME_WIDTH)) * step * width / shown_width
 
 
-def _tolerances(name: str, text: str, model: Model | None) -> tuple[Tolerance, ...]:
+def _parsed(name: str, text: str) -> TomlText:
     if not text.strip():
         raise InputError(f"{name}: the file is empty; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
     where = read_toml(name, text)
@@ -177,7 +195,19 @@ def _tolerances(name: str, text: str, model: Model | None) -> tuple[Tolerance, .
         where.refuse(("tolerance",), "tolerance is a single table; write '[[tolerance]]', with two brackets")
     if not listed:
         where.refuse((), "no tolerance; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
-    return tuple(_Entry(where, ("tolerance", i), item).read(model) for i, item in enumerate(listed))
+    return where
+
+
+def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
+    """Tolerances of a text or a table."""
+    found = tuple(
+        _Entry(where, ("tolerance", i), item).read(model) for i, item in enumerate(where.content["tolerance"])
+    )
+    try:
+        correlations(found)
+    except InputError as error:
+        raise InputError(f"{where.path}: {error}") from error
+    return found
 
 
 class _Entry:
@@ -207,8 +237,8 @@ class _Entry:
         """Make the tolerance, and see that its indices are those of the model."""
         table = self.table
         width, samples = self._size()
-        given = {name: table[name] for name in ("distribution", "phase") if self._is_text(name)}
-        given |= {name: self._number(name) for name in ("capability", "correlation") if name in table}
+        given = {name: table[name] for name in ("name", "distribution", "phase") if self._is_text(name)}
+        given |= {name: self._number(name) for name in ("capability", "shape", "correlation") if name in table}
         try:
             item = tolerance(
                 self.source.key,
@@ -219,6 +249,7 @@ class _Entry:
                 fixed=self._flag("fixed"),
                 bounds=self._bounds(),
                 cost=self._cost(),
+                correlated_with=self._correlated_with(),
                 **given,
                 **self._indices(),
             )
@@ -228,7 +259,7 @@ class _Entry:
             self.refuse(self._blamed(str(error)), str(error))
         return item
 
-    def changed(self, lines: Sequence[str], width: float, grade: str | None) -> dict[int, str]:
+    def changed(self, lines: Sequence[str], item: Tolerance, width: float, grade: str | None) -> dict[int, str]:
         """Lines that give the entry another width, by their places."""
         given = next(name for name in _SIZES if name in self.table)
         if given == "samples":
@@ -241,10 +272,22 @@ class _Entry:
             self.refuse(given, f"{given} stands among other things; write it on a line of its own")
         if given == "grade" and grade is not None and self._is_width_of(grade, width):
             return {at: f'{found[1]}grade = "{grade}"{found[2]}'}
-        unit = units.DISPLAY_UNITS[self.dimension]
-        size = units.to_display(_rounded_down(width, self.dimension), self.dimension)
-        new = {at: f'{found[1]}tolerance = "{size:.4g} {unit}"{found[2]}'}
+        written = self.written(item, width)
+        more = ""
+        if isinstance(item.distribution, Lognormal) and "shape" not in self.table:  # it came of the limits
+            more = f"\n{found[1]}shape = {item.distribution.shape!r}"
+        new = {at: f'{found[1]}tolerance = "{written}"{found[2]}{more}'}
         return new | {self._line("size"): _TAKEN_OUT} if given == "grade" else new
+
+    def written(self, item: Tolerance, width: float) -> str:
+        """Another width as a text: with two limits where the table has two, the mean held."""
+        unit = units.DISPLAY_UNITS[self.dimension]
+        width = _rounded_down(width, self.dimension)
+        if "tolerance" not in self.table or width_and_centre(self._tolerance(), self.dimension)[1] is None:
+            return f"{units.to_display(width, self.dimension):.4g} {unit}"
+        mean, middle = next(iter(item.mean.values())), item.distribution.middle
+        upper, lower = (units.to_display(mean + (middle + side) * width, self.dimension) for side in (1, -1))
+        return f"{upper:+.12g}/{lower:+.12g} {unit}"
 
     def _line(self, name: str) -> int:
         """Place of the line of a key among all lines."""
@@ -319,7 +362,7 @@ class _Entry:
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
         return value
 
-    def _size(self) -> tuple[float | None, list[float] | None]:
+    def _size(self) -> tuple[float | tuple[float, float] | None, list[float] | None]:
         """Width, or samples in its place."""
         given = [name for name in _SIZES if name in self.table]
         if len(given) != 1:
@@ -334,7 +377,31 @@ class _Entry:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
         if "size" in self.table:
             self.refuse("size", 'size goes with a grade; leave it out, or write grade = "IT5" instead of tolerance')
-        return self._quantity("tolerance", self.table["tolerance"], self.dimension, self.example), None
+        return self._tolerance(), None
+
+    def _tolerance(self) -> float | tuple[float, float]:
+        """Width, or the lower and the upper limit."""
+        value = self.table["tolerance"]
+        if isinstance(value, list):
+            value = [self._quantity("tolerance", one, self.dimension, self.example) for one in value]
+        elif not isinstance(value, str):
+            return self._quantity("tolerance", value, self.dimension, self.example)
+        try:
+            width, centre = width_and_centre(value, self.dimension)
+        except ValueError as error:
+            said = str(error).partition(";")[0]
+            self.refuse("tolerance", f"tolerance: {said}; write it like '{self.example}'")
+        return width if centre is None else (centre - width, centre + width)
+
+    def _correlated_with(self) -> dict[str, float]:
+        value = self.table.get("correlated_with", {})
+        if not isinstance(value, dict):
+            self.refuse(
+                "correlated_with",
+                f"correlated_with = {shown(value)}: must be a table of names and correlations; write "
+                'correlated_with = { "crank.eccentricity" = 0.6 }',
+            )
+        return {name: self._number(name, value, ("correlated_with",)) for name in value}
 
     def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
         """Half the width of an ISO 286 grade."""

@@ -14,6 +14,7 @@ from rverror.base.numbers import at_input_speed, count_of, in_arcsec, interval, 
 from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
+from rverror.model.catalogue import source
 from rverror.tolerances.allocation import Allocation, Rate, Verification
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import LEVELS
@@ -27,6 +28,9 @@ from rverror.views.kinds import described
 from rverror.views.variables import columns
 
 _ROUNDING = 1e-9 * ARCSEC
+#: Of all intervals that are told: of the estimate, where other draws of as many units would put it.
+CONFIDENCE = 0.95
+OF_ESTIMATE = f"{100 * CONFIDENCE:g} % interval of the Monte Carlo estimate"
 #: Sizes of an output error: name in the code, for people, and key in JSON.
 SIZES: tuple[tuple[Size, str, str], ...] = (
     ("peak_to_peak", "peak-to-peak", "peak_to_peak_arcsec"),
@@ -88,7 +92,7 @@ def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> s
         cells = map(_cell, (_nominal(closed, size), *at, worst_of(closed, size)))
         lines.append(f"{name:20s} " + " ".join(cells))
     p99 = drawn.quantile(0.99) if drawn else None
-    told = "" if p99 is None else f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)}; "
+    told = "" if p99 is None else f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)} *; "
     told += (
         f"root sum of squares of the single peak-to-peaks: {closed.rss / ARCSEC:.4g}; "
         f"expected rms {closed.rms / ARCSEC:.4g}"
@@ -98,8 +102,10 @@ def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> s
         share = drawn.yield_at(limit)
         lines.append(
             f"Yield at {limit / ARCSEC:g} arcsec peak-to-peak: {100 * share.value:.4g} % "
-            f"[{100 * share.low:.4g}, {100 * share.high:.4g}]"
+            f"[{100 * share.low:.4g}, {100 * share.high:.4g}] *"
         )
+    if drawn:
+        lines.append(f"* [..] is the {OF_ESTIMATE}: of {drawn.count} drawn units, not their spread")
     lines += ["", *_contribution_lines(closed, indices)]
     if isinstance(found, ErrorBudget) and found.contact is not None:
         lines += ["", *contact_lines(found.contact, limit=limit)]
@@ -139,6 +145,8 @@ def _contribution_lines(closed: Budget, indices: SobolIndices | None) -> list[st
             f"{entry.label:{width}s} {size:>12s} {100 * entry.share:8.1f}% {_cell(entry.mean_peak_to_peak)} "
             f"{_cell(entry.worst_peak_to_peak)} {_cell(entry.worst_part, 8)} {first:>13s} {total:>13s}"
         )
+    if indices is not None:
+        lines.append(f"+- of a Sobol index: half of the {OF_ESTIMATE}")
     return lines
 
 
@@ -146,6 +154,8 @@ def _share(indices: SobolIndices | None, which: str, entry: int, *, waves: bool)
     if indices is None or not waves:
         return "-"
     value, low, high = (float(getattr(indices, f"{which}{end}")[entry]) for end in ("", "_low", "_high"))
+    if math.isnan(value):  # correlated with others, so no cause by itself
+        return "-"
     return f"{value:.2f} +- {(high - low) / 2:.2f}"
 
 
@@ -230,6 +240,8 @@ def budget_json(
         return enveloped("Budget", {"angles": closed.mean.size, **sizes, "contributions": entries}, files)
     content = {
         "model": found.model.name or found.model.mechanism.name,
+        "confidence": CONFIDENCE,
+        "output_torque_newton_metre": None if found.contact is None else rounded(found.contact.torque / 1e3),
         "direction": way(found.direction),
         "angles": closed.mean.size,
         "input_speed_rpm": _rpm(found.stack.speed),
@@ -240,12 +252,36 @@ def budget_json(
         "limit_arcsec": in_arcsec(limit),
         "yield": None if limit is None else _interval(found.units.yield_at(limit), 1.0),
         "contributions": [
-            {"label": entry["label"], "key": tolerance.key, **entry}
-            for tolerance, entry in zip(found.tolerances, entries, strict=True)
+            {"label": entry["label"], "key": tolerance.key, **entry, **_cause(found, at)}
+            for at, (tolerance, entry) in enumerate(zip(found.tolerances, entries, strict=True))
         ],
         "contact": None if found.contact is None else contact_content(found.contact, limit=limit),
     }
     return enveloped("ErrorBudget", content, files)
+
+
+def _cause(found: ErrorBudget, at: int) -> dict[str, Any]:
+    """Where the error of a tolerance sits, its orders, its limits, and what one unit of it makes."""
+    item, stack = found.tolerances[at], found.stack
+    entry, mechanism = source(item.key), found.model.mechanism
+    orders = {order for indices in item.instances(mechanism) for order in entry.orders(mechanism, indices)}
+    dimension = item.chosen[0].dimension
+    waves = stack.influence[stack.blocks[at].components]
+    middle = item.mean.get(item.chosen[0].name, 0.0) + item.distribution.middle * item.width
+    one = len(item.chosen) == 1 and not item.distribution.vector
+    ends = (middle - item.width, middle + item.width) if one else (None, None)
+    return {
+        "frame": entry.frame,
+        "orders": sorted(orders),
+        "distribution": item.distribution.name,
+        **{
+            name: None if end is None else rounded(units.to_display(end, dimension))
+            for name, end in zip(("lower_limit", "upper_limit"), ends, strict=True)
+        },
+        "peak_to_peak_per_unit_arcsec": in_arcsec(
+            float(np.ptp(waves, axis=1).max(initial=0.0)) / units.to_display(1.0, dimension)
+        ),
+    }
 
 
 def _rpm(speed: float | None) -> float | None:
@@ -318,8 +354,7 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     >>> print(allocation_text(found).splitlines()[0])
     Least cost for worst-case peak-to-peak within 37 arcsec
     """
-    quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    what = {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms"}[found.kind]
+    what = limited_by(found)
     width = max(len(label) for label in found.labels)
     lines = [
         f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec{at_input_speed(found.speed)}",
@@ -334,6 +369,8 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     for e, label in enumerate(found.labels):
         before, after = (with_unit(widths[e], found.dimensions[e]) for widths in (found.widths_before, found.widths))
         mark = "fixed" if found.fixed[e] else found.grades[e] or ""
+        if not mark and "bound" in "".join(found.held_by[e : e + 1]):
+            mark = found.held_by[e]
         costs = f"{found.costs_before[e]:9.4g} {found.costs[e]:9.4g}"
         lines.append(f"{label:{width}s} {before:>12s} {after:>12s} {costs}  {mark}".rstrip())
     if found.shadow_price is not None:
@@ -348,6 +385,12 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     return joined(lines)
 
 
+def limited_by(found: Allocation) -> str:
+    """What an allocation limits, in words."""
+    quantile = f"P{100 * found.level:g} of the peak-to-peak"
+    return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms"}[found.kind]
+
+
 def _price(rate: Rate, which: str) -> str:
     value = getattr(rate, which)
     return "the width does not matter" if math.isinf(value) else f"{value:.4g}"
@@ -357,7 +400,8 @@ def _verified(verified: Verification) -> str:
     level = f"P{100 * verified.level:g}"
     return (
         f"{level} of the peak-to-peak {verified.quantile / ARCSEC:.4g} arcsec [{verified.low / ARCSEC:.4g}, "
-        f"{verified.high / ARCSEC:.4g}] in {verified.units} fresh units, seed {verified.seed}"
+        f"{verified.high / ARCSEC:.4g}] in {verified.units} fresh units, seed {verified.seed}; [..] is the "
+        f"{100 * verified.confidence:g} % interval of that quantile's estimate"
     )
 
 
@@ -394,7 +438,10 @@ def allocation_json(
     shown = _entries(found, {name: name for name in names})
     named = zip(found.labels, found.keys, found.grades, shown, strict=True)
     entries = [{"label": label, "key": key, **entry, "grade": grade} for label, key, grade, entry in named]
+    for entry, held in zip(entries, found.held_by, strict=False):
+        entry["held_by"] = held
     content = {
+        "model": found.model or None,
         "kind": found.kind,
         "level": found.level,
         "limit_arcsec": in_arcsec(found.limit),
@@ -403,6 +450,7 @@ def allocation_json(
         "value_arcsec": in_arcsec(found.value),
         "cost_before": rounded(found.cost_before),
         "cost": rounded(found.cost),
+        "confidence": found.verified.confidence,
         "shadow_price_per_arcsec": rounded(found.shadow_price),
         "optimality_gap": rounded(found.gap),
         "proof": found.proof,

@@ -25,9 +25,9 @@ def contact_lines(found: ContactCorrection, *, limit: float | None = None) -> li
         f"At {found.torque / 1e3:g} N*m: {whole.dear.size} of {found.count} units solved with contacts that open, at "
         f"{found.points} angles (half as many change a peak-to-peak by {found.thinning / ARCSEC:+.2g}, at most "
         f"{found.thinning_most / ARCSEC:.2g})",
-        f"Mean peak-to-peak {_told(mean)}, {mean.correction / ARCSEC:+.3g} ({100 * mean.relative:+.3g} %) beside "
-        f"the linear one; correlation {whole.correlation:.2f}, worth {whole.variance_reduction:.3g} times as many "
-        "units",
+        f"Mean peak-to-peak {_told(mean)} (95 % interval of the estimate), {mean.correction / ARCSEC:+.3g} "
+        f"({100 * mean.relative:+.3g} %) beside the linear one; correlation {whole.correlation:.2f}, worth "
+        f"{whole.variance_reduction:.3g} times as many units",
         "",
         f"{'':14s} {'':>5s} {'linear':>8s} {'at the load [95 %]':>26s} {'change':>8s}",
     ]
@@ -46,7 +46,7 @@ def contact_lines(found: ContactCorrection, *, limit: float | None = None) -> li
         lines += [
             "",
             f"Yield at {limit / ARCSEC:g} arcsec peak-to-peak: {100 * share.value:.4g} % [{100 * share.low:.4g}, "
-            f"{100 * share.high:.4g}], linear {100 * share.linear:.4g} %",
+            f"{100 * share.high:.4g}] (95 % interval of the estimate), linear {100 * share.linear:.4g} %",
         ]
     if found.failures:
         lines += ["", f"{len(found.failures)} of {found.count} units have no equilibrium and are in no figure:"]

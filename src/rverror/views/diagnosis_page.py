@@ -8,7 +8,7 @@ from typing import Any
 
 from rverror.base.numbers import brief
 from rverror.views.bench_report import BESIDE, bench_html
-from rverror.views.html import document, escaped, escaped_lines, number, scrolled
+from rverror.views.html import document, escaped, escaped_lines, inputs, number, scrolled, tiles
 from rverror.views.set_aside import LABELS
 from rverror.views.svg import MARKS
 
@@ -60,7 +60,7 @@ def page(data: Data, *, summary: str, first: str = "", figures: Sequence[tuple[s
         _candidates(data),
         _declared(data),
         _notes(data),
-        _inputs(data),
+        inputs(data["files"], data["version"]),
         f"<details><summary>The same as text</summary>\n<pre>{escaped_lines(text)}</pre></details>",
     ]
     body = "\n".join(section for section in sections if section)
@@ -79,18 +79,17 @@ def _head(data: Data, title: str, summary: str) -> str:
     def fall(what: str) -> str:
         return " → ".join(number(_size(data, key, what)) for key in _ENDS) + _beside(data, what)
 
-    tiles = [
+    leading = [
         (_heading(data, "held-out rms, before → after"), f"{fall('heldout_rms')} {unit}"),
         ("noise floor, rms", f"{number(data['noise_rms_' + data['suffix']])} {unit}"),
         (_heading(data, "peak-to-peak, before → after"), f"{fall('peak_to_peak')} {unit}"),
         ("added", f"{len(data['added'])} of {data['candidates_tried']} candidates"),
     ]
-    boxes = "".join(f'<div class="tile"><span class="soft">{escaped(a)}</span><b>{b}</b></div>' for a, b in tiles)
     return (
         f"<h1>{escaped(title)}</h1>\n"
         f'<p class="soft">{escaped(data["declared"]["name"])}</p>\n'
         f'<div class="verdict {escaped(data["verdict"])}"><p>{escaped(summary)}</p></div>\n'
-        f'<div class="tiles">{boxes}</div>'
+        f"{tiles(leading)}"
     )
 
 
@@ -349,12 +348,3 @@ def _notes(data: Data) -> str:
     if not data["notes"]:
         return ""
     return "<h2>Notes</h2>\n<ul>" + "\n".join(f"<li>{escaped(note)}</li>" for note in data["notes"]) + "</ul>"
-
-
-def _inputs(data: Data) -> str:
-    rows = [
-        [escaped(item["path"]), number(item["bytes"]), f'<code class="hash">{escaped(item["sha256"])}</code>']
-        for item in data["files"]
-    ]
-    files = scrolled(["file", "bytes", "sha256"], rows, numbers=(1,)) if rows else ""
-    return f"<h2>Inputs and version</h2>\n{files}\n<p>rverror {escaped(data['version'])}</p>"

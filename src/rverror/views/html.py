@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rverror.base.numbers import brief
 from rverror.base.text import printable
@@ -58,6 +59,12 @@ svg .before { stroke: var(--before); stroke-width: 1.2; }
 svg .after { stroke: var(--after); stroke-width: 1.2; }
 svg .aside { stroke: var(--ink); stroke-width: 1.5; }
 svg .slip { fill: var(--ink); }
+svg .area { fill: var(--measured); fill-opacity: .45; stroke: var(--measured); }
+svg .whisker { stroke: var(--ink); stroke-width: 1.2; }
+svg .limit { stroke: var(--ink); stroke-width: 2.2; }
+svg .level { stroke: var(--after); stroke-width: 1.4; stroke-dasharray: 5 3; }
+svg rect.before { fill: var(--before); stroke: none; }
+svg rect.after { fill: var(--after); stroke: none; }
 svg .stem.before { stroke-width: 3.6; opacity: .55; }
 svg .stem.after { stroke-width: 1.3; }
 @media print { :root { color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999; --panel: #fff;
@@ -121,6 +128,22 @@ def number(value: float | None) -> str:
     if value is None:
         return "–"
     return f'<data value="{value!r}">{brief(value)}</data>'
+
+
+def tiles(boxes: Sequence[tuple[str, str]]) -> str:
+    """Leading figures side by side: what each is, plain text, and its size, HTML."""
+    each = (f'<div class="tile"><span class="soft">{escaped(what)}</span><b>{size}</b></div>' for what, size in boxes)
+    return f'<div class="tiles">{"".join(each)}</div>'
+
+
+def inputs(files: Sequence[Mapping[str, Any]], version: str) -> str:
+    """Section of the files that a result was made from, as its JSON lists them, and of the version."""
+    rows = [
+        [escaped(item["path"]), number(item["bytes"]), f'<code class="hash">{escaped(item["sha256"])}</code>']
+        for item in files
+    ]
+    listed = scrolled(["file", "bytes", "sha256"], rows, numbers=(1,)) if rows else ""
+    return f"<h2>Inputs and version</h2>\n{listed}\n<p>rverror {escaped(version)}</p>"
 
 
 def document(title: str, body: str) -> str:

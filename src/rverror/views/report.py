@@ -19,6 +19,7 @@ from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.control_variate import ContactCorrection
 from rverror.tolerances.full_budget import ErrorBudget
+from rverror.views.budget_page import allocation_html, budget_html
 from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
 from rverror.views.compensation_report import compensation_html, compensation_json
 from rverror.views.contact_report import contact_json, contact_text
@@ -135,7 +136,8 @@ def to_html(result: Any, /, **options: Any) -> str:
     result
         Whatever `to_text` takes.
     **options
-        A Diagnosis takes its `files`; so does a Compensation, and the `table` that was written of it.
+        A Diagnosis takes its `files`; so do an Allocation and an ErrorBudget, which takes its `limit` too, and a
+        Compensation, which takes the `table` that was written of it.
 
     Returns
     -------
@@ -172,6 +174,8 @@ for _kind, _text, _json in (
     to_text.register(_kind, _text)
     to_json.register(_kind, _json)
 to_html.register(Diagnosis, diagnosis_html)
+to_html.register(ErrorBudget, budget_html)
+to_html.register(Allocation, allocation_html)
 to_html.register(Compensation, compensation_html)
 to_json.register(Compensation, compensation_json)
 to_json.register(Modes, modes_json)

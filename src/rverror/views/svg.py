@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis as SVG text without any library: colours come from the page's style, so both themes fit.
+"""Pictures of a page as SVG text without any library: colours come from the page's style, so both themes fit.
 
 Classes that the page gives a colour: ``measured``, ``before``, ``after``, ``grid``, ``axis``, ``aside``, ``slip``; of
 text ``tick``, ``label`` or ``name``.  Every picture is drawn for one width, so letters keep their size on a desktop and
@@ -243,6 +243,108 @@ def branches(drawn: Sequence[Branch], *, width: int, height: int, title: str, la
         parts.append(f'<path class="{escaped(branch.look)}" d="{marks}"/>' if marks else "")
     parts.append(f'<path class="axis" d="M{_LEFT} {base}H{width - _RIGHT}"/>')
     parts += [_below(across(value), base, f"{value:g}") for value in ticks(0.0, right, max(3, inner // 70))]
+    parts.append(_caption(width, height, caption))
+    return _picture(width, height, title, parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """One bar of `bars`, from zero to a value, with the interval of that value where it has one."""
+
+    look: str  #: class of the page's style
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+def bars(rows: Sequence[tuple[str, Sequence[Bar]]], *, width: int, title: str, caption: str) -> str:
+    """Lying bars below the name of each row, as an ``svg`` element.
+
+    Parameters
+    ----------
+    rows : sequence of (str, sequence of Bar)
+        Name and bars, the first at the top.
+    width : int
+        px.
+    title : str
+        For those who cannot see it.
+    caption : str
+        Of the abscissa.
+    """
+    thick, gap, top, bottom = 10, 9, 6, 40
+    ends = [end for _, own in rows for bar in own for end in (bar.value, bar.low, bar.high) if end is not None]
+    low, high = min([0.0, *ends]), max([0.0, *ends]) or 1.0
+    across = _linear(low, high * 1.02, _RIGHT, width - _RIGHT)
+    heights = [16 + (thick + 2) * len(own) + gap for _, own in rows]
+    height = top + sum(heights) + bottom
+    base = height - bottom
+    marks = ticks(low, high, max(3, width // 110))
+    parts = [f'<path class="grid" d="M{across(value):.1f} {top}V{base}"/>' for value in marks]
+    y = top
+    most = int((width - 2 * _RIGHT - 4) / _LETTER)
+    for (name, own), tall in zip(rows, heights, strict=True):
+        shown = name if len(name) <= most else name[: most - 1] + "…"
+        parts.append(f'<text class="name" x="{_RIGHT + 4}" y="{y + 11}">{escaped(shown)}</text>')
+        for number, bar in enumerate(own):
+            start, end = sorted((across(0.0), across(bar.value)))
+            at = y + 16 + (thick + 2) * number
+            parts.append(
+                f'<rect class="{escaped(bar.look)}" x="{start:.1f}" y="{at}" width="{max(end - start, 0.5):.1f}" '
+                f'height="{thick}"/>'
+            )
+            if bar.low is not None and bar.high is not None:
+                middle, left, right = at + thick / 2, across(bar.low), across(bar.high)
+                parts.append(
+                    f'<path class="whisker" d="M{left:.1f} {middle}H{right:.1f}M{left:.1f} {at + 2}v{thick - 4}'
+                    f'M{right:.1f} {at + 2}v{thick - 4}"/>'
+                )
+        y += tall
+    parts.append(f'<path class="axis" d="M{across(0.0):.1f} {top}V{base}"/>')
+    parts += [_below(across(value), base, f"{value:g}") for value in marks]
+    parts.append(_caption(width, height, caption))
+    return _picture(width, height, title, parts)
+
+
+def histogram(
+    values: Array, lines: Sequence[tuple[str, float, str]], *, width: int, title: str, label: str, caption: str
+) -> str:
+    """Shares of values per unit, with standing lines that are named, as an ``svg`` element.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    lines : sequence of (str, float, str)
+        Class, place and name of each, names below one another.
+    width : int
+        px.
+    title : str
+        For those who cannot see it.
+    label, caption : str
+        Of the ordinate and of the abscissa.
+    """
+    top, bottom = 26 + 17 * len(lines), 40
+    base, inner = _HEIGHT + top - bottom - 60, width - _LEFT - _RIGHT
+    height = base + bottom
+    places = [float(values.min()), float(values.max()), *(place for _, place, _ in lines)]
+    room = 0.02 * (max(places) - min(places)) or 1.0
+    left, right = min(places) - room, max(places) + room
+    count, edges = np.histogram(values, bins=max(16, inner // 6), range=(left, right))
+    share = count / values.size / (edges[1] - edges[0])
+    across, up = _linear(left, right, _LEFT, _LEFT + inner), _linear(0.0, float(share.max()) * 1.05, base, top)
+    parts = [f'<text class="label" x="{_LEFT}" y="13">{escaped(label)}</text>']
+    parts += [_horizontal(up(value), width, f"{value:g}") for value in ticks(0.0, float(share.max()), 4)]
+    steps = "".join(f"V{up(value):.1f}H{across(edge):.1f}" for value, edge in zip(share, edges[1:], strict=True))
+    parts.append(f'<path class="area" d="M{_LEFT} {base}{steps}V{base}z"/>')
+    names = []
+    for row, (look, place, name) in enumerate(lines):
+        x, y = across(place), 30 + 17 * row
+        parts.append(f'<path class="{escaped(look)}" d="M{x:.1f} {y + 4}V{base}"/>')
+        long = len(name) * _LETTER
+        side, at = ("start", x + 4) if x + long + 4 < width else ("end", max(x - 4, min(long, width - 1.0)))
+        names.append(f'<text class="name" text-anchor="{side}" x="{at:.1f}" y="{y}">{escaped(name)}</text>')
+    parts += names  # above all lines
+    parts.append(f'<path class="axis" d="M{_LEFT} {base}H{width - _RIGHT}"/>')
+    parts += [_below(across(value), base, f"{value:g}") for value in ticks(left, right, max(3, inner // 70))]
     parts.append(_caption(width, height, caption))
     return _picture(width, height, title, parts)
 

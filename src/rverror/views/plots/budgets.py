@@ -96,7 +96,10 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
         ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
         share = drawn.yield_at(limit)
-        label = f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass"
+        ends = f"{100 * share.low:.4g} to {100 * share.high:.4g}"
+        label = (
+            f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass (95 % interval of the estimate {ends})"
+        )
         ax.axvline(limit / ARCSEC, color=_LIMIT, lw=1.8, label=label)
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",
