@@ -19,6 +19,7 @@ from rverror.geartrain.mechanism import (
     Reducer,
     Stiffness,
     StiffnessUncertainty,
+    preset_origins,
     reducer,
 )
 from rverror.geartrain.source import Index, Parameter, Source
@@ -195,6 +196,7 @@ __all__ = [
     "orders_from_arrays",
     "passport",
     "phasing_gain",
+    "preset_origins",
     "read_case",
     "reducer",
     "run_from_arrays",
