@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rverror.app import read_command
 from rverror.app.terminal import check_output, make_folder, quantity, tell, write_json, write_output
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
@@ -35,7 +36,7 @@ def add_commands(commands: Any) -> None:
     command.set_defaults(run=_reference_cases)
 
     command = commands.add_parser("compare", help="how far another tool's waveform is off a reference case, by order")
-    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool")
+    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool, or any file with --mapping")
     command.add_argument("case", metavar="CASE", help="folder of the case, or its case.json")
     command.add_argument(
         "--method",
@@ -46,6 +47,7 @@ def add_commands(commands: Any) -> None:
     command.add_argument(
         "--within", metavar='"0.1 arcsec"', help="exit 1 where the rms of the difference without its offset is larger"
     )
+    read_command.add_mapping(command)
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.set_defaults(run=_compare)
 
@@ -69,11 +71,13 @@ def _compare(options: argparse.Namespace) -> None:
     check_name(options.theirs)
     check_name(options.case)
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
+    mapping = read_command.given_mapping(options.mapping)
     inputs = [options.theirs, str(told), str(told.with_name("case.npz"))]
+    inputs += [options.mapping] if options.mapping else []
     check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
     limit = None if options.within is None else _limit(options.within)
     case = read_case(options.case)
-    found = compare(read_run(options.theirs, case.ratio), case, method=options.method)
+    found = compare(read_run(options.theirs, case.ratio, mapping), case, method=options.method)
     print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=input_files(inputs)))
