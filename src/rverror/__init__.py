@@ -20,6 +20,7 @@ from rverror.geartrain.mechanism import (
     Reducer,
     Stiffness,
     StiffnessUncertainty,
+    preset_origins,
     reducer,
 )
 from rverror.geartrain.source import Index, Parameter, Source
@@ -200,6 +201,7 @@ __all__ = [
     "orders_from_arrays",
     "passport",
     "phasing_gain",
+    "preset_origins",
     "read_case",
     "reducer",
     "run_from_arrays",

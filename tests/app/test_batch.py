@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -51,16 +52,15 @@ class Counting(ThreadPoolExecutor):
         self.given: list[str] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.given.append(Path(args[0]).parent.name)
+        self.given.append(Path(args[0]).name)
         return super().submit(fn, *args, **kwargs)
 
 
-def done(folder: Path, said: list[str] | None = None) -> tuple[batch.Batch, list[str]]:
+def done(folder: Path, said: list[str] | None = None, **options: Any) -> tuple[batch.Batch, list[str]]:
     """Batch, and the units that were handed to the executor."""
     with Counting() as executor:
-        result = diagnose_folder(
-            folder, out=folder.parent / "out", executor=executor, progress=None if said is None else said.append
-        )
+        told = None if said is None else said.append
+        result = diagnose_folder(folder, out=folder.parent / "out", executor=executor, progress=told, **options)
     return result, executor.given
 
 
@@ -236,6 +236,82 @@ def test_folders_that_are_no_units(plant: Path) -> None:
             assert result.notes[0].startswith("loose: left out")
 
 
+def test_one_model_for_units_that_have_none(plant: Path) -> None:
+    """What lacks a model gets the given one; a unit's own stays its own, and results of a batch are no unit."""
+    shutil.move(plant / "b-complete" / "model.toml", plant / "plain.toml")
+    save_model(plant / "a-idler" / "model.toml", Model(WORM, (MOTOR, IDLER)), overwrite=True)
+    (plant / "d-empty").mkdir()
+    (plant / "results").mkdir()
+    (plant / "results" / "summary.csv").write_text("unit,state,verdict\n", encoding="utf-8")
+    result, _ = done(plant, model=plant / "plain.toml")
+    assert states(result) == {"a-idler": "diagnosed", "b-complete": "diagnosed", "c-broken": "failed"}
+    assert {outcome.verdict for outcome in result.outcomes[:2]} == {"nothing_missing"}
+    assert result.notes == ()
+    save_model(plant / "plain.toml", Model(WORM, (MOTOR, IDLER)), overwrite=True)
+    result, given = done(plant, model=plant / "plain.toml")  # the model is an input like any other
+    assert given == ["b-complete", "c-broken"]
+    assert result.outcomes[1].verdict == "explained"  # the model has an idler's error that the unit has not
+    shutil.rmtree(plant / "a-idler")
+    shutil.rmtree(plant / "b-complete")
+    (plant / "c-broken" / "forward.csv").unlink()
+    (plant / "c-broken" / "model.toml").unlink()
+    with pytest.raises(InputError, match=r"holds a model\.toml, nor any run"):
+        done(plant, model=plant / "plain.toml")
+    with pytest.raises(InputError, match=r"none\.toml"):
+        done(plant, model="none.toml")
+
+
+def test_overview_leads_to_the_page_of_each_unit(plant: Path) -> None:
+    out = plant.parent / "out"
+    done(plant)
+    assert not list(out.glob("*.html"))
+    _, given = done(plant, pages=True)  # a result is kept for the sake of its page no longer
+    assert sorted(given) == ["a-idler", "b-complete", "c-broken"]
+    _, given = done(plant, pages=True)
+    assert given == ["c-broken"]
+    shown = (out / "summary.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<tr>(<td.*?)</tr>", shown)
+    cells = [[re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row)] for row in rows]
+    assert [row[:2] for row in cells] == [
+        ["c-broken", "failed"],
+        ["a-idler", "explained"],
+        ["b-complete", "nothing missing"],
+    ]
+    assert "forward.csv" in cells[0][2]
+    assert cells[1][2] == "shaft.eccentricity"
+    before, after = (float(cell.removesuffix(" arcsec")) for cell in cells[1][3:])
+    missing = (12**2 + 7**2) ** 0.5 / 2**0.5  # as in the summary
+    assert before == pytest.approx(missing, rel=0.02)
+    assert after < 0.02 * missing
+    links = re.findall(r'href="([^"]+)"', shown)
+    assert links == ["a-idler.html", "b-complete.html"]
+    for link in links:
+        assert "<!doctype html>" in (out / link).read_text(encoding="utf-8")
+    # a page of an earlier result is none of this one
+    measured(plant / "b-complete" / "forward.csv", MOTOR, IDLER)
+    done(plant)
+    result, given = done(plant, pages=True)
+    assert given == ["b-complete", "c-broken"]
+    assert result.outcomes[1].replaced == "its page was not there"
+    assert "shaft.eccentricity" in (out / "b-complete.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("folder", "page", "words"),
+    [
+        ("a-idler", "a-idler.html", "no page of a batch"),
+        ("summary", "", "the overview and a unit's page have one name"),
+    ],
+)
+def test_pages_replace_no_other_file(plant: Path, folder: str, page: str, words: str) -> None:
+    (plant / "a-idler").rename(plant / folder)
+    (plant.parent / "out").mkdir()
+    if page:
+        (plant.parent / "out" / page).write_text("<p>mine</p>", encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        done(plant, pages=True)
+
+
 @pytest.mark.parametrize(
     ("folder", "out", "words"),
     [
@@ -273,7 +349,8 @@ def test_command_line_on_processes(
     monkeypatch.chdir(plant.parent)
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
-    command = ["diagnose-batch", "plant", "--out", "out", "--jobs", "2"]
+    (plant / "b-complete" / "model.toml").rename("plain.toml")
+    command = ["diagnose-batch", "plant", "--out", "out", "--jobs", "2", "--model", "plain.toml", "--html"]
     assert cli.main(command) == 2
     assert os.environ["OMP_NUM_THREADS"] == "7"
     assert "MKL_NUM_THREADS" not in os.environ
@@ -282,6 +359,8 @@ def test_command_line_on_processes(
     assert lines[0].startswith("a-idler: explained; shaft.eccentricity; held-out rms 9.8")
     assert lines[1].startswith("b-complete: nothing missing")
     assert lines[2].startswith("3 units: 2 diagnosed, 0 kept, 1 failed")
+    assert lines[2].endswith(f"see {Path('out/summary.html')}")
+    assert sorted(p.name for p in Path("out").glob("*.html")) == ["a-idler.html", "b-complete.html", "summary.html"]
     last = err.splitlines()[-1]
     assert last.startswith("rverror: error: 1 of 3 units could not be diagnosed (c-broken)")
     assert "Traceback" not in err

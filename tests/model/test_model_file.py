@@ -174,6 +174,12 @@ def test_all_parameters(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+def test_stiffness_beside_a_preset_leaves_the_rest_of_the_preset(tmp_path: Path) -> None:
+    unit = load(tmp_path, '[reducer]\npreset = "RV-320E"\n[reducer.stiffness]\npin_contact = "500 kN/mm"').mechanism
+    assert isinstance(unit, Reducer)
+    assert unit.stiffness == dataclasses.replace(reducer("RV-320E").stiffness, pin_contact=5e5)
+
+
 def test_preset_with_values_beside_it(tmp_path: Path) -> None:
     unit = load(
         tmp_path,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -324,6 +325,36 @@ def test_command_compares(folder, tmp_path, capsys):
     assert content["orders"][0]["case"]["phase_deg"] is None
     inputs = [path, folder / "one-cam" / "case.json", folder / "one-cam" / "case.npz"]
     assert [entry["path"] for entry in content["inputs"]] == [str(name) for name in inputs]
+
+
+def test_command_compares_a_file_by_its_mapping(folder, tmp_path, capsys):
+    """The same waveform under a bench's own names, in its own units and sign, compares as the run file does."""
+    their_file(folder, "one-cam", tmp_path, plus=0.5)
+    run = load_run(tmp_path / "their.csv")
+    rows = zip(np.degrees(run.input_angle), -np.degrees(run.te_column) * 60, strict=True)
+    lines = ["Motor [°];Fehler [arcmin]", *(f"{a:.9f};{e:.12f}".replace(".", ",") for a, e in rows)]
+    (tmp_path / "bench.txt").write_text("\n".join(lines), encoding="utf-8")
+    mapping = tmp_path / "bench.toml"
+    mapping.write_text(
+        '[columns]\ninput_angle = { name = "Motor [°]", unit = "deg" }\n'
+        'te = { name = "Fehler [arcmin]", unit = "arcmin", sign = -1 }\n[header]\ndirection = "forward"\n',
+        encoding="utf-8",
+    )
+    told = {}
+    for name, words in (("their.csv", []), ("bench.txt", ["--mapping", mapping])):
+        command("compare", tmp_path / name, folder / "one-cam", "--json", tmp_path / "out.json", *words)
+        told[name] = json.loads((tmp_path / "out.json").read_text())
+    capsys.readouterr()
+    bench, plain = told["bench.txt"], told["their.csv"]
+    assert bench["rms_difference_arcsec"] == pytest.approx(plain["rms_difference_arcsec"], rel=1e-6)
+    assert [Path(entry["path"]).name for entry in bench["inputs"]] == [
+        "bench.txt",
+        "case.json",
+        "case.npz",
+        "bench.toml",
+    ]
+    with pytest.raises(InputError, match="also an input"):
+        command("compare", tmp_path / "bench.txt", folder / "one-cam", "--mapping", mapping, "--json", mapping)
 
 
 def test_within_is_the_exit_code(folder, tmp_path, capsys):

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
@@ -27,10 +28,12 @@ from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.envelope import input_files
-from rverror.views.report import to_json
+from rverror.views.html import document, escaped, number, table
+from rverror.views.report import to_html, to_json
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
+OVERVIEW = "summary.html"
 COLUMNS = (
     "unit",
     "state",
@@ -112,12 +115,14 @@ class Batch:
 
 @dataclass(frozen=True)
 class _Unit:
-    """A folder with a model and its runs, the mapping by which they are read, and where its result goes."""
+    """A folder with its runs, its model, the mapping by which they are read, and where result and page go."""
 
     name: str
+    folder: Path
     model: str
     runs: tuple[str, ...]
     result: Path
+    page: Path | None
     mapping: str | None
 
     @property
@@ -131,6 +136,7 @@ class _Answer:
     """What a worker sends back: the content of the result or one line of error."""
 
     data: dict[str, Any] | None
+    page: str
     error: str
     seconds: float
 
@@ -139,7 +145,9 @@ def diagnose_folder(
     folder: PathLike,
     *,
     out: PathLike,
+    model: PathLike | None = None,
     mapping: PathLike | None = None,
+    pages: bool = False,
     executor: Executor | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
@@ -147,8 +155,9 @@ def diagnose_folder(
     """Diagnose every unit of a folder, except those whose result is there already.
 
     A unit is a subfolder with ``model.toml`` and one or more ``*.csv`` runs; with a mapping, runs of any format that
-    `load_run` reads, by the ending of their name.  Its result is ``OUT/<unit>.json``, as
-    ``rverror diagnose --json`` writes it, on disk as soon as the unit is done; ``OUT/summary.csv`` lists all units.
+    `load_run` reads, by the ending of their name.  With a `model`, a subfolder with runs and no ``model.toml`` is a
+    unit too, of that model.  Its result is ``OUT/<unit>.json``, as ``rverror diagnose --json`` writes it, on disk as
+    soon as the unit is done; ``OUT/summary.csv`` lists all units.
     A unit that cannot be diagnosed does not stop the others.
 
     Parameters
@@ -156,8 +165,13 @@ def diagnose_folder(
     folder : str or path-like
     out : str or path-like
         Folder of the results; made where missing.
+    model : str or path-like, optional
+        Model file of every unit that has no ``model.toml`` of its own.
     mapping : str or path-like, optional
         How the bench names its columns, for all units.
+    pages : bool
+        Whether each unit gets its page ``OUT/<unit>.html`` too, and all of them ``OUT/summary.html``, failures first.
+        A result whose page is missing or of another result is made again.
     executor : concurrent.futures.Executor, optional
         Where the work is done; it stays open.  Its workers read the files of `folder` themselves, under its absolute
         path.  Left out, one process for each core of this machine, with one BLAS thread each.
@@ -173,8 +187,8 @@ def diagnose_folder(
     Raises
     ------
     InputError
-        If the folder holds no unit, the mapping cannot be used, or the results cannot be written; what is wrong with
-        one unit is in its outcome.
+        If the folder holds no unit, the model or the mapping cannot be used, or the results cannot be written; what is
+        wrong with one unit is in its outcome.
 
     Notes
     -----
@@ -188,7 +202,7 @@ def diagnose_folder(
         raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
     root = Path(folder) if executor is None else Path(folder).absolute()  # workers elsewhere have another folder
     target = Path(out)
-    units, notes = _units(root, target, _mapping(mapping, executor))
+    units, notes = _units(root, target, _model(model, executor), _mapping(mapping, executor), pages=pages)
     _make_output(target, units)
     for note in notes:
         tell(note)
@@ -212,7 +226,22 @@ def diagnose_folder(
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
     write_text(target / SUMMARY, _summary(batch), overwrite=True)
+    if pages:
+        write_text(target / OVERVIEW, overview(batch, root.resolve().name), overwrite=True)
     return batch
+
+
+def _model(path: PathLike | None, executor: Executor | None) -> str | None:
+    """Model of units without one, read once here so that what is wrong with it is said at once."""
+    if path is None:
+        return None
+    check_name(path)
+    load_model(path)
+    return _for_workers(path, executor)
+
+
+def _for_workers(path: PathLike, executor: Executor | None) -> str:
+    return os.fspath(path) if executor is None else str(Path(path).absolute())
 
 
 def _mapping(path: PathLike | None, executor: Executor | None) -> str | None:
@@ -222,10 +251,12 @@ def _mapping(path: PathLike | None, executor: Executor | None) -> str | None:
     if Path(path).name == MODEL:
         raise InputError(f"{path}: this is the name of a unit's model; give the mapping another")
     load_mapping(path)
-    return os.fspath(path) if executor is None else str(Path(path).absolute())
+    return _for_workers(path, executor)
 
 
-def _units(root: Path, out: Path, mapping: str | None) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
+def _units(
+    root: Path, out: Path, model: str | None, mapping: str | None, *, pages: bool
+) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
     """Units of a folder in the order of their names, and a note for each subfolder with runs but no model."""
     suffixes = ".csv" if mapping is None else RUN_SUFFIXES
     try:
@@ -235,31 +266,45 @@ def _units(root: Path, out: Path, mapping: str | None) -> tuple[tuple[_Unit, ...
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
-            if MODEL in names:
-                found.append(_Unit(name, str(path / MODEL), runs, out / f"{path.name}.json", mapping))
-            elif runs and path.resolve() != out.resolve():
-                notes.append(f"{name}: left out, for it holds runs but no {MODEL}")
+            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_summary(path / SUMMARY))
+            own = str(path / MODEL) if MODEL in names else model
+            if MODEL in names or (own and runs and not results):
+                page = out / f"{path.name}.html" if pages else None
+                found.append(_Unit(name, path, str(own), runs, out / f"{path.name}.json", page, mapping))
+            elif runs and not results:
+                notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
     if not found:
-        raise InputError(f"{root}: no subfolder holds a {MODEL}; give a folder with one subfolder for each unit")
+        what = f"no subfolder holds a {MODEL}" + ("" if model is None else ", nor any run")
+        raise InputError(f"{root}: {what}; give a folder with one subfolder for each unit")
     return tuple(found), tuple(notes)
+
+
+def _is_summary(path: Path) -> bool:
+    return read_text(path).startswith(f"{COLUMNS[0]},{COLUMNS[1]},")
 
 
 def _make_output(out: Path, units: Sequence[_Unit]) -> None:
     """Make the folder of the results, once it is sure that nothing in it would be lost or taken for a run."""
     place = out.resolve()
     for unit in units:
-        inside = Path(unit.model).resolve().parent
+        inside = unit.folder.resolve()
         if inside == place or inside in place.parents:
             raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
     make_folder(out, "choose another")
     if not os.access(out, os.W_OK):
         raise InputError(f"{out}: no permission to write in it; choose another folder")
     summary = out / SUMMARY
-    if os.path.lexists(summary) and not read_text(summary).startswith(f"{COLUMNS[0]},{COLUMNS[1]},"):
+    if os.path.lexists(summary) and not _is_summary(summary):
         raise InputError(f"{summary}: this is no summary of a batch; rename it or choose another folder")
+    pages = [unit.page for unit in units if unit.page is not None]
+    if out / OVERVIEW in pages:
+        raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
+    for page in (*pages, out / OVERVIEW) if pages else ():
+        if os.path.lexists(page) and "<title>rverror" not in read_text(page):
+            raise InputError(f"{page}: this is no page of a batch; rename it or choose another folder")
 
 
 def _earlier(unit: _Unit) -> UnitOutcome | str:
@@ -278,7 +323,17 @@ def _earlier(unit: _Unit) -> UnitOutcome | str:
         now = {Path(f.path).name: f.sha256 for f in input_files(unit.inputs)}
     except InputError:
         return "its inputs cannot be read any more"  # the worker says which
-    return outcome if files == now else "its inputs have changed"
+    if files != now:
+        return "its inputs have changed"
+    return outcome if unit.page is None or _is_page_of(unit.page, data) else "its page was not there"
+
+
+def _is_page_of(page: Path, data: Mapping[str, Any]) -> bool:
+    """Tell whether a page is that of a result: of the same version and inputs, which both of them name."""
+    if not os.path.lexists(page):
+        return False
+    shown = read_text(page)
+    return all(word in shown for word in (data["version"], *(f["sha256"] for f in data["files"])))
 
 
 def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
@@ -289,13 +344,15 @@ def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
     return UnitOutcome(unit.name, "diagnosed", str(data["verdict"]), keys, before, after, str(data["unit"]))
 
 
-def _diagnose_unit(model_path: str, run_paths: Sequence[str], mapping_path: str | None) -> _Answer:
+def _diagnose_unit(
+    folder: str, model_path: str, run_paths: Sequence[str], mapping_path: str | None, with_page: bool
+) -> _Answer:
     """Work of one task; never raises, since not every exception survives the way back from another process."""
     start = time.perf_counter()
-    data, error = None, ""
+    data, page, error = None, "", ""
     try:
         if not run_paths:
-            raise InputError(f"{Path(model_path).parent}: no run beside the model; add one or more *.csv")
+            raise InputError(f"{folder}: no run beside the model; add one or more *.csv")
         inputs = [model_path, *run_paths] + ([] if mapping_path is None else [mapping_path])
         for path in inputs:
             check_name(path)
@@ -303,12 +360,14 @@ def _diagnose_unit(model_path: str, run_paths: Sequence[str], mapping_path: str 
         files = input_files(inputs)
         model = load_model(model_path)
         mapping = None if mapping_path is None else load_mapping(mapping_path)
-        data = to_json(diagnose(model, [read_run(path, model, mapping) for path in run_paths]), files=files)
+        found = diagnose(model, [read_run(path, model, mapping) for path in run_paths])
+        data = to_json(found, files=files)
+        page = to_html(found, files=files) if with_page else ""
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along
-        error = f"{Path(model_path).parent}: {type(problem).__name__}: {problem}; report it with the files of the unit"
-    return _Answer(data, " ".join(error.split()), time.perf_counter() - start)
+        error = f"{folder}: {type(problem).__name__}: {problem}; report it with the files of the unit"
+    return _Answer(data, page, " ".join(error.split()), time.perf_counter() - start)
 
 
 def _work(
@@ -325,7 +384,7 @@ def _work(
     try:
         for unit in units:
             try:
-                pending[executor.submit(_diagnose_unit, unit.model, unit.runs, unit.mapping)] = unit
+                pending[_handed_in(executor, unit)] = unit
             except BrokenExecutor as problem:
                 outcomes[unit.name] = _failed(unit, _lost(problem), None, waiting[unit.name])
         for future in as_completed(pending):
@@ -338,6 +397,10 @@ def _work(
             future.cancel()
 
 
+def _handed_in(executor: Executor, unit: _Unit) -> Future[_Answer]:
+    return executor.submit(_diagnose_unit, str(unit.folder), unit.model, unit.runs, unit.mapping, unit.page is not None)
+
+
 def _finish(unit: _Unit, future: Future[_Answer], why: str) -> UnitOutcome:
     """Write the result of a unit."""
     try:
@@ -347,6 +410,8 @@ def _finish(unit: _Unit, future: Future[_Answer], why: str) -> UnitOutcome:
     if answer.data is None:
         return _failed(unit, answer.error, answer.seconds, why)
     try:
+        if unit.page is not None:
+            write_text(unit.page, answer.page, overwrite=True)
         write_text(unit.result, json.dumps(answer.data, indent=1) + "\n", overwrite=bool(why))
     except InputError as problem:
         return _failed(unit, str(problem), answer.seconds, why)
@@ -389,6 +454,52 @@ def _summary(batch: Batch) -> str:
         sizes = ["" if size is None else f"{size:g}" for size in (o.before, o.after)]
         writer.writerow([o.unit, o.state, o.verdict, "; ".join(o.keys), *sizes, o.rms_unit, seconds, o.error])
     return text.getvalue()
+
+
+#: What the overview tells first.
+_WORST_FIRST = ("", "unexplained", "explained", "nothing_missing")
+
+
+def overview(batch: Batch, title: str) -> str:
+    """All units on one page: those that failed first, then what stays unexplained, each with the way to its page.
+
+    Parameters
+    ----------
+    batch : Batch
+    title : str
+        Of the batch, as the name of its folder.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing else; its links lead to ``<unit>.html`` beside it.
+    """
+    ordered = sorted(batch.outcomes, key=lambda each: (_WORST_FIRST.index(each.verdict), each.unit))
+    verdicts = [outcome.verdict.replace("_", " ") or outcome.state for outcome in ordered]
+    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
+    rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]
+    heads = ("unit", "verdict", "causes, or what went wrong", "rms before", "rms after")
+    notes = "".join(f'<p class="soft">{escaped(note)}</p>' for note in batch.notes)
+    told = (
+        "rms of what the model leaves of stretches that the fit did not see: of the declared model, and with the causes"
+    )
+    body = (
+        f'<h1>{escaped(title)}</h1>\n<p class="soft">{len(ordered)} units, rverror {escaped(__version__)}</p>\n'
+        f'<p>{escaped(counts)}</p>\n<div class="units">{table(heads, rows, numbers=(3, 4))}</div>\n'
+        f'<p class="soft">{told}</p>\n{notes}'
+    )
+    return document(f"rverror: batch {title}", body)
+
+
+def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
+    name, failed = escaped(outcome.unit), outcome.state == "failed"
+    link = name if failed else f'<a href="{quote(outcome.unit)}.html">{name}</a>'
+    causes = escaped(outcome.error) if failed else "<br>".join(map(escaped, outcome.keys)) or "none"
+    sizes = [
+        "" if size is None else f"{number(size)} {escaped(outcome.rms_unit)}"
+        for size in (outcome.before, outcome.after)
+    ]
+    return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
 
 
 def _cores() -> int:

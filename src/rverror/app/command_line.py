@@ -21,7 +21,7 @@ from rverror.app import (
     tolerance_commands,
     wear_command,
 )
-from rverror.app.batch import SUMMARY, diagnose_folder, told
+from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
     check_output,
@@ -155,7 +155,13 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
     command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and runs is a unit")
     command.add_argument("--out", required=True, metavar="OUT", help="folder for UNIT.json of each and summary.csv")
+    command.add_argument("--model", metavar="MODEL.toml", help="of every unit that has no model.toml of its own")
     read_command.add_mapping(command)
+    command.add_argument(
+        "--html",
+        action="store_true",
+        help="also UNIT.html of each, and summary.html that leads to them, failures first",
+    )
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
@@ -289,7 +295,13 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
     with closing(Progress()) as progress:
         batch = diagnose_folder(
-            options.folder, out=options.out, mapping=options.mapping, jobs=options.jobs, progress=progress
+            options.folder,
+            out=options.out,
+            model=options.model,
+            mapping=options.mapping,
+            pages=options.html,
+            jobs=options.jobs,
+            progress=progress,
         )
     for note in batch.notes:
         tell(note)
@@ -301,7 +313,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
             if outcome.replaced:
                 tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
-    print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / SUMMARY}")
+    print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / (OVERVIEW if options.html else SUMMARY)}")
     if failed := batch.of("failed"):
         names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
         raise InputError(

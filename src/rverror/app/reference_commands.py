@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rverror.app import read_command
 from rverror.app.terminal import check_output, make_folder, quantity, tell, write_json, write_output
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
@@ -37,7 +38,7 @@ def add_commands(commands: Any) -> None:
     command.set_defaults(run=_reference_cases)
 
     command = commands.add_parser("compare", help="how far another tool's waveform is off a reference case, by order")
-    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool")
+    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool, or any file with --mapping")
     command.add_argument("case", metavar="CASE", help="folder of the case, or its case.json")
     command.add_argument(
         "--method",
@@ -51,6 +52,7 @@ def add_commands(commands: Any) -> None:
     command.add_argument(
         "--bench", metavar="MODEL.toml", help="model file whose [bench.encoders] measured the run; for its uncertainty"
     )
+    read_command.add_mapping(command)
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.set_defaults(run=_compare)
 
@@ -74,12 +76,15 @@ def _compare(options: argparse.Namespace) -> None:
     check_name(options.theirs)
     check_name(options.case)
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
-    inputs = [options.theirs, str(told), str(told.with_name("case.npz")), *([options.bench] if options.bench else [])]
+    mapping = read_command.given_mapping(options.mapping)
+    inputs = [options.theirs, str(told), str(told.with_name("case.npz"))]
+    inputs += [given for given in (options.mapping, options.bench) if given]
     check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
     limit = None if options.within is None else _limit(options.within)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None
-    found = compare(read_run(options.theirs, case.ratio), case, method=options.method, encoders=encoders)
+    run = read_run(options.theirs, case.ratio, mapping)
+    found = compare(run, case, method=options.method, encoders=encoders)
     print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=input_files(inputs)))

@@ -27,6 +27,7 @@ from rverror.geartrain.mechanism import (
     Reducer,
     Stiffness,
     StiffnessUncertainty,
+    preset_parameters,
     reducer,
 )
 from rverror.geartrain.source import Parameter
@@ -258,6 +259,15 @@ def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
 def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     place = ("reducer",)
     where.check_keys(place, table, _KEYS_OF_REDUCER, "key of [reducer]")
+    preset, own = None, {}
+    if "preset" in table:
+        preset = where.string(place, table, "preset", "")
+        if preset not in PRESETS:
+            hint = did_you_mean(preset, {name.lower(): name for name in PRESETS})
+            for name in PRESETS:
+                hint = hint.replace(name.lower(), name)
+            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(PRESETS)}")
+        own = preset_parameters(preset)
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key in QUANTITIES:
@@ -272,16 +282,10 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     values |= {key: where.string(place, table, key, "") for key in ("name", "output") if key in table}
     for key, (kind, keys) in _TABLES.items():
         if key in table:
-            values[key] = _made(where, (*place, key), table[key], kind, keys)
-    if "preset" in table:
-        preset = where.string(place, table, "preset", "")
-        if preset not in PRESETS:
-            hint = did_you_mean(preset, {name.lower(): name for name in PRESETS})
-            for name in PRESETS:
-                hint = hint.replace(name.lower(), name)
-            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(PRESETS)}")
-    else:
-        preset = None
+            # what the table leaves out is the preset's own, not that of any unit
+            base = own.get(key, kind())
+            values[key] = _made(where, (*place, key), table[key], functools.partial(dataclasses.replace, base), keys)
+    if preset is None:
         missing = [key for key in _REQUIRED if key not in values]
         if missing:
             where.refuse(

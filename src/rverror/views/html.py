@@ -43,7 +43,11 @@ pre { overflow-x: auto; background: var(--panel); padding: .8rem; line-height: 1
 figure { margin: .8rem 0; }
 svg { display: block; max-width: 100%; height: auto; }
 .narrow { display: none; }
-@media (max-width: 46rem) { .wide { display: none; } .narrow { display: block; } h1 { font-size: 1.35rem; } }
+@media (max-width: 46rem) { .wide { display: none; } .narrow { display: block; } h1 { font-size: 1.35rem; }
+  .units table, .units tbody, .units tr, .units td { display: block; width: auto; max-width: none; text-align: left; }
+  .units thead { display: none; } .units tr { border-bottom: 1px solid var(--line); padding: .5rem 0; }
+  .units td { border: 0; padding: .05rem 0; overflow-wrap: anywhere; } .units td:empty { display: none; }
+  .units td:nth-child(4)::before { content: "rms before "; } .units td:nth-child(5)::before { content: "rms after "; } }
 .key { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; font-size: .88rem; margin: .3rem 0; }
 .key svg { display: inline-block; vertical-align: middle; margin-right: .4rem; }
 svg text { font: 12px system-ui, sans-serif; fill: var(--ink); }
