@@ -187,9 +187,9 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
         given = (error.share * work).sum(axis=tuple(range(1, work.ndim)))
         return -np.array(np.broadcast_to(given, (len(error.share), samples)), dtype=np.float64)
     force = forces[error.contact][error.at]
-    axes = list(range(force.ndim))
-    columns = [np.broadcast_to(np.einsum(force, axes, term, axes, axes[-1:]), (samples,)) for term in error.vector]
-    return np.array(columns, dtype=np.float64)
+    axes = "abcd"[: force.ndim - 1]
+    columns = [np.einsum(f"{axes}n,{axes}n->n", force, term) for term in error.vector]
+    return np.array(np.broadcast_to(columns, (len(columns), samples)), dtype=np.float64)
 
 
 def _carried(forces: ContactForces, contact: str) -> Array:
