@@ -183,7 +183,7 @@ def test_drive_refuses(bad: Any) -> None:
 
 def test_friction_leaves_the_geometry_as_it_is() -> None:
     check_same_geometry(UNIT, dataclasses.replace(UNIT, friction=Friction(pin=0.05)))
-    with pytest.raises(ValueError, match="pin_radius = 2.5, here 3.0: only .*friction"):
+    with pytest.raises(ValueError, match=r"pin_radius = 2\.5, here 3\.0: only .*friction"):
         check_same_geometry(UNIT, dataclasses.replace(UNIT, pin_radius=2.5))
 
 
