@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 
 import rverror
-from rverror import Drive, Reducer, Stiffness
-from rverror.geartrain.mechanism import PRESETS, preset_parameters
+from rverror import Drive, Friction, Reducer, Stiffness
+from rverror.geartrain.mechanism import PRESETS, check_same_geometry, preset_parameters
 from strategies import reducers, variant
 
 UNIT = rverror.reducer("RV-40E")
@@ -179,6 +179,12 @@ def test_drive_refuses(bad: Any) -> None:
         Drive(ratio=bad)
     with pytest.raises(ValueError, match=rf"motor = {bad!r}: must be a finite number other than 0"):
         Drive(ratio=-14.0, shafts={"motor": bad})
+
+
+def test_friction_leaves_the_geometry_as_it_is() -> None:
+    check_same_geometry(UNIT, dataclasses.replace(UNIT, friction=Friction(pin=0.05)))
+    with pytest.raises(ValueError, match=r"pin_radius = 2\.5, here 3\.0: only .*friction"):
+        check_same_geometry(UNIT, dataclasses.replace(UNIT, pin_radius=2.5))
 
 
 def test_drive_pickles() -> None:
