@@ -109,6 +109,20 @@ def overlapping_texts(ax: Axes) -> list[tuple[str, str]]:
     ]
 
 
+def cut_off(ax: Axes) -> list[str]:
+    """Title, labels and legend that reach over the figure's edge once drawn."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    named = [(t.get_text(), t) for t in (ax.title, ax.xaxis.label, ax.yaxis.label)]
+    if ax.get_legend() is not None:
+        named.append(("the legend", ax.get_legend()))
+    boxes = [(name, thing.get_window_extent()) for name, thing in named if name]
+    outer = figure.bbox
+    return [
+        name for name, box in boxes if box.x0 < outer.x0 or box.x1 > outer.x1 or box.y0 < outer.y0 or box.y1 > outer.y1
+    ]
+
+
 def neighbours_differ(values: Any) -> bool:
     """Whether values grow or fall from each to the next."""
     steps = np.array([b - a for a, b in pairwise(values)])

@@ -50,7 +50,7 @@ worm = rverror.Model(
         rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="30 arcsec"),
         rverror.effect("sensor.encoder_eccentricity", cos="8 arcsec", sin="3 arcsec"),
     ),
-    "motor, idler, output",
+    "geared motor",
 )
 theta = 2 * np.pi * np.arange(512) / 512
 state = rverror.equilibrium(unit, theta, torque="100 N*m")

@@ -20,7 +20,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
-from drawn import alike_in_grey, line, overlapping_texts, stems, units_missing
+from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_missing
 from every_kind import compensation, every_kind
 from pages import DOCS
 from rverror import (
@@ -456,7 +456,7 @@ FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresi
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_plot_can_be_read(things: dict[str, Any], name: str) -> None:
-    """A unit on every axis; a grey print tells the lines apart; no text lies over another."""
+    """A unit on every axis; a grey print tells the lines apart; no text lies over another, nothing is cut off."""
     for kind, options in plots(things, name):
         ax = things[name].plot(kind=kind, **options)
         where = f"{name}, {kind}"
@@ -465,6 +465,7 @@ def test_every_plot_can_be_read(things: dict[str, Any], name: str) -> None:
         assert alike_in_grey(ax) == [], where
         if name in FULLEST:
             assert overlapping_texts(ax) == [], where
+            assert cut_off(ax) == [], where
 
 
 @pytest.mark.parametrize("name", FULLEST)

@@ -101,7 +101,7 @@ def test_the_spectrum_of_a_state() -> None:
 
 
 def test_peaks_of_a_loaded_state_have_their_causes() -> None:
-    """Waves have the effect that makes them unloaded; order 80 the clearance, which no closed form knows."""
+    """Waves have the effect that makes them unloaded; order 80 has the clearance, contacts that open none."""
     waves = (
         effect("crank.eccentricity", crank=0, disc=1, radial="4 um"),
         effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="3 um"),
@@ -111,6 +111,14 @@ def test_peaks_of_a_loaded_state_have_their_causes() -> None:
     unloaded = names(Model(UNIT, waves).plot(kind="spectrum", highest=90))
     state = equilibrium(Model(UNIT, waves), theta, torque="412 N*m")
     assert set(map(tuple, unloaded)) <= set(map(tuple, names(state.plot(kind="spectrum"))))
+    light = equilibrium(Model(UNIT, waves), theta, torque="20 N*m").plot(kind="spectrum")
+    heights = dict(zip(*stems(light, "loaded equilibrium"), strict=True))
+    assert {cause.split(" ")[0] for _, cause in names(light)} & {"no", "housing"}  # what pins make as they lift off
+    for order, cause in names(light):
+        wave = [one for one in waves if cause.startswith(one.key)]
+        if wave:
+            alone = transmission_error(Model(UNIT, (wave[0],)), theta, direction=1.0) / ARCSEC
+            assert abs(2 * np.mean(alone * np.exp(-1j * float(order) * theta))) > 0.1 * heights[float(order)]
     play = Model(UNIT, (effect("crank.bearing_clearance", clearance="5 um"),))
     loose = equilibrium(play, theta, torque="20 N*m")
     assert names(loose.plot(kind="spectrum"))[0] == ["80", "crank.bearing_clearance"]

@@ -19,7 +19,6 @@ from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
 from rverror.geartrain.kinematics import Conditions, true_period
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
-from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -30,7 +29,6 @@ from rverror.views.plots.figure import (
     BLACK,
     BLUE,
     DASHED,
-    NOTHING,
     ORANGE,
     ORDER,
     axes_for,
@@ -63,7 +61,6 @@ _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact wav
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
 _ROWS = ((BLUE, "solid", 1.6), (ORANGE, DASHED, 0.8))
-_SAME = 1e-6  # orders that lie so near are one
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -207,9 +204,8 @@ def state_spectrum(
 ) -> Axes:
     """Order spectrum of the transmission error of a loaded state at even angles, with the causes of its peaks.
 
-    A peak has the name of the declared effect that makes most of it in closed form at the same angles; else of the
-    declared effect that the catalogue gives this order, such as a clearance, which works under load alone; else of the
-    frame that it fits.
+    A peak has the name of the declared effect that makes most of it in closed form at the same angles, at which orders
+    fold alike; where none makes a tenth of it, that of the frame that it fits.
 
     Parameters
     ----------
@@ -232,7 +228,7 @@ def state_spectrum(
     unit = mechanism if state.model is None else state.model.mechanism
     name = _namer(unit, found)
     if state.model is not None and state.conditions is not None:
-        name = partial(_loaded_name, state.model, _causes_at(state.model, state.conditions), found, name)
+        name = partial(_loaded_name, _causes_at(state.model, state.conditions), found, name)
     return _draw([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
 
 
@@ -241,22 +237,10 @@ def _causes_at(model: Model, where: Conditions) -> Causes:
     return causes_of(model, where.theta, rows)
 
 
-def _loaded_name(model: Model, causes: Causes, lines: Lines, frame: Callable[[float], str], order: float) -> str:
-    """Name of a peak under load: of what makes it in closed form, of what the catalogue gives it, of its frame."""
+def _loaded_name(causes: Causes, lines: Lines, frame: Callable[[float], str], order: float) -> str:
+    """Name of a peak under load: of what makes a tenth of it or more in closed form, else of its frame."""
     size = float(lines.size[int(np.argmin(np.abs(lines.order - order)))])
-    made = _cause_name([key for key, alone in causes.at(order) if alone > _PART * size], order)
-    near = max(resolution(lines.order), _SAME)
-    silent = [
-        effect.key
-        for effect, row in zip(model.effects, causes.rows, strict=True)
-        if row.max(initial=0.0) <= NOTHING
-        and any(_multiple(order, of, near) for of in source(effect.key).orders(model.mechanism, effect.indices))
-    ]
-    return made or _cause_name(silent, order) or frame(order)
-
-
-def _multiple(order: float, of: float, near: float) -> bool:
-    return round(order / of) >= 1 and abs(order - of * round(order / of)) <= near
+    return _cause_name([key for key, alone in causes.at(order) if alone > _PART * size], order) or frame(order)
 
 
 def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mechanism:
