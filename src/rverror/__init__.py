@@ -19,17 +19,20 @@ from rverror.geartrain.mechanism import (
     Reducer,
     Stiffness,
     StiffnessUncertainty,
+    presets,
     reducer,
 )
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
-from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
+from rverror.model import asked as _asked
+from rverror.model.asked import Equilibrium, Influence
+from rverror.model.compose import influence, transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
 from rverror.model.model_file import append_effects, load_model, save_model
 from rverror.statics.friction import Efficiency, Friction, Hysteresis, efficiency, hysteresis
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
-from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
+from rverror.statics.loaded_state import Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
 from rverror.dynamics.natural_modes import Modes, modes
@@ -195,6 +198,7 @@ __all__ = [
     "orders_from_arrays",
     "passport",
     "phasing_gain",
+    "presets",
     "read_case",
     "reducer",
     "run_from_arrays",
@@ -236,9 +240,20 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+_asked.error_of.register(Model, transmission_error)
+_asked.equilibrium_of.register(Model, equilibrium)
+
+
 @_viewed.picture_of.register
 def _picture_of(thing: _viewed.Viewed, **options: Any) -> Any:
     return __getattr__("draw")(thing, **options)
+
+
+@_viewed.line_of.register
+def _line_of(thing: _viewed.Viewed) -> str:
+    from rverror.views.notebook import line
+
+    return line(thing)
 
 
 @_viewed.page_of.register

@@ -20,12 +20,13 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
 from rverror.geartrain.kinematics import Conditions, frame_orders
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
 from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
@@ -95,7 +96,7 @@ class Friction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Efficiency:
+class Efficiency(OneLine):
     """What a reducer loses to friction along a motion.
 
     Attributes
@@ -175,7 +176,7 @@ def efficiency(
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
+    theta : array_like, str or quantity, shape (n,) or one angle
         Nominal output angle, rad.
     torque : float or quantity
         Size of the output torque, N*mm: against the motion where the input drives, along it where the output does.
@@ -214,6 +215,7 @@ def efficiency(
     >>> round(found.mean, 2), sorted(found.by_part, key=found.by_part.get)[-1]
     (0.93, 'pin')
     """
+    check_model(model)
     unit = _reducer(model)
     if drives not in ("input", "output"):
         raise ValueError(f"drives = {drives!r}: must be 'input' or 'output'")
@@ -248,7 +250,7 @@ def efficiency(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hysteresis:
+class Hysteresis(OneLine):
     """Loop of the torsion curve: turn of the output under a torque that rises or falls, input held.
 
     Attributes
@@ -276,7 +278,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) ->
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
+    theta : array_like, str or quantity, shape (n,) or one angle
         Nominal output angle at which the input is held, rad.
     torques : array_like or quantity, shape (m,)
         Torques on the output, N*mm, of either sign; a list may hold strings such as ``"-20 N*m"``.
@@ -306,6 +308,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction) ->
     >>> bool((loop.width > 0).all())
     True
     """
+    check_model(model)
     unit, turns = _straight(unread(model)), row_of_torques(torques)
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
     branches = [

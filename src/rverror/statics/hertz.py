@@ -24,12 +24,13 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.statics.loaded_state import equilibrium
 
 #: F over Z times the force of the most loaded of Z rollers: without clearance or preload they close by cos(psi) over
@@ -103,7 +104,7 @@ class PressurePeak:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactPressure:
+class ContactPressure(OneLine):
     """Force and largest Hertz pressure of each contact along a motion.
 
     Attributes
@@ -169,7 +170,7 @@ def contact_pressure(
     ----------
     model : Model
         Of a reducer; its errors, stiffnesses and play share the load.
-    theta : array_like or quantity, shape (n,), or Conditions
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions
         Nominal output angle, rad; or the conditions of a run, in place of torque and direction.
     torque, direction
         As in `equilibrium`.
@@ -207,6 +208,7 @@ def contact_pressure(
     >>> found.peaks()[0].contact
     'pin'
     """
+    check_model(model)
     widths = {name: _length(name, value) for name, value in (("disc_width", disc_width), ("gear_width", gear_width))}
     modulus = units.named_core("youngs_modulus", youngs_modulus, "pressure")
     if not modulus > 0:

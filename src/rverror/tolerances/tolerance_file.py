@@ -206,7 +206,9 @@ class _Entry:
     def read(self, model: Model | None) -> Tolerance:
         """Make the tolerance, and see that its indices are those of the model."""
         table = self.table
-        width, samples = self._size()
+        size, samples = self._size()
+        # what a file says has a unit
+        width = None if size is None else f"{size!r} {units.CORE_UNITS[self.dimension]}"
         given = {name: table[name] for name in ("distribution", "phase") if self._is_text(name)}
         given |= {name: self._number(name) for name in ("capability", "correlation") if name in table}
         try:

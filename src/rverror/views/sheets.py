@@ -26,13 +26,12 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
+from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
-from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
 from rverror.model.ends import BENCH_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
-from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget

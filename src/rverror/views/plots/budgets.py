@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.allocation import Allocation, FrontPoint
@@ -40,8 +41,8 @@ _COST = "cost, unit of the cost curves"
 _SHOWN = 15  # bars for which there is room
 
 
-def budget_figure(found: ErrorBudget, *, limit: float | None = None) -> Figure:
-    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad."""
+def budget_figure(found: ErrorBudget, *, limit: Any | None = None) -> Figure:
+    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad or with a unit."""
     figure, (upper, lower) = new_figure(2, height=3.6)
     contributions(found, ax=upper)
     distribution(found, limit=limit, ax=lower)
@@ -74,8 +75,8 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
     return ax
 
 
-def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = None, ax: Axes | None = None) -> Axes:
-    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit, rad."""
+def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None, ax: Axes | None = None) -> Axes:
+    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit, rad or with unit."""
     ax = axes_for(ax)
     drawn = found if isinstance(found, VirtualUnits) else found.units
     sizes = drawn.peak_to_peak / ARCSEC
@@ -84,9 +85,9 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
         value = drawn.quantile(level).value / ARCSEC
         ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
-        share = drawn.yield_at(limit)
-        label = f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass"
-        ax.axvline(limit / ARCSEC, color=_LIMIT, lw=1.8, label=label)
+        share, at = drawn.yield_at(limit), units.named_core("limit", limit, "angle") / ARCSEC
+        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass"
+        ax.axvline(at, color=_LIMIT, lw=1.8, label=label)
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",
         ylabel="share of the units per arcsec",

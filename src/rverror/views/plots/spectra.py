@@ -17,12 +17,12 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
-from rverror.geartrain.kinematics import true_period
+from rverror.geartrain.kinematics import true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.model.asked import Equilibrium
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import noise_spectrum, revolutions
-from rverror.statics.loaded_state import Equilibrium
 from rverror.views.by_order import residual_spectrum
 from rverror.views.plots.figure import (
     BLACK,
@@ -44,7 +44,6 @@ from rverror.views.plots.waveforms import (
     parts_of,
     run_name,
     signals_of,
-    whole_turn,
 )
 
 if TYPE_CHECKING:
