@@ -21,17 +21,20 @@ from rverror.geartrain.mechanism import (
     Stiffness,
     StiffnessUncertainty,
     preset_origins,
+    presets,
     reducer,
 )
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, extended
-from rverror.model.compose import Influence, influence, transmission_error, transmission_error_by_effect
+from rverror.model import asked as _asked
+from rverror.model.asked import Equilibrium, Influence
+from rverror.model.compose import influence, transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench, Encoders
 from rverror.model.model_file import append_effects, load_model, save_model
 from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hysteresis
 from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
-from rverror.statics.loaded_state import Equilibrium, Linearisation, NotConvergedError, equilibrium, linearise
+from rverror.statics.loaded_state import Linearisation, NotConvergedError, equilibrium, linearise
 from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
 from rverror.statics.worn_contacts import Wear, WearCoefficients, wear
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
@@ -202,6 +205,7 @@ __all__ = [
     "passport",
     "phasing_gain",
     "preset_origins",
+    "presets",
     "read_case",
     "reducer",
     "run_from_arrays",
@@ -244,9 +248,20 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+_asked.error_of.register(Model, transmission_error)
+_asked.equilibrium_of.register(Model, equilibrium)
+
+
 @_viewed.picture_of.register
 def _picture_of(thing: _viewed.Viewed, **options: Any) -> Any:
     return __getattr__("draw")(thing, **options)
+
+
+@_viewed.line_of.register
+def _line_of(thing: _viewed.Viewed) -> str:
+    from rverror.views.notebook import line
+
+    return line(thing)
 
 
 @_viewed.page_of.register

@@ -126,7 +126,7 @@ def test_contacts_stand_where_the_conventions_say() -> None:
         np.testing.assert_array_equal(motion.direction, 1)
 
 
-@pytest.mark.parametrize("theta", [[], [[0.0, 1.0]], 1.0])
+@pytest.mark.parametrize("theta", [[], [[0.0, 1.0]]])
 def test_pose_refuses_what_is_no_row(theta: object) -> None:
     with pytest.raises(ValueError, match="give a row of one or more angles"):
         pose(UNIT, theta)

@@ -358,7 +358,7 @@ def test_unknown_key_names_the_nearest() -> None:
         ({"crank": 0, "disc": 0}, "no parameter given"),
         ({"crank": 0, "disc": 0, "radius": 1.0}, "no index or parameter 'radius'"),
         ({"crank": 0, "disc": 0, "radial": "5 deg"}, "radial: 'deg' is no unit of length"),
-        ({"crank": 0, "disc": 0, "radial": 1.0, "uncertainty": -1.0}, "uncertainty = -1.0: must be 0 or more"),
+        ({"crank": 0, "disc": 0, "radial": 0.1, "uncertainty": -1.0}, "uncertainty = -1.0: must be 0 or more"),
     ],
 )
 def test_effect_refuses(named: dict[str, Any], message: str) -> None:

@@ -7,6 +7,7 @@ import math
 import os
 import re
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -523,7 +524,10 @@ def effects(draw: st.DrawFn, mechanism: Reducer | Drive) -> Effect:
         parameter.name: draw(LENGTHS.filter(lambda v, p=parameter: v >= p.least)) for parameter in entry.parameters
     }
     sigma = draw(st.none() | st.floats(0, 1))
-    return effect(entry.key, uncertainty=sigma, origin=draw(TEXTS), **named)
+    origin = draw(TEXTS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # no workshop makes them
+        return effect(entry.key, uncertainty=sigma, origin=origin, **named)
 
 
 numbers = st.fixed_dictionaries(

@@ -91,6 +91,8 @@ OTHERS = {
     "modes": "at one angle: below",
     "wear": "over whole turns: tests/statics/test_wear.py",
     "diagnose": "test_unknown_index: marks off are found again",
+    "virtual_units": "of a stack, which is above",
+    "allocate": "of a stack, which is above",
     "contact_correction": "units with contacts that open: below",
     "error_budget": "of a stack, which is above, and of units with contacts that open: below",
 }

@@ -58,9 +58,11 @@ def test_nothing_is_said_twice() -> None:
         pose(MODEL.mechanism, Conditions(THETA, 1.0), torque=20e3)
 
 
-def test_an_equilibrium_without_a_torque_is_refused() -> None:
+def test_an_equilibrium_without_a_torque_is_that_of_the_rated_one_or_refused() -> None:
+    rated = rverror.equilibrium(MODEL, THETA, torque="412 N*m", time=TIME).transmission_error
+    np.testing.assert_array_equal(rverror.equilibrium(MODEL, THETA, time=TIME).transmission_error, rated)
     with pytest.raises(ValueError, match="needs a torque"):
-        rverror.equilibrium(MODEL, THETA)
+        rverror.equilibrium(rverror.Model(rverror.reducer("RV-003")), THETA)
     with pytest.raises(ValueError, match="needs a torque"):
         rverror.equilibrium(MODEL, Conditions(THETA, 1.0))
 

@@ -23,7 +23,8 @@ from rverror.base.text import check_name
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.tolerances.allocation import VERIFY, cost_front, terms
-from rverror.tolerances.full_budget import COUNT, error_budget
+from rverror.tolerances.full_budget import error_budget
+from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.envelope import input_files

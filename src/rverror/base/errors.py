@@ -2,6 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import cast
+
 
 class InputError(ValueError):
     """Input that cannot be used, in one line: what, where, the bound, the remedy."""
+
+
+def check_kind(name: str, value: object, kind: type | tuple[type, ...], remedy: str) -> None:
+    """Refuse an argument of another kind, in one line that says what to give.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : object
+    kind : type or tuple of type
+        What it must be.
+    remedy : str
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> check_kind("model", 3.0, str, "give a name")
+    Traceback (most recent call last):
+    rverror.base.errors.InputError: model is a float, not a str; give a name
+    """
+    if not isinstance(value, kind):
+        wanted = " or ".join(one.__name__ for one in (kind if isinstance(kind, tuple) else (kind,)))
+        raise InputError(f"{name} is {_a(value)}, not {_with_article(wanted)}; {remedy}")
+
+
+def check_each(name: str, values: object, kind: type | tuple[type, ...], remedy: str) -> None:
+    """Refuse what is no row of things of a kind, as `check_kind` does each of them.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> check_each("runs", [1.0], str, "give a list of names")
+    Traceback (most recent call last):
+    rverror.base.errors.InputError: runs: one is a float, not a str; give a list of names
+    """
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        raise InputError(f"{name} is {_a(values)}, not a list; {remedy}")
+    for item in cast("Sequence[object]", values):
+        check_kind(f"{name}: one", item, kind, remedy)
+
+
+def _a(value: object) -> str:
+    return "None" if value is None else _with_article(type(value).__name__)
+
+
+def _with_article(noun: str) -> str:
+    return f"{'an' if noun[0] in 'AEIOaeio' else 'a'} {noun}"

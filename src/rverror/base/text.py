@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_kind
 
 PathLike = str | os.PathLike[str]
 
@@ -23,6 +23,7 @@ def read_bytes(path: PathLike) -> bytes:
     InputError
         If the file cannot be read.
     """
+    check_path(path)
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
@@ -175,6 +176,16 @@ def describe(key: str, indices: Mapping[str, object]) -> str:
 def file_name(path: str) -> str:
     """Last part of a path, of either kind of slash."""
     return path.replace("\\", "/").rpartition("/")[2]
+
+
+def check_path(path: object) -> None:
+    """Refuse what names no file.
+
+    Raises
+    ------
+    InputError
+    """
+    check_kind("path", path, (str, os.PathLike), "give the path of a file first, such as 'unit.toml'")
 
 
 def check_name(path: PathLike) -> None:

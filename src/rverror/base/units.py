@@ -92,6 +92,9 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "number": {"dimensionless": (1.0, 0.0)},
 }
 
+#: Torques as people write them: pint takes "Nm" for a number of metres.
+_NEWTON_METRE = re.compile(r"(?<![A-Za-z])([kM]?N)[ ·⋅.]?(mm|cm|m)(?![A-Za-z])")
+
 _LARGEST_ANGLE = 1e4  # rad in one unit
 
 # Without the unit: a pattern for both would try every split of a long text that has none.
@@ -115,6 +118,12 @@ def is_quantity(value: object) -> bool:
     """
     pint = sys.modules.get("pint")  # who has a quantity has loaded it
     return pint is not None and isinstance(value, pint.Quantity)
+
+
+def _spelled(unit: str) -> str:
+    """Unit with its newton metres, in whatever spelling, as pint writes them."""
+    whole = _NEWTON_METRE.fullmatch(unit)
+    return f"{whole[1]}*{whole[2]}" if whole else _NEWTON_METRE.sub(r"(\1*\2)", unit)
 
 
 def _factor_and_unit(unit: str, dimension: str) -> Any:
@@ -180,6 +189,7 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
     >>> unit_scale("degC", "temperature")
     (1.0, 273.15)
     """
+    unit = _spelled(unit)
     if unit in EVERYDAY[dimension]:
         return EVERYDAY[dimension][unit]
     zero = _in_core(0.0, unit, dimension)
@@ -187,6 +197,7 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
 
 
 def _in_core(number: float, unit: str, dimension: str) -> float:
+    unit = _spelled(unit)
     if unit in EVERYDAY[dimension]:
         factor, zero = EVERYDAY[dimension][unit]
         return number * factor + zero
@@ -274,15 +285,17 @@ def named_core(name: str, value: Any, dimension: str) -> float:
 
 
 def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:
-    """Turn an array-like or a quantity that holds an array into a float64 array in the core unit.
+    """Turn an array-like, a quantity that holds an array or a string into a float64 array in the core unit.
 
-    The array is a new one, of the same shape; plain numbers are taken as in `to_core`.
+    The array is a new one, of the same shape, () for a string; plain numbers are taken as in `to_core`.
 
     Raises
     ------
     ValueError
         If the values are no numbers, not finite, or of another dimension.
     """
+    if isinstance(value, str):
+        return np.array(parse(value, dimension))
     if is_quantity(value):
         if not value.is_compatible_with(CORE_UNITS[dimension]):
             raise ValueError(_no_unit(str(value.units), dimension))

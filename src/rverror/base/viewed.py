@@ -6,11 +6,14 @@ to draw it: the package's front door, which every import passes, registers the t
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_LONGEST = 110  # letters of a line
 
 
 @singledispatch
@@ -25,7 +28,30 @@ def page_of(thing: Any) -> str:
     raise TypeError(f"{type(thing).__name__}: nothing shows it")
 
 
-class Viewed:
+@singledispatch
+def line_of(thing: Any) -> str:
+    """What `repr` says of a result, in one line: its kind, and the sizes of its arrays; `Viewed` as on its page."""
+    held = [(item.name, getattr(thing, item.name)) for item in fields(thing)]
+    sizes = [f"{name} {value.shape}" for name, value in held if hasattr(value, "shape")]
+    parts = [line_of(value) for _, value in held if isinstance(value, OneLine)]
+    return f"{type(thing).__name__}: {', '.join((*parts, *sizes))}"
+
+
+class OneLine:
+    """What `repr` and `print` tell in one line, where a dataclass would print every array."""
+
+    def __init_subclass__(cls) -> None:
+        """Stand in the class itself before `dataclass` puts its own there."""
+        super().__init_subclass__()
+        cls.__repr__ = OneLine.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """One line."""
+        line = line_of(self)
+        return f"<{line if len(line) <= _LONGEST else line[: _LONGEST - 3] + '...'}>"
+
+
+class Viewed(OneLine):
     """What can be looked at: `plot` draws it, a notebook shows it as a table."""
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import student
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
 from rverror.compensation.correction import Correction, from_effects
 from rverror.compensation.foretold import Foretold
@@ -97,6 +97,9 @@ def compensate(
     >>> [one.order for one in made.orders], bool(made.unseen[0].after < 0.1 * made.unseen[0].before)
     ([14.0], True)
     """
+    if not hasattr(found, "model"):
+        check_kind("found", found, Model, "give a Model, or what diagnose() found")
+    check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
     model = found if isinstance(found, Model) else found.model
     if not runs:
         raise InputError("compensate: there is no run; give one or more")

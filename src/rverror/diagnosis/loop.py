@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each
 from rverror.diagnosis.gears.reducers import diagnose_reducer
 from rverror.diagnosis.orders.of_runs import passport_of_runs, resonances_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
@@ -14,7 +14,7 @@ from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
 from rverror.geartrain.mechanism import Drive
 from rverror.model.catalogue import source
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 
@@ -78,6 +78,8 @@ def diagnose(
     >>> found.verdict, found.added[0].effect.key, dict(found.added[0].effect.indices)
     ('explained', 'shaft.eccentricity', {'shaft': 'motor', 'harmonic': 1})
     """
+    check_model(model)
+    check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
     for key in policy.keys:
         source(key)  # which names the nearest where there is none
     tell = progress or (lambda text: None)

@@ -17,7 +17,7 @@ from rverror.base.viewed import Viewed
 from rverror.dynamics.loaded_motion import ReducedMotion
 from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, unread
 from rverror.statics.loaded_state import Tangent
 
@@ -277,6 +277,7 @@ def speed_response(
     >>> bool(found.peak_to_peak[1] > 2 * found.peak_to_peak[0])  # order 40 meets the load's natural frequency
     True
     """
+    check_model(model)
     rows = _speeds(speeds)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)

@@ -16,7 +16,7 @@ from rverror.base.viewed import Viewed
 from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Inertia
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import stand
 from rverror.statics.loaded_state import statics_of
 
@@ -106,6 +106,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     >>> bool(found.frequency[0] == 0 and found.frequency[1] > 0)  # nothing holds the input: one free turn of the train
     True
     """
+    check_model(model)
     unit, size = loaded_reducer(model, torque)
     angle = units.to_core(theta, "angle")
     train = Train(unit, model.bench)

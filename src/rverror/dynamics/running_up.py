@@ -22,7 +22,7 @@ from rverror.dynamics.moving_reducer import moving_reducer
 from rverror.dynamics.time_integration import periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, unread
 
 #: Samples of the shortest period that is followed.
@@ -143,6 +143,7 @@ def run_up(
     >>> bool(abs(found.output_torque.max() / most - 1) < 0.1)
     True
     """
+    check_model(model)
     profile = _profile(model, times, speeds, torque=torque, direction=direction, smooth=smooth)
     unit, size = loaded_reducer(model, profile.reference)
     if model.bench.position_control_stiffness == 0:

@@ -80,7 +80,7 @@ def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
 
 def _checked(theta: Any, direction: Any | None, *, time: Any | None, torque: Any | None) -> dict[str, Any]:
     """Conditions in core units, with one direction per angle, and refused where nothing can be at them."""
-    angle = units.to_core_array(theta, "angle")
+    angle = np.atleast_1d(units.to_core_array(theta, "angle"))
     if angle.ndim != 1 or angle.size == 0:
         raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
     sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Self
@@ -10,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.errors import check_kind
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 
 
@@ -157,6 +159,7 @@ def frame_orders(reducer: Reducer) -> dict[str, float]:
     >>> frame_orders(reducer("RV-40E"))["crank"]
     -39.0
     """
+    check_kind("reducer", reducer, Reducer, "give reducer('RV-40E') or model.mechanism")
     carrier = 1.0 if reducer.output == "carrier" else -1.0
     crank = -carrier * reducer.disc_lobes / (reducer.pins - reducer.disc_lobes)
     return {
@@ -193,6 +196,7 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
     >>> orders["housing"], orders["disc"], orders["sun"]
     (39.0, 40.0, 120.0)
     """
+    check_kind("reducer", reducer, Reducer, "give reducer('RV-40E') or model.mechanism")
     turns = frame_orders(reducer)
     relative = abs(turns["crank"] - turns["carrier"])
     return {
@@ -207,6 +211,45 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
         "gear mesh": reducer.planet_teeth * relative,
         "cycloid mesh": reducer.pins * abs(turns["crank"]),
     }
+
+
+#: Samples of the wave of the highest order, over the two of its Nyquist limit, in a row of angles that nobody chose.
+OVERSAMPLING = 1.25
+_FEWEST = 4096
+_HARMONICS = 4  # of a drive's shafts, whose meshes nobody knows
+
+
+def whole_turn(mechanism: Mechanism, orders: Iterable[float] = ()) -> Array:
+    """Angles of one output turn, evenly spaced, a power of two that holds the highest order.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    orders : iterable of float, optional
+        Of its errors, beside those of its meshes or shafts.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        rad, from 0 on, the end of the turn left out.
+
+    Notes
+    -----
+    Of a drive, whose meshes are not known, four harmonics of the fastest shaft count; there are 4096 angles or more.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> whole_turn(reducer("RV-40E")).size, whole_turn(Drive(ratio=14.0), [2000.0]).size
+    (4096, 8192)
+    """
+    if isinstance(mechanism, Reducer):
+        highest = max(fundamental_orders(mechanism).values())
+    else:
+        highest = _HARMONICS * max(map(abs, (mechanism.ratio, *mechanism.shafts.values())))
+    needed = math.ceil(math.log2(2 * OVERSAMPLING * max((highest, *map(abs, orders)))))
+    count = max(2**needed, _FEWEST)
+    return np.asarray(2 * math.pi * np.arange(count) / count, dtype=np.float64)
 
 
 def samples_needed(reducer: Reducer) -> int:

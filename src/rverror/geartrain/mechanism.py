@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any
 
 from rverror.base import units
+from rverror.base.errors import InputError, check_kind
 from rverror.base.viewed import Viewed
 
 
@@ -795,6 +796,7 @@ def preset_origins(name: str) -> dict[str, str]:
 
 
 def _preset(name: str) -> Preset:
+    check_kind("preset", name, str, f"give one of {', '.join(PRESETS)}, or parameters by their names")
     if name not in PRESETS:
         close = difflib.get_close_matches(name, PRESETS, n=1, cutoff=0.3)
         hint = f" did you mean {close[0]!r}?" if close else ""
@@ -802,16 +804,32 @@ def _preset(name: str) -> Preset:
     return PRESETS[name]
 
 
-def reducer(preset: str, **overrides: Any) -> Reducer:
-    """Make a reducer from a preset, with any of its values replaced.
+def presets() -> tuple[str, ...]:
+    """Names of the presets, as `reducer` takes them.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> presets()
+    ('RV-40E', 'RV-003')
+    """
+    return tuple(PRESETS)
+
+
+def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
+    """Make a reducer from its parameters, or from a preset with any of its values replaced.
 
     Parameters
     ----------
-    preset : str
+    preset : str, optional
         ``"RV-40E"`` (sources 000 and 004), ``"RV-003"`` (source 003), ``"RV-80E"``, or ``"RV-20E"``, ``"RV-110E"`` or
-        ``"RV-320E"``, whose lengths are assumed; `preset_origins` tells what each number rests on.
+        ``"RV-320E"``, whose lengths are assumed; `preset_origins` tells what each number rests on.  Without one every
+        parameter that `Reducer` needs must be given, and none comes from a preset.
     **overrides
-        Any parameter of `Reducer`.
+        Any parameter of `Reducer`: plain numbers (mm and rad), strings with a unit or quantities.
 
     Returns
     -------
@@ -820,7 +838,7 @@ def reducer(preset: str, **overrides: Any) -> Reducer:
     Raises
     ------
     ValueError
-        If the preset or a parameter is unknown, or the geometry is impossible.
+        If the preset or a parameter is unknown, a parameter is missing, or the geometry is impossible.
 
     Examples
     --------
@@ -828,8 +846,12 @@ def reducer(preset: str, **overrides: Any) -> Reducer:
     101.0
     >>> reducer("RV-40E", cranks=3).cranks
     3
+    >>> stage = dict(sun_teeth=12, planet_teeth=36, module="1.25 mm", pressure_angle="20 deg", cranks=3)
+    >>> discs = dict(disc_lobes=29, pins=30, pin_circle_radius="65 mm", pin_radius=3.0, eccentricity="1.2 mm", discs=2)
+    >>> reducer(**stage, **discs).ratio
+    91.0
     """
-    parameters = preset_parameters(preset)
+    parameters = {} if preset is None else preset_parameters(preset)
     known = {item.name for item in dataclasses.fields(Reducer)}
     for key in overrides:
         if key not in known:
@@ -837,7 +859,19 @@ def reducer(preset: str, **overrides: Any) -> Reducer:
             raise ValueError(f"no reducer parameter {key!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
     if "crank_circle_radius" not in overrides and {"module", "sun_teeth", "planet_teeth"} & overrides.keys():
         parameters["crank_circle_radius"] = None  # the preset's value belongs to the preset's gears
-    return Reducer(**(parameters | overrides))
+    given = parameters | overrides
+    nowhere = dataclasses.MISSING
+    missing = [
+        item.name
+        for item in dataclasses.fields(Reducer)
+        if item.name not in given and item.default is nowhere and item.default_factory is nowhere
+    ]
+    if missing:
+        raise InputError(
+            f"reducer: no {', '.join(missing)}; give them, or name a preset beside what differs from it: "
+            f"reducer({next(iter(PRESETS))!r}, ...)"
+        )
+    return Reducer(**given)
 
 
 @dataclass(frozen=True, kw_only=True)

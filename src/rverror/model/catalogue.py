@@ -14,6 +14,7 @@ from contextvars import ContextVar
 from itertools import chain
 from types import MappingProxyType
 
+from rverror.base.errors import check_kind
 from rverror.geartrain import coupling, crank, cycloid, involute, thermal
 from rverror.geartrain.source import Source
 from rverror.model import compensation, empirical, load, sensor, shaft
@@ -105,6 +106,7 @@ def source(key: str) -> Source:
     >>> source("cycloid.disc_pitch").frame
     'disc'
     """
+    check_kind("key", key, str, "give a key of the catalogue, such as 'crank.eccentricity'")
     if key not in CATALOGUE:
         close = difflib.get_close_matches(key, CATALOGUE, n=1, cutoff=0.5)
         hint = f"did you mean {close[0]!r}?" if close else "`rverror sources` lists them"

@@ -3,48 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.viewed import Viewed
+from rverror.base.errors import check_kind
 from rverror.geartrain.action_line import ContactForces, project
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.kinematics import Pose, whole_turn
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
+from rverror.model.asked import Influence, influence_on
 from rverror.model.catalogue import source
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import Stand, stand
-
-
-@dataclass(frozen=True)
-class Influence(Viewed):
-    """Influence of one source on the output error.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (terms, n)
-        rad of output per mm (or rad, or unit) of each parameter.
-    labels : tuple of str
-        Name of each parameter.
-    theta : ndarray, shape (n,)
-        Nominal output angle, rad.
-    key : str
-        The source.
-    """
-
-    matrix: Array
-    labels: tuple[str, ...]
-    theta: Array
-    key: str
 
 
 def influence(
     mechanism: Mechanism,
-    theta: Any,
+    theta: Any | None,
     key: str,
     *,
     direction: Any | None = None,
@@ -58,8 +36,9 @@ def influence(
     Parameters
     ----------
     mechanism : Reducer or Drive
-    theta : array_like or quantity, shape (n,), or Conditions
-        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  None for the
+        angles of one output turn that hold the orders of mechanism and source.
     key : str
         A key of the catalogue.
     direction : float or array_like, optional
@@ -93,11 +72,19 @@ def influence(
     >>> bool(np.allclose(bore.matrix[1], -1 / (2 * 27)))
     True
     """
+    check_kind("key", key, str, "give a key of the catalogue and its indices, such as 'crank.index', crank=0")
+    _check_mechanism(mechanism)
     entry = source(key)
     entry.check_indices(mechanism, indices)
-    motion = pose(mechanism, theta, direction=direction, time=time, torque=torque)
+    angles = whole_turn(mechanism, entry.orders(mechanism, indices)) if theta is None else theta
+    motion = pose(mechanism, angles, direction=direction, time=time, torque=torque)
     matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
     return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
+
+
+def _check_mechanism(mechanism: Mechanism) -> None:
+    remedy = "give reducer('RV-40E'), model.mechanism, or ask model.influence(key)"
+    check_kind("mechanism", mechanism, (Reducer, Drive), remedy)
 
 
 def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mapping[str, IndexValue]) -> Array:
@@ -119,7 +106,7 @@ def effect_values(effects: tuple[Effect, ...]) -> Array:
 
 def transmission_error(
     model: Model,
-    theta: Any,
+    theta: Any | None = None,
     *,
     direction: Any | None = None,
     time: Any | None = None,
@@ -131,8 +118,9 @@ def transmission_error(
     Parameters
     ----------
     model : Model
-    theta : array_like or quantity, shape (n,), or Conditions
-        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  `Model.angles`
+        where left out.
     direction, time, torque, forces : optional
         As in `influence`.
 
@@ -154,14 +142,17 @@ def transmission_error(
     >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
     True
     """
-    read = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    check_model(model)
+    read = pose(
+        model.mechanism, model.angles if theta is None else theta, direction=direction, time=time, torque=torque
+    )
     rows = _influences(model, stand(model, read), forces)
     return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
 
 
 def transmission_error_by_effect(
     model: Model,
-    theta: Any,
+    theta: Any | None = None,
     *,
     direction: Any | None = None,
     time: Any | None = None,
@@ -173,8 +164,9 @@ def transmission_error_by_effect(
     Parameters
     ----------
     model : Model
-    theta : array_like or quantity, shape (n,), or Conditions
-        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  `Model.angles`
+        where left out.
     direction, time, torque, forces : optional
         As in `transmission_error`.
 
@@ -196,7 +188,10 @@ def transmission_error_by_effect(
     >>> bool(np.allclose(parts.sum(axis=0), transmission_error(unit, theta)))
     True
     """
-    read = pose(model.mechanism, theta, direction=direction, time=time, torque=torque)
+    check_model(model)
+    read = pose(
+        model.mechanism, model.angles if theta is None else theta, direction=direction, time=time, torque=torque
+    )
     rows = _influences(model, stand(model, read), forces)
     parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
     return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])
@@ -209,3 +204,8 @@ def _influences(model: Model, where: Stand, forces: ContactForces | None) -> lis
         np.zeros((0, where.read.theta.size)),
         *(source_matrix(where.of(effect.key), used, effect.key, effect.indices) for effect in model.effects),
     ]
+
+
+@influence_on.register
+def _influence_on(model: Model, theta: Any, key: str, **named: Any) -> Influence:
+    return influence(model.mechanism, theta, key, **named)

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
 from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import check_kind
+from rverror.base.numbers import with_unit
+from rverror.base.text import describe
 from rverror.base.viewed import Viewed
-from rverror.geartrain.mechanism import Drive, Mechanism
+from rverror.geartrain.kinematics import whole_turn
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
+from rverror.model.asked import Equilibrium, Influence, equilibrium_of, error_of, influence_on
 from rverror.model.catalogue import source
 from rverror.model.ends import Bench, Encoders
+
+_MECHANISM = "give reducer('RV-40E'), a Reducer or a Drive"
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,16 @@ class Effect:
     values: tuple[float, ...]
     uncertainty: float | None = None
     origin: str = ""
+
+    def __str__(self) -> str:
+        """Key, indices and sizes: ``crank.eccentricity (crank 0, disc 1): radial 5 um``."""
+        named = zip(source(self.key).parameters, self.values, strict=True)
+        sizes = [f"{parameter.name} {with_unit(value, parameter.dimension)}" for parameter, value in named if value]
+        return f"{describe(self.key, self.indices)}: {', '.join(sizes) or '0'}"
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<Effect {self}>"
 
     def __reduce__(self) -> tuple[type[Effect], tuple[Any, ...]]:
         """Pickle by value: a mapping proxy cannot be pickled."""
@@ -69,6 +88,14 @@ class Model(Viewed):
     >>> unit = Model(reducer("RV-40E"), (effect("crank.index", crank=0, angle="2 mrad"),), "unit 17")
     >>> unit.effects[0].values
     (0.002,)
+
+    It is asked by its methods, of one output turn where no angles are given, and grows by effects:
+
+    >>> worn = unit + effect("coupling.bearing_clearance", clearance="3 um")
+    >>> unit.transmission_error().shape, worn.influence("crank.index", "30 deg", crank=1).matrix.shape
+    ((4096,), (1, 1))
+    >>> worn.equilibrium("78 Nm", theta=[0.0, 0.1]).theta.size
+    2
     """
 
     mechanism: Mechanism
@@ -79,6 +106,15 @@ class Model(Viewed):
 
     def __post_init__(self) -> None:
         """Check that each effect fits the mechanism."""
+        hint = f"write Model(reducer({self.mechanism!r}), ...)" if isinstance(self.mechanism, str) else _MECHANISM
+        check_kind("mechanism", self.mechanism, (Reducer, Drive), hint)
+        many = "give them in a tuple, Model(unit, (one, another)), or add them: Model(unit) + one + another"
+        check_kind("effects", self.effects, (tuple, list), many)
+        object.__setattr__(self, "effects", tuple(self.effects))
+        for item in self.effects:
+            check_kind("effects: one", item, Effect, "make it with effect('crank.eccentricity', crank=0, ...)")
+        check_kind("name", self.name, str, "give a text")
+        check_kind("bench", self.bench, Bench, "give a Bench")
         if isinstance(self.mechanism, Drive) and self.bench != Bench():
             raise ValueError("[bench] is for the dynamics of a [reducer]; a [drive] has no parts that could move")
         for item in self.effects:
@@ -92,6 +128,109 @@ class Model(Viewed):
     def with_effects(self, *effects: Effect) -> Model:
         """Copy of the model with effects appended."""
         return replace(self, effects=(*self.effects, *effects))
+
+    def __add__(self, effect: Effect) -> Model:
+        """Copy of the model with one effect more."""
+        return self.with_effects(effect)
+
+    @property
+    def angles(self) -> Array:
+        """Angles of one output turn that hold the orders of the mechanism and its effects, rad, shape (n,)."""
+        orders = (source(e.key).orders(self.mechanism, e.indices) for e in self.effects)
+        return whole_turn(self.mechanism, chain.from_iterable(orders))
+
+    def transmission_error(
+        self,
+        theta: Any | None = None,
+        *,
+        direction: Any | None = None,
+        time: Any | None = None,
+        torque: Any | None = None,
+    ) -> Array:
+        """Transmission error in closed form, `rverror.transmission_error` of the model.
+
+        Parameters
+        ----------
+        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+            Nominal output angle, rad; `angles` where left out.
+        direction, time, torque : optional
+            As in `rverror.influence`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad.
+        """
+        return error_of(self, theta, direction=direction, time=time, torque=torque)
+
+    def influence(
+        self,
+        key: str,
+        theta: Any | None = None,
+        *,
+        direction: Any | None = None,
+        time: Any | None = None,
+        torque: Any | None = None,
+        **indices: IndexValue,
+    ) -> Influence:
+        """Influence of one source on the output, `rverror.influence` of the mechanism.
+
+        Parameters
+        ----------
+        key : str
+            A key of the catalogue.
+        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+            Nominal output angle, rad; one output turn where left out.
+        direction, time, torque : optional
+            As in `rverror.influence`.
+        **indices
+            Which crank, disc, pin, harmonic.
+
+        Returns
+        -------
+        Influence
+        """
+        return influence_on(self, theta, key, direction=direction, time=time, torque=torque, **indices)
+
+    def equilibrium(
+        self,
+        torque: Any | None = None,
+        theta: Any | None = None,
+        *,
+        direction: Any | None = None,
+        time: Any | None = None,
+    ) -> Equilibrium:
+        """Loaded state, `rverror.equilibrium` of the model.
+
+        Parameters
+        ----------
+        torque : float, str or quantity, optional
+            Size of the output torque, N*mm; the reducer's rated torque where left out.
+        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+            Nominal output angle, rad; `angles` where left out.
+        direction, time : optional
+            As in `rverror.equilibrium`.
+
+        Returns
+        -------
+        Equilibrium
+        """
+        return equilibrium_of(self, theta, torque=torque, direction=direction, time=time)
+
+
+def check_model(model: object) -> None:
+    """Refuse what is given in place of a model.
+
+    Parameters
+    ----------
+    model : object
+
+    Raises
+    ------
+    InputError
+    """
+    remedy = "give rverror.Model(reducer, effects) or rverror.load_model(path)"
+    check_kind("model", model, Model, "write Model(unit)" if isinstance(model, (Reducer, Drive)) else remedy)
 
 
 def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **named: Any) -> Effect:
@@ -118,6 +257,11 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
     ValueError
         If a name is neither index nor parameter of the source, no parameter is given, or a value has the wrong unit.
 
+    Warns
+    -----
+    UserWarning
+        If a plain number is far beyond what a workshop makes: 5 is 5 mm, not 5 um.
+
     Examples
     --------
     >>> effect("crank.eccentricity", crank=0, disc=1, radial="5 um").values
@@ -138,6 +282,8 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
                 unit = units.DISPLAY_UNITS[parameters[name].dimension]
                 size = units.to_display(values[name], parameters[name].dimension)
                 raise ValueError(f"{key}: {name} = {size:g} {unit}: must be {parameters[name].least:g} or more")
+            if entry.acts != "marks":  # which stand anywhere
+                parameters[name].doubt(f"{key}: {name}", value, values[name])
             given = True
         else:
             raise ValueError(

@@ -12,7 +12,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
 from rverror.geartrain.mechanism import (
     FRICTION_DIMENSIONS,
@@ -32,7 +32,7 @@ from rverror.geartrain.mechanism import (
 )
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import CATALOGUE, source
-from rverror.model.effects import Effect, Model, effect
+from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS, Bench, Encoders
 
 # Dimension of each quantity of [reducer], and how people write it; then an example of each count.
@@ -141,6 +141,8 @@ def save_model(
     ...     load_model(Path(folder, "unit.toml")) == unit
     True
     """
+    check_path(path)
+    check_model(model)
     comments = [*header, *([] if source is None else [f"source: {source}"])]
     head = [f"# {_clean(line)}".rstrip() for text in comments for line in split_lines(text)]
     head += [f"name = {_string(model.name)}"] if model.name else []
@@ -380,7 +382,8 @@ def _effect(where: TomlText, place: Place, value: object, mechanism: Mechanism) 
         at = (*place, name)
         if name in parameters or name == "uncertainty":
             dimension = parameters.get(name, entry.parameters[0]).dimension
-            named[name] = where.quantity(at, item, dimension, _example(name, dimension))
+            where.quantity(at, item, dimension, _example(name, dimension))
+            named[name] = item
         elif name in indices:
             if isinstance(item, bool) or not isinstance(item, (int, str)):
                 where.refuse(at, f"{key}: {name} = {shown(item)}: must be a whole number or a name, without unit")

@@ -11,14 +11,15 @@ import io
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
-from rverror.base.text import PathLike, shown, split_lines, write_text
+from rverror.base.errors import InputError, check_kind
+from rverror.base.text import PathLike, check_path, shown, split_lines, write_text
 from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Drive, Reducer
@@ -380,6 +381,8 @@ def write_run(path: PathLike, run: Run, *, comments: Iterable[str] = (), overwri
     InputError
         If the file exists, cannot be written, or a text would not read back.
     """
+    check_path(path)
+    check_kind("run", run, Run, "write it as write_run(path, run)")
     write_text(path, run_text(run, comments=comments, path=str(path)), overwrite=overwrite)
 
 
@@ -451,6 +454,7 @@ def ratio_of(value: Reducer | Drive | Model | float) -> float:
     """
     if isinstance(value, Model):
         value = value.mechanism
+    check_kind("ratio", value, (Reducer, Drive, Real), "give a reducer, a model, or input turns per output turn")
     number = value.ratio if isinstance(value, (Reducer, Drive)) else float(value)
     if not np.isfinite(number) or number == 0:
         raise InputError(f"ratio = {number:g}: must be a finite number other than 0, input turns per output turn")

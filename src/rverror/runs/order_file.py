@@ -16,8 +16,9 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, did_you_mean, shown, some, split_lines, write_text
+from rverror.base.text import PathLike, check_path, did_you_mean, shown, some, split_lines, write_text
 from rverror.runs import reading
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.bench.order_report import read_bench_orders
@@ -60,6 +61,7 @@ def is_order_file(path: PathLike) -> bool:
     >>> is_order_file("no-such-file.csv")
     False
     """
+    check_path(path)
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD_BYTES)
@@ -549,6 +551,8 @@ def write_orders(path: PathLike, table: OrderTable, *, overwrite: bool = False) 
     InputError
         If the file exists, cannot be written, or the table would not read back.
     """
+    check_path(path)
+    check_kind("table", table, OrderTable, "write it as write_orders(path, table)")
     write_text(path, orders_text(table, path=str(path)), overwrite=overwrite)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
@@ -76,6 +76,7 @@ def order_table_from_runs(
     >>> case.orders, abs(case.waves).round(9), round(float(np.angle(case.waves[1])), 9)
     (array([39., 40.]), array([0.e+00, 2.e-05]), 0.5)
     """
+    check_each("runs", runs, Run, "give a list of runs, such as [load_run(path)]")
     wanted = checked_orders(orders)
     if not runs:
         raise InputError("orders: there is no run; give one or more")

@@ -26,7 +26,7 @@ from rverror.geartrain.kinematics import Conditions, samples_needed
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, misread, unread
 from rverror.runs.measurement import Run, run_from_arrays
 from rverror.statics.loaded_state import equilibrium
@@ -172,6 +172,7 @@ def simulate_runs(
     >>> [run_label(run.direction[0], run.torque) for run in runs]
     ['forward-20Nm', 'reverse-20Nm', 'forward-100Nm', 'reverse-100Nm']
     """
+    check_model(model)
     unit = model.mechanism
     if points is None:
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096

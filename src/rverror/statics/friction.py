@@ -26,7 +26,7 @@ from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
 from rverror.geartrain.kinematics import Conditions, frame_orders
 from rverror.geartrain.mechanism import Friction, Reducer
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
 from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
@@ -121,7 +121,7 @@ def efficiency(
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
+    theta : array_like, str or quantity, shape (n,) or one angle
         Nominal output angle, rad.
     torque : float or quantity
         Size of the output torque, N*mm: against the motion where the input drives, along it where the output does.
@@ -162,6 +162,7 @@ def efficiency(
     >>> round(found.mean, 2), sorted(found.by_part, key=found.by_part.get)[-1]
     (0.93, 'pin')
     """
+    check_model(model)
     unit = _reducer(model)
     friction = _declared(unit) if friction is None else friction
     if drives not in ("input", "output"):
@@ -250,7 +251,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
+    theta : array_like, str or quantity, shape (n,) or one angle
         Nominal output angle at which the input is held, rad.
     torques : array_like or quantity, shape (m,)
         Torques on the output, N*mm, of either sign; a list may hold strings such as ``"-20 N*m"``.
@@ -281,6 +282,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     >>> bool((loop.width > 0).all())
     True
     """
+    check_model(model)
     friction = _declared(_reducer(model)) if friction is None else friction
     unit, turns = _straight(unread(model)), row_of_torques(torques)
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))

@@ -31,8 +31,9 @@ from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.effects import Model
-from rverror.statics.loaded_state import Equilibrium, equilibrium
+from rverror.model.asked import Equilibrium
+from rverror.model.effects import Model, check_model
+from rverror.statics.loaded_state import equilibrium
 
 #: Indices of each kind of contact, in the order of its axes.
 CONTACT_INDICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -174,7 +175,7 @@ def contact_pressure(
     ----------
     model : Model
         Of a reducer; its errors, stiffnesses and play share the load.
-    theta : array_like or quantity, shape (n,), or Conditions
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions
         Nominal output angle, rad; or the conditions of a run, in place of torque and direction.
     torque, direction
         As in `equilibrium`.
@@ -212,6 +213,7 @@ def contact_pressure(
     >>> found.peaks()[0].contact
     'pin'
     """
+    check_model(model)
     widths = {name: _length(name, value) for name, value in (("disc_width", disc_width), ("gear_width", gear_width))}
     modulus = units.named_core("youngs_modulus", youngs_modulus, "pressure")
     if not modulus > 0:

@@ -20,12 +20,13 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array, unit_vectors
-from rverror.base.viewed import Viewed
+from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import YIELDING, Clearance, Compliance, ContactForces, Contacts, project
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
-from rverror.model.effects import Effect, Model
+from rverror.model.asked import Equilibrium
+from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.condensation import Condensed, Stretch
 from rverror.statics.energy import (
@@ -77,47 +78,7 @@ class NotConvergedError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Equilibrium(Viewed):
-    """Loaded state of a reducer at n angles.
-
-    Attributes
-    ----------
-    transmission_error : ndarray, shape (n,)
-        rad; holds the elastic windup, a lag of the output against the load.
-    pose : mapping of str to ndarray
-        Displacement of each part from its nominal pose in the housing frame, x and y in mm and angle in rad:
-        ``"carrier"`` (3, n), ``"disc"`` (discs, 3, n), ``"crank"`` (cranks, 3, n), ``"sun"`` x and y (2, n).
-    contact_forces : mapping of str to ndarray
-        Force of the driving on the driven part at each contact, N (spline: N*mm), keyed and shaped as in
-        `action_line.CONTACT_AXES`.
-    loaded_pins : ndarray of int, shape (discs, n)
-        Pins that carry on each disc.
-    steps : ndarray of int, shape (n,)
-        Newton steps that each angle took.
-    residual : ndarray, shape (n,)
-        Largest force or moment out of balance, as a share of the load at the crank circle.  Convergence asks for 1e-9,
-        or for what floating-point numbers can tell where preload is many times the load.
-    theta : ndarray, shape (n,)
-        Nominal output angle as the bench reads it, rad.
-    model : Model, optional
-        Whose state it is, as `equilibrium` was given it.
-    conditions : Conditions, optional
-        As the bench reads them: angles, direction, torque and time.
-    """
-
-    transmission_error: Array
-    pose: Mapping[str, Array]
-    contact_forces: Mapping[str, Array]
-    loaded_pins: npt.NDArray[np.intp]
-    steps: Steps
-    residual: Array
-    theta: Array
-    model: Model | None = None
-    conditions: Conditions | None = None
-
-
-@dataclass(frozen=True)
-class Linearisation:
+class Linearisation(OneLine):
     """Influences about a loaded state.
 
     Attributes
@@ -136,7 +97,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True)
-class Tangent:
+class Tangent(OneLine):
     """Loaded state at n angles and how stiff each contact is there, the closed ones held closed.
 
     Attributes
@@ -170,7 +131,7 @@ class Tangent:
 
 def equilibrium(
     model: Model,
-    theta: Any,
+    theta: Any | None = None,
     *,
     torque: Any | None = None,
     direction: Any | None = None,
@@ -182,11 +143,13 @@ def equilibrium(
     ----------
     model : Model
         Of a reducer; its stiffnesses and backlash count.
-    theta : array_like or quantity, shape (n,), or Conditions
-        Nominal output angle, rad; or the conditions of a run, in place of torque, direction and time.
-    torque : float or quantity
-        Size of the output torque, N*mm, needed beside angles; it resists the motion.  0 is the limit of a vanishing
-        load, which still keeps the driving side closed; forces are then those of a trace of load.
+    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        Nominal output angle, rad; or the conditions of a run, in place of torque, direction and time.  `Model.angles`
+        where left out.
+    torque : float, str or quantity, optional
+        Size of the output torque, N*mm; it resists the motion.  The reducer's rated torque where left out beside
+        angles.  0 is the limit of a vanishing load, which still keeps the driving side closed; forces are then those
+        of a trace of load.
     direction : float or array_like, optional
         +1 forward, -1 reverse; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
@@ -199,7 +162,7 @@ def equilibrium(
     Raises
     ------
     ValueError
-        If the model is no reducer or the torque is below 0.
+        If the model is no reducer, or the torque is below 0 or neither given nor rated.
     NotConvergedError
         If the energy minimum was not reached at some angle.
 
@@ -221,7 +184,7 @@ def equilibrium(
 
 def linearise(
     model: Model,
-    theta: Any,
+    theta: Any | None = None,
     *,
     torque: Any | None = None,
     direction: Any | None = None,
@@ -262,8 +225,11 @@ def linearise(
 
 def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, Conditions]:
     """Statics where the gear train stands when the bench reads theta, and the conditions as it reads them."""
-    reducer_of(model.mechanism)
-    where = stand(model, pose(model.mechanism, theta, **conditions))
+    check_model(model)
+    unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
+    if conditions["torque"] is None and not isinstance(angles, Conditions):
+        conditions["torque"] = unit.rated_torque
+    where = stand(model, pose(unit, angles, **conditions))
     statics = replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
@@ -303,7 +269,7 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
     """
     reducer_of(mechanism)
     if conditions.torque is None:
-        raise ValueError("the equilibrium needs a torque; give one, e.g. torque='20 N*m'")
+        raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
     size = units.to_core(conditions.torque, "torque")
     if not size >= 0:
         raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
@@ -482,7 +448,7 @@ class Statics:
 
 
 @dataclass(frozen=True)
-class Solved:
+class Solved(OneLine):
     """Turn of the output at n angles, and its change with all that it depends on.
 
     Attributes

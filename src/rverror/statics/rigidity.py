@@ -21,7 +21,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.effects import Model
+from rverror.model.effects import Model, check_model
 from rverror.model.readings import unread
 from rverror.statics.loaded_state import equilibrium, reducer_of
 
@@ -74,15 +74,15 @@ class TorsionCurve(Viewed):
         return np.asarray((ends[1] - ends[0]) / (last - first), dtype=np.float64)
 
 
-def lost_motion(model: Model, theta: Any, *, percent: float = 3.0) -> Array:
+def lost_motion(model: Model, theta: Any | None = None, *, percent: float = 3.0) -> Array:
     """Lost motion: turn of the output from a small torque in one sense to the same torque in the other, input held.
 
     Parameters
     ----------
     model : Model
         Of a reducer with a rated torque.
-    theta : array_like or quantity, shape (n,)
-        Nominal output angle at which the input is held, rad.
+    theta : array_like, str or quantity, shape (n,) or one angle, optional
+        Nominal output angle at which the input is held, rad; `Model.angles` where left out.
     percent : float
         The torque, in percent of the rated torque; the makers' 3 where left out.
 
@@ -110,6 +110,7 @@ def lost_motion(model: Model, theta: Any, *, percent: float = 3.0) -> Array:
     >>> bool(np.allclose(lost, backlash(unit, [0.0, 0.1]) + windup, rtol=0.01))
     True
     """
+    check_model(model)
     size = float(percent)
     if not (math.isfinite(size) and size >= 0):
         raise ValueError(f"percent = {percent}: must be 0 or more, in percent of the rated torque")
@@ -117,15 +118,15 @@ def lost_motion(model: Model, theta: Any, *, percent: float = 3.0) -> Array:
     return upper - lower
 
 
-def backlash(model: Model, theta: Any) -> Array:
+def backlash(model: Model, theta: Any | None = None) -> Array:
     """Backlash: how far the output turns freely, input held.
 
     Parameters
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
-        Nominal output angle at which the input is held, rad.
+    theta : array_like, str or quantity, shape (n,) or one angle, optional
+        Nominal output angle at which the input is held, rad; `Model.angles` where left out.
 
     Returns
     -------
@@ -152,19 +153,20 @@ def backlash(model: Model, theta: Any) -> Array:
     >>> bool(abs(backlash(unit, [0.0])[0] - mesh) < 1e-7)
     True
     """
+    check_model(model)
     lower, upper = _ends(model, theta, 0.0)
     return upper - lower
 
 
-def torsion_curve(model: Model, theta: Any, *, torques: Any) -> TorsionCurve:
+def torsion_curve(model: Model, theta: Any | None = None, *, torques: Any) -> TorsionCurve:
     """Turn of the output under each of some torques, input held.
 
     Parameters
     ----------
     model : Model
         Of a reducer.
-    theta : array_like or quantity, shape (n,)
-        Nominal output angle at which the input is held, rad.
+    theta : array_like, str or quantity, shape (n,) or one angle, optional
+        Nominal output angle at which the input is held, rad; `Model.angles` where left out.
     torques : array_like or quantity, shape (m,)
         Torques on the output, N*mm, of either sign; a list may hold strings such as ``"-20 N*m"``.
 
@@ -187,6 +189,7 @@ def torsion_curve(model: Model, theta: Any, *, torques: Any) -> TorsionCurve:
     (5, 2)
     >>> stiffness = curve.stiffness(low="206 N*m", high="412 N*m")  # N*mm/rad
     """
+    check_model(model)
     size = row_of_torques(torques)
     lower, upper = _ends(model, theta, 0.0)
     middle = (lower + upper) / 2
@@ -194,15 +197,15 @@ def torsion_curve(model: Model, theta: Any, *, torques: Any) -> TorsionCurve:
     return TorsionCurve(size, np.array(angle))
 
 
-def torsional_stiffness(model: Model, theta: Any, *, low: float = 50.0, high: float = 100.0) -> Array:
+def torsional_stiffness(model: Model, theta: Any | None = None, *, low: float = 50.0, high: float = 100.0) -> Array:
     """Torsional stiffness: slope of the loaded branches of the torsion curve, input held.
 
     Parameters
     ----------
     model : Model
         Of a reducer with a rated torque.
-    theta : array_like or quantity, shape (n,)
-        Nominal output angle at which the input is held, rad.
+    theta : array_like, str or quantity, shape (n,) or one angle, optional
+        Nominal output angle at which the input is held, rad; `Model.angles` where left out.
     low, high : float
         The part of either branch from which the slope is taken, in percent of the rated torque.
 
@@ -229,6 +232,7 @@ def torsional_stiffness(model: Model, theta: Any, *, low: float = 50.0, high: fl
     >>> bool(math.isclose(stiffness[0], 2 * 3e5 * 27**2, rel_tol=1e-3))  # two bearings at 27 mm
     True
     """
+    check_model(model)
     if not 0 <= low < high < math.inf:
         raise ValueError(f"low = {low}, high = {high}: must be 0 <= low < high, in percent of the rated torque")
     rated = _rated_torque(model)
@@ -237,12 +241,12 @@ def torsional_stiffness(model: Model, theta: Any, *, low: float = 50.0, high: fl
     return np.asarray(2 * (high - low) / 100 * rated / turn, dtype=np.float64)
 
 
-def _ends(model: Model, theta: Any, size: float) -> tuple[Array, Array]:
+def _ends(model: Model, theta: Any | None, size: float) -> tuple[Array, Array]:
     """Output under a torque clockwise and counter-clockwise, rad."""
     return _position(model, theta, -size), _position(model, theta, size)
 
 
-def _position(model: Model, theta: Any, torque: float) -> Array:
+def _position(model: Model, theta: Any | None, torque: float) -> Array:
     """Output under a torque on it, rad; the sign of a zero counts, as the side from which no load is reached.
 
     A torque that turns the output counter-clockwise drives it the way a load does that resists the reverse motion.

@@ -29,13 +29,14 @@ from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pi
 from rverror.geartrain.involute import TOOTH_THINNING
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer
+from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.readings import felt
 from rverror.statics.energy import samples_last
 from rverror.statics.friction import mean_mesh_slip, nominal_sliding, path_of_contact
 from rverror.statics.hertz import pin_contact_radius, pressing, strip_half_width
-from rverror.statics.loaded_state import Equilibrium, Statics, reducer_of, statics_of
+from rverror.statics.loaded_state import Statics, reducer_of, statics_of
 from rverror.statics.rigidity import lost_motion
 
 #: Bodies that wear, as in `WearCoefficients` and `Wear.volume`.

@@ -11,15 +11,16 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
+from rverror.model.effects import Model
 from rverror.tolerances.cost import Cost, Grades
 from rverror.tolerances.limited_error import MeanSquare, Quantile, WorstPeakToPeak
 from rverror.tolerances.market import (
@@ -35,7 +36,7 @@ from rverror.tolerances.market import (
     slope_of,
 )
 from rverror.tolerances.sampling import check_share, virtual_units
-from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.tolerances.stacking import Stack, Tolerance, check_tolerances, laid_out
 
 Kind = Literal["worst", "yield", "rms"]
 
@@ -48,6 +49,9 @@ _FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
 _IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
 _AT_BOUND = 1e-7  # of a width to its bound, relative
 _ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is met
+
+
+_COSTS = "give a cost for each entry, as of terms(tolerances)['costs']"
 
 
 @dataclass(frozen=True)
@@ -193,10 +197,16 @@ class FrontPoint:
 
 
 def allocate(
-    stack: Stack,
-    costs: Sequence[Cost | None],
+    model: Model | Stack | None = None,
+    tolerances: Sequence[Tolerance] | Sequence[Cost | None] | None = None,
+    theta: Any | None = None,
     *,
+    direction: float = 1.0,
+    torque: Any | None = None,
+    speed: Any | None = None,
     limit: Any,
+    stack: Stack | None = None,
+    costs: Sequence[Cost | None] | None = None,
     kind: Kind = "yield",
     level: float = 0.99,
     bounds: Sequence[tuple[float, float] | None] | None = None,
@@ -212,11 +222,18 @@ def allocate(
 
     Parameters
     ----------
-    stack : Stack
-    costs : sequence of Reciprocal, ReciprocalSquare, Grades or None
-        Cost of each entry of the stack; None, no cost, for fixed entries only.
+    model : Model
+        Or its `stack`; the costs may then stand second.
+    tolerances : sequence of Tolerance
+        Costs, bounds and what is fixed are theirs where nothing else is given.
+    theta, direction, torque, speed
+        As for `rverror.stack`.
     limit : float, str or quantity
         Of the p-p or rms, rad or with a unit.
+    stack : Stack, optional
+        In place of model, tolerances and all that was said above.
+    costs : sequence of Reciprocal, ReciprocalSquare, Grades or None, optional
+        Cost of each entry; None, no cost, for fixed entries only.  Needed beside a stack.
     kind : str
         What is limited: ``"worst"`` the p-p of the worst parts within their tolerances, ``"yield"`` the quantile
         `level` of the p-p over units, ``"rms"`` the root of the mean square over angles and units.
@@ -261,14 +278,31 @@ def allocate(
     >>> found = allocate(stack, [Reciprocal(1.0, 1.0)] * 2, limit=2.0, kind="worst", verify=1000)
     >>> [round(width, 6) for width in found.widths]  # as 1 : sqrt(2), 2 a + b = 2
     [0.585786, 0.828427]
+
+    Of a model and tolerances that have their costs:
+
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005))]
+    >>> allocate(unit, cams, limit="40 arcsec", kind="worst", verify=1000).kind
+    'worst'
     """
+    said: dict[str, Any] = {"costs": costs, "bounds": bounds, "fixed": fixed}
+    if stack is None and not isinstance(model, Stack):
+        laid = laid_out(model, tolerances, theta, None, direction=direction, torque=torque, speed=speed)
+        said = {
+            name: own if said[name] is None else said[name]
+            for name, own in terms(cast("Sequence[Tolerance]", tolerances)).items()
+        }
+    else:
+        laid = laid_out(model, None, theta, stack, direction=direction, torque=torque, speed=speed)
+        said["costs"] = tolerances if costs is None else costs
+        check_each("costs", said["costs"], (*get_args(Cost), type(None)), _COSTS)
     task = _task(
-        stack,
-        costs,
+        laid,
+        **said,
         kind=kind,
         level=level,
-        bounds=bounds,
-        fixed=fixed,
         sample=sample,
         verify=verify,
         confidence=confidence,
@@ -299,6 +333,7 @@ def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
     >>> terms([tolerance("crank.eccentricity", 0.005, cost=Reciprocal(12.0, 0.005))])["bounds"]
     [(0.0005, 0.05)]
     """
+    check_tolerances(tolerances)
     return {
         "costs": [item.cost for item in tolerances],
         "bounds": [_span(item) for item in tolerances],
@@ -349,6 +384,9 @@ def cost_front(
     >>> [round(point.allocation.cost, 6) for point in front]  # half the limit, twice the price
     [1.0, 2.0]
     """
+    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
+    check_each("costs", costs, (*get_args(Cost), type(None)), _COSTS)
+    check_each("limits", limits, object, "give a list of limits, such as ['40 arcsec', '60 arcsec']")
     task = _task(stack, costs, **options)
     points = []
     for limit in map(_angle, limits):

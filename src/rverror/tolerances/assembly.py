@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_kind
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
@@ -231,6 +231,8 @@ def mounting_choices(stack: Stack, reducer: Reducer) -> tuple[Choice, ...]:
     >>> [choice.name for choice in mounting_choices(cams, unit)]
     ['cranks']
     """
+    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
+    check_kind("reducer", reducer, Reducer, "give reducer('RV-40E') or model.mechanism")
     frames = {key: source(key).frame for key in {component.key for component in stack.components}}
     choices = []
     for frame, name in (("planet", "planets"), ("crank", "cranks")):
@@ -340,6 +342,7 @@ def phasing_gain(
     >>> found.arrangements, found.chosen_mean < found.random_mean
     (2, True)
     """
+    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
     _check(units, level)
     number = _number(choices)
     drawn = stack.standard(np.random.default_rng(seed).random((units, stack.dimensions))) * stack.width[stack.entry]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.errors import check_kind
 from rverror.base.viewed import Viewed
 from rverror.tolerances.stacking import Block, Stack, WorstGroup
 from rverror.tolerances.worst_pair import GroupWaves
@@ -132,6 +133,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     >>> f"{result.worst.peak_to_peak * 180 / np.pi * 3600:.2f}"  # arcsec
     '18.51'
     """
+    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
     used = stack.width if width is None else np.asarray(width, dtype=np.float64)
     scaled = stack.scaled(used)
     offset = scaled.mean(axis=1)

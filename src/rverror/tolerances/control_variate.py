@@ -17,19 +17,20 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_kind
 from rverror.base.units import to_core
+from rverror.base.viewed import OneLine
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, Pose, true_period
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.statics.prediction import Predictor
 from rverror.tolerances.sampling import VirtualUnits, check_seed, check_share, computed, share_interval, told, uniforms
-from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.tolerances.stacking import Stack, Tolerance, check_tolerances
 
 #: Units that the equilibrium solves where no number is given.
 COUNT = 64
@@ -245,7 +246,7 @@ class ControlVariate:
 
 
 @dataclass(frozen=True)
-class ContactCorrection:
+class ContactCorrection(OneLine):
     """Sizes of the output error at a load, with contacts that open and bearings that give way.
 
     Attributes
@@ -346,6 +347,10 @@ def contact_correction(
     >>> abs(found.peak_to_peak.mean().relative) < 0.01  # no pin lifts off
     True
     """
+    check_tolerances(tolerances)
+    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
+    check_kind("units", units, VirtualUnits, "make them with virtual_units(stack, count)")
+    check_model(model)
     mechanism, load = model.mechanism, to_core(torque, "torque")
     if not isinstance(mechanism, Reducer):
         raise InputError("a [drive] has no contacts that open; the linear result stands")

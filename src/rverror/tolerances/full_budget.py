@@ -12,12 +12,12 @@ from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
 from rverror.tolerances.control_variate import ContactCorrection, contact_correction
-from rverror.tolerances.sampling import VirtualUnits, virtual_units
+from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
 from rverror.tolerances.stacking import Stack, Tolerance, stack
 
-#: Virtual units, points of the Sobol indices, and units solved at the load, where no number is given.
-COUNT, INDEX_COUNT, CONTACT_COUNT = 2**16, 2**13, 64
+#: Points of the Sobol indices, and units solved at the load, where no number is given.
+INDEX_COUNT, CONTACT_COUNT = 2**13, 64
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ class ErrorBudget(Viewed):
 def error_budget(
     model: Model,
     tolerances: Sequence[Tolerance],
-    *,
     theta: Any | None = None,
+    *,
     direction: float = 1.0,
     torque: Any | None = None,
+    speed: Any | None = None,
     count: int = COUNT,
     index_count: int = INDEX_COUNT,
     contact_count: int = CONTACT_COUNT,
-    speed: Any | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
@@ -80,15 +80,15 @@ def error_budget(
     torque : float or quantity, optional
         Size of the output torque, N*mm.  With one, a sample of the units is solved at that load, contacts that open
         included, and corrects the linear result.
+    speed : float or quantity, optional
+        Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load,
+        and no unit is solved by itself.
     count : int
         Virtual units.
     index_count : int
         Points of the Sobol indices.
     contact_count : int
         Units solved at the load.
-    speed : float or quantity, optional
-        Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load,
-        and no unit is solved by itself.
     seed, executor, folder
         As for `virtual_units`.
     progress : callable, optional

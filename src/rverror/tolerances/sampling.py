@@ -10,7 +10,7 @@ import io
 import math
 import os
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -24,15 +24,19 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, write_bytes
+from rverror.base.units import named_core
 from rverror.base.version import __version__
 from rverror.base.viewed import Viewed
+from rverror.model.effects import Model
 from rverror.tolerances.extremes import TOLERANCE, Extremes, Kernel, kernel
-from rverror.tolerances.stacking import Stack
+from rverror.tolerances.stacking import Stack, Tolerance, laid_out
 
 Result = TypeVar("Result")
 Draws = Literal["sobol", "random"]
 Size = Literal["peak_to_peak", "max", "rms", "offset"]
 
+#: Virtual units where no number is given.
+COUNT = 2**16
 #: Most variates of a unit for which there are direction numbers of Sobol sequences.
 MOST_SOBOL_DIMENSIONS = 21201
 
@@ -132,8 +136,8 @@ class VirtualUnits(Viewed):
         scramble = [math.nan] * 2 if math.isnan(margin) else np.quantile(sizes, shares).tolist()
         return IntervalEstimate(value, min(low, *scramble), max(high, *scramble), *scramble)
 
-    def yield_at(self, limit: float, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
-        """Share of the units that do not exceed a limit, rad.
+    def yield_at(self, limit: Any, of: Size = "peak_to_peak", *, confidence: float = 0.95) -> IntervalEstimate:
+        """Share of the units that do not exceed a limit: rad, a string such as ``"60 arcsec"`` or a quantity.
 
         Notes
         -----
@@ -141,7 +145,7 @@ class VirtualUnits(Viewed):
         from the scatter of the chunks, where these reach farther.
         """
         check_share("confidence", confidence)
-        within = getattr(self, of) <= limit
+        within = getattr(self, of) <= named_core("limit", limit, "angle")
         good = int(within.sum())
         low, high = share_interval(good, self.count, confidence)
         value, margin = good / self.count, self._scatter(within, confidence)
@@ -214,9 +218,15 @@ class _Chunks:
 
 
 def virtual_units(
-    stack: Stack,
-    count: int,
+    model: Model | Stack | None = None,
+    tolerances: Sequence[Tolerance] | int | None = None,
+    theta: Any | None = None,
     *,
+    direction: float = 1.0,
+    torque: Any | None = None,
+    speed: Any | None = None,
+    stack: Stack | None = None,
+    count: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
@@ -224,13 +234,19 @@ def virtual_units(
     tolerance: float = TOLERANCE,
     progress: Callable[[str], None] | None = None,
 ) -> VirtualUnits:
-    """Draw virtual units of a tolerance stack and compute the sizes of their output errors.
+    """Draw virtual units of a model and its tolerances, and compute the sizes of their output errors.
 
     Parameters
     ----------
-    stack : Stack
+    model : Model
+        Or its `stack`; the number of units may then stand second.
+    tolerances : sequence of Tolerance
+    theta, direction, torque, speed
+        As for `rverror.stack`.
+    stack : Stack, optional
+        In place of model, tolerances and all that was said above.
     count : int
-        Number of units.
+        Number of units; `COUNT` where left out.
     seed : int
         0 or more; another one gives independent units.
     executor : concurrent.futures.Executor, optional
@@ -266,14 +282,24 @@ def virtual_units(
     Examples
     --------
     >>> import rverror
-    >>> from rverror.tolerances.stacking import stack, tolerance
+    >>> from rverror.tolerances.stacking import tolerance
     >>> from rverror.base.units import ARCSEC
-    >>> cams = stack(rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")])
-    >>> units = virtual_units(cams, 2000)
+    >>> unit, cams = rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")]
+    >>> units = virtual_units(unit, cams, count=2000)
     >>> p95 = units.quantile(0.95)
     >>> print(f"{p95.value / ARCSEC:.0f} arcsec")
     26 arcsec
+
+    The same, of what is laid out already:
+
+    >>> same = virtual_units(rverror.stack(unit, cams), 2000)
+    >>> bool((same.peak_to_peak == units.peak_to_peak).all())
+    True
     """
+    if isinstance(tolerances, int):
+        count, tolerances = tolerances, None
+    count = COUNT if count is None else count
+    stack = laid_out(model, tolerances, theta, stack, direction=direction, torque=torque, speed=speed)
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
     check_seed(seed)

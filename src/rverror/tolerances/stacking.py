@@ -13,21 +13,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import product
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Index, IndexValue, Parameter
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix, transmission_error
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
 from rverror.tolerances.cost import SAME_WIDTH, Cost
 from rverror.tolerances.dependence import Dependence, dependence
@@ -203,7 +204,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Stack:
+class Stack(OneLine):
     """A model and its tolerances as arrays.
 
     Attributes
@@ -541,6 +542,11 @@ def tolerance(
     ValueError
         If the key is unknown, a value has the wrong unit, or the values do not go together.
 
+    Warns
+    -----
+    UserWarning
+        If a plain width is far beyond what a workshop makes: 5 is 5 mm, not 5 um.
+
     Examples
     --------
     >>> cams = tolerance("crank.eccentricity", "5 um", disc=0)
@@ -559,6 +565,7 @@ def tolerance(
         if width is None:
             raise InputError(f"{key}: no tolerance; give a width like '5 {units.DISPLAY_UNITS[dimension]}', or samples")
         size, centre = _size(key, width, dimension)
+        chosen[0].doubt(f"{key}: tolerance", width, size)
         least = None if centre is None else centre - size
         given = {"capability": capability, "shape": shape}
         law = _law(key, distribution, given, size, least, vectors=_in_vectors([p.name for p in chosen]))
@@ -693,6 +700,8 @@ def stack(
     >>> cams.influence.shape, cams.dimensions, str(cams.components[0])
     ((8, 4096), 8, 'crank.eccentricity(crank=0, disc=0).radial')
     """
+    check_model(model)
+    check_tolerances(tolerances)
     if not tolerances:
         raise InputError("no tolerance; give at least one")
     if speed is None:
@@ -750,6 +759,49 @@ def stack(
         dependence=_dependence(pairs, tolerances, blocks, components) if pairs else None,
         model=model.name or model.mechanism.name or "the model",
     )
+
+
+def laid_out(
+    model: Model | Stack | None,
+    tolerances: Any,
+    theta: Any,
+    laid: Stack | None,
+    *,
+    direction: float,
+    torque: Any,
+    speed: Any,
+) -> Stack:
+    """Stack of a model and its tolerances, or the one that was given in their place.
+
+    Raises
+    ------
+    InputError
+        If both are given, or neither.
+    """
+    if model is None and laid is None:
+        raise InputError("no model; give a model and its tolerances, or their stack")
+    if laid is None and not isinstance(model, (Stack, type(None))):
+        return stack(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
+    given = model if laid is None else laid
+    check_kind("stack", given, Stack, "make it with stack(model, tolerances)")
+    beside = {"theta": theta, "torque": torque, "speed": speed, "direction": None if direction == 1.0 else direction}
+    if laid is not None and model is not None:
+        beside["model"] = model
+    for name, value in beside.items():
+        if value is not None:
+            raise InputError(f"{name} beside a stack, which says it itself; leave it out, or give model and tolerances")
+    return cast("Stack", given)
+
+
+def check_tolerances(tolerances: object) -> None:
+    """Refuse what is no row of tolerances.
+
+    Raises
+    ------
+    InputError
+    """
+    remedy = "give load_tolerances(path), or a list such as [tolerance('crank.eccentricity', '5 um')]"
+    check_each("tolerances", tolerances, Tolerance, remedy)
 
 
 def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float]:

@@ -236,7 +236,9 @@ class _Entry:
     def read(self, model: Model | None) -> Tolerance:
         """Make the tolerance, and see that its indices are those of the model."""
         table = self.table
-        width, samples = self._size()
+        size, samples = self._size()
+        # what a file says has a unit
+        width = f"{size!r} {units.CORE_UNITS[self.dimension]}" if isinstance(size, float) else size
         given = {name: table[name] for name in ("name", "distribution", "phase") if self._is_text(name)}
         given |= {name: self._number(name) for name in ("capability", "shape", "correlation") if name in table}
         try:

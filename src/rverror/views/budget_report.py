@@ -40,13 +40,13 @@ SIZES: tuple[tuple[Size, str, str], ...] = (
 )
 
 
-def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> str:
+def budget_text(found: ErrorBudget | Budget, *, limit: Any | None = None) -> str:
     """Budget as text.
 
     Parameters
     ----------
     found : ErrorBudget or Budget
-    limit : float, optional
+    limit : float or str or quantity, optional
         Of the peak-to-peak, rad: the yield of an `ErrorBudget` is told at it.
 
     Returns
@@ -69,6 +69,7 @@ def budget_text(found: ErrorBudget | Budget, *, limit: float | None = None) -> s
     >>> print(budget_text(found.closed).splitlines()[0])
     Budget in closed form: 1 tolerance, 8 components
     """
+    limit = None if limit is None else units.named_core("limit", limit, "angle")
     closed, drawn, indices = _parts(found)
     if isinstance(found, Budget):
         _check_no_limit(limit)
@@ -191,14 +192,14 @@ def _interval(estimate: IntervalEstimate, scale: float = ARCSEC) -> dict[str, fl
 
 
 def budget_json(
-    found: ErrorBudget | Budget, *, limit: float | None = None, files: Sequence[InputFile] = ()
+    found: ErrorBudget | Budget, *, limit: Any | None = None, files: Sequence[InputFile] = ()
 ) -> dict[str, Any]:
     """Budget as plain data for `json.dump`; keys are only ever added.
 
     Parameters
     ----------
     found : ErrorBudget or Budget
-    limit : float, optional
+    limit : float or str or quantity, optional
         As for `budget_text`.
     files : sequence of InputFile, optional
         What it was made from.
@@ -221,6 +222,7 @@ def budget_json(
     >>> round(budget_json(found)["peak_to_peak_arcsec"]["worst_case"], 2)
     18.51
     """
+    limit = None if limit is None else units.named_core("limit", limit, "angle")
     closed, drawn, indices = _parts(found)
     sizes = {
         key: {

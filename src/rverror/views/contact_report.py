@@ -8,14 +8,14 @@ from typing import Any
 
 from rverror.base.numbers import interval
 from rverror.base.text import joined
-from rverror.base.units import ARCSEC
+from rverror.base.units import ARCSEC, named_core
 from rverror.tolerances.control_variate import LEVELS, SIZES, ContactCorrection, ControlVariate, Corrected
 from rverror.views.envelope import InputFile, enveloped
 
 
-def contact_text(found: ContactCorrection, *, limit: float | None = None) -> str:
-    """Contact correction as text, angles in arcsec; the yield is told at a limit of the peak-to-peak, rad."""
-    return joined(contact_lines(found, limit=limit))
+def contact_text(found: ContactCorrection, *, limit: Any | None = None) -> str:
+    """Contact correction as text, angles in arcsec; the yield is told at a limit of the peak-to-peak, as a quantity."""
+    return joined(contact_lines(found, limit=_limit(limit)))
 
 
 def contact_lines(found: ContactCorrection, *, limit: float | None = None) -> list[str]:
@@ -55,10 +55,10 @@ def contact_lines(found: ContactCorrection, *, limit: float | None = None) -> li
 
 
 def contact_json(
-    found: ContactCorrection, *, limit: float | None = None, files: Sequence[InputFile] = ()
+    found: ContactCorrection, *, limit: Any | None = None, files: Sequence[InputFile] = ()
 ) -> dict[str, Any]:
     """Contact correction as plain data for `json.dump`: angles in arcsec, None where not determined."""
-    return enveloped("ContactCorrection", contact_content(found, limit=limit), files)
+    return enveloped("ContactCorrection", contact_content(found, limit=_limit(limit)), files)
 
 
 def contact_content(found: ContactCorrection, *, limit: float | None = None) -> dict[str, Any]:
@@ -85,6 +85,10 @@ def contact_content(found: ContactCorrection, *, limit: float | None = None) -> 
         **sizes,
         "yield": None if limit is None else _as_json(found.peak_to_peak.yield_at(limit), 1.0),
     }
+
+
+def _limit(given: Any | None) -> float | None:
+    return None if given is None else named_core("limit", given, "angle")
 
 
 def _told(one: Corrected) -> str:

@@ -26,14 +26,14 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
-from rverror.model.compose import Influence, transmission_error_by_effect
+from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
-from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, FrontPoint

@@ -5,10 +5,17 @@ Colours, letters and background are the notebook's own, so light and dark both f
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any
 
+from rverror.base.numbers import count_of
+from rverror.base.text import describe, printable
+from rverror.diagnosis.result import Diagnosis
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+from rverror.runs.order_table import OrderTable
 from rverror.views.html import escaped
-from rverror.views.sheets import as_html, has_sheet, sheet
+from rverror.views.sheets import Title, as_html, has_sheet, sheet
 
 _STYLE = (
     "<style>"
@@ -23,6 +30,55 @@ _STYLE = (
     ".rverror-page .soft{opacity:.85;font-size:.95em}.rverror-page .soft .soft{opacity:1;font-size:1em}"
     "</style>"
 )
+
+
+def line(thing: Any) -> str:
+    """Result in one line: the title of its sheet, and how many effects, samples or causes it has.
+
+    Parameters
+    ----------
+    thing
+        What `sheets.sheet` knows.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import rverror
+    >>> line(rverror.Model(rverror.reducer("RV-40E")))
+    'Model: RV-40E, ratio 121, 0 effects'
+    """
+    first = sheet(thing)[0]
+    assert isinstance(first, Title)
+    return printable(f"{first.kind}: {', '.join((*first.rest, *_more(thing)))}")
+
+
+@singledispatch
+def _more(thing: Any) -> tuple[str, ...]:
+    """What a line tells beside the title."""
+    return ()
+
+
+@_more.register
+def _of_model(thing: Model) -> tuple[str, ...]:
+    return (count_of(len(thing.effects), "effect"),)
+
+
+@_more.register
+def _of_run(thing: Run) -> tuple[str, ...]:
+    return (count_of(thing.size, "sample"),)
+
+
+@_more.register
+def _of_diagnosis(thing: Diagnosis) -> tuple[str, ...]:
+    return (thing.verdict.replace("_", " "), *(describe(one.effect.key, one.effect.indices) for one in thing.added))
+
+
+@_more.register
+def _of_orders(thing: OrderTable) -> tuple[str, ...]:
+    return (count_of(len(thing.cases), "condition"),)
 
 
 def page(thing: Any) -> str:

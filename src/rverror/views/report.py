@@ -44,8 +44,8 @@ def to_text(result: Any, /, **options: Any) -> str:
         Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
     **options
-        A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad, at which its yield is told,
-        a Comparison how many orders are told, `most`.
+        A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad or with a unit, at
+        which its yield is told, a Comparison how many orders are told, `most`.
 
     Returns
     -------

@@ -26,8 +26,8 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
+from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
-from rverror.model.compose import Influence
 from rverror.model.effects import Effect, Model
 from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.runs.measurement import Run
@@ -35,7 +35,6 @@ from rverror.runs.measuring_chain import uncertainty_of
 from rverror.runs.order_table import OrderTable
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
-from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.allocation import Allocation, FrontPoint
@@ -51,8 +52,8 @@ def _unit(found: object) -> list[str]:
     return [unit_name(found.model), *stated(direction=found.direction)]
 
 
-def budget_figure(found: ErrorBudget, *, limit: float | None = None) -> Figure:
-    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad."""
+def budget_figure(found: ErrorBudget, *, limit: Any | None = None) -> Figure:
+    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad or with a unit."""
     figure, (upper, lower) = new_figure(2, height=3.6)
     contributions(found, ax=upper)
     distribution(found, limit=limit, ax=lower)
@@ -85,8 +86,8 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
     return ax
 
 
-def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = None, ax: Axes | None = None) -> Axes:
-    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit, rad."""
+def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None, ax: Axes | None = None) -> Axes:
+    """Histogram of the peak-to-peak of the virtual units with quantiles, and the yield at a limit, rad or with unit."""
     ax = axes_for(ax)
     drawn = found if isinstance(found, VirtualUnits) else found.units
     sizes = drawn.peak_to_peak / ARCSEC
@@ -95,12 +96,10 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: float | None = Non
         value = drawn.quantile(level).value / ARCSEC
         ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
-        share = drawn.yield_at(limit)
+        share, at = drawn.yield_at(limit), units.named_core("limit", limit, "angle") / ARCSEC
         ends = f"{100 * share.low:.4g} to {100 * share.high:.4g}"
-        label = (
-            f"limit {limit / ARCSEC:g} arcsec: {100 * share.value:.4g} % pass (95 % interval of the estimate {ends})"
-        )
-        ax.axvline(limit / ARCSEC, color=_LIMIT, lw=1.8, label=label)
+        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass (95 % interval of the estimate {ends})"
+        ax.axvline(at, color=_LIMIT, lw=1.8, label=label)
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",
         ylabel="share of the units per arcsec",

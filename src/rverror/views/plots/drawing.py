@@ -19,13 +19,12 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.compose import Influence
+from rverror.model.asked import Equilibrium, Influence
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
-from rverror.statics.loaded_state import Equilibrium
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
@@ -146,7 +145,7 @@ def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **optio
         - `ratio`: Reducer, Drive, Model or input turns per output turn; needed of a run that holds input angles.
         - `highest`: highest order to show.
         - `run`: which run of a diagnosis, counted from 0.
-        - `limit`: of the peak-to-peak, rad.
+        - `limit`: of the peak-to-peak, rad or with a unit, such as ``"60 arcsec"``.
 
     Returns
     -------
@@ -169,7 +168,7 @@ def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **optio
     plots = next((PICTURES[one] for one in type(thing).__mro__ if one in PICTURES), None)
     if plots is None:
         known = ", ".join(one.__name__ for one in PICTURES)
-        raise InputError(f"a {type(thing).__name__} has no plot; these have: {known}")
+        raise InputError(f"a {type(thing).__name__} has no plot; these have: {known}; give one of them")
     chosen = next(iter(plots)) if kind is None else kind
     name = type(thing).__name__
     if chosen not in plots:

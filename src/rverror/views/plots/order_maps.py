@@ -14,7 +14,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import way
 from rverror.base.text import file_name
 from rverror.diagnosis.result import Diagnosis
@@ -97,6 +97,7 @@ def order_map(
     >>> order_map(runs, ratio=unit, highest=50).get_xlabel()
     'order, per output turn'
     """
+    check_each("runs", runs, Run, "give a list of runs, such as [load_run(path)]")
     if by not in _BY:
         raise InputError(f"by = {by!r}: rows are ordered by {' or '.join(_BY)}")
     rows, quantities = [], set()

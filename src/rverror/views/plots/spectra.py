@@ -17,13 +17,13 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
-from rverror.geartrain.kinematics import Conditions, true_period
+from rverror.geartrain.kinematics import Conditions, true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.model.asked import Equilibrium
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import noise_spectrum, revolutions
-from rverror.statics.loaded_state import Equilibrium
 from rverror.views.by_order import residual_spectrum
 from rverror.views.plots.figure import (
     BLACK,
@@ -50,7 +50,6 @@ from rverror.views.plots.waveforms import (
     signals_of,
     state_title,
     unit_name,
-    whole_turn,
 )
 
 if TYPE_CHECKING:

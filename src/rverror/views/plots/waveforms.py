@@ -18,13 +18,13 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import describe, file_name
-from rverror.geartrain.kinematics import samples_needed, true_period
+from rverror.geartrain.kinematics import true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
-from rverror.model.compose import Influence, transmission_error_by_effect
+from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run, torque_column
-from rverror.statics.loaded_state import Equilibrium
 from rverror.views.plots.figure import (
     BLACK,
     BLUE,
@@ -56,8 +56,6 @@ if TYPE_CHECKING:
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
 _NAMED = 12  # effects for which a legend has room
-_FEWEST = 4096  # angles of a whole turn
-_HARMONICS = 4  # of a shaft that its sources know
 _TURN = 2 * np.pi
 _LABELS_AT = np.radians(22.5)  # of the circles
 _HATCH = (0.0, 0.0, 0.0, 0.5)
@@ -65,16 +63,6 @@ _STATE = "loaded equilibrium"
 _ORIGIN = 4.0  # centre of polar axes, of their span either side of the base circle below it
 _HOLE = (_ORIGIN - 1) / (_ORIGIN + 1)  # of their radius, within which nothing is drawn
 _FLATTENED = 2.0  # times the largest wave, that lines with their constants span
-
-
-def whole_turn(mechanism: Reducer | Drive) -> Array:
-    """Angles of one output turn that hold the mesh orders of a reducer and the shafts' harmonics of a drive, rad."""
-    if isinstance(mechanism, Reducer):
-        needed = samples_needed(mechanism)
-    else:
-        highest = _HARMONICS * max(abs(turns) for turns in (mechanism.ratio, *mechanism.shafts.values()))
-        needed = 2 ** math.ceil(math.log2(2 * highest + 1))
-    return np.linspace(0, _TURN, max(_FEWEST, needed), endpoint=False)
 
 
 @dataclass(frozen=True)
