@@ -408,6 +408,17 @@ def test_never_above_the_limit(seed, share):
         assert found.value > 0.999 * limit  # nothing is given away either
 
 
+def test_a_front_finds_what_allocations_find_one_by_one():
+    """A limit that starts from its neighbour's widths ends where it ends from nothing."""
+    given = random_stack(30, entries=(3, 4), nominal=1)
+    costs = random_curves(30, given)
+    limits = [2e-3, 2.6e-3]
+    front = cost_front(given, costs, limits, sample=2048, verify=2048)
+    alone = allocate(given, costs, limit=limits[1], sample=2048, verify=2048)
+    assert front[1].allocation.cost == pytest.approx(alone.cost, rel=5e-4)  # what a sample costs, as the page says
+    assert [point.allocation.value <= limit for point, limit in zip(front, limits, strict=True)] == [True, True]
+
+
 # --- prices ------------------------------------------------------------------------------------------------------
 
 

@@ -216,6 +216,10 @@ def budget_of_numbers(given: Stack):  # type: ignore[no-untyped-def]
         units = corners(alone, own)
         assert entry.worst_peak_to_peak == pytest.approx(np.ptp(units, axis=1).max())
         assert entry.worst_offset == pytest.approx(np.abs(units.mean(axis=1)).max())
+        law = given.blocks[e].distribution
+        farther = given.width[e] * max(abs(law.middle - 1), abs(law.middle + 1))  # limit from the mean
+        waves = given.influence[given.entry == e]
+        assert entry.rss == pytest.approx(math.hypot(*(farther * np.ptp(waves, axis=1))))
     return closed.worst
 
 

@@ -210,3 +210,30 @@ def test_every_step_of_an_allocation_is_told() -> None:
     rverror.allocate(rverror.stack(rverror.Model(rverror.reducer("RV-40E")), cams), limit="60 arcsec", **few)
     assert "least cost within 60 arcsec, solution 1" in said
     assert "verifying by 1024 virtual units: 100 %" in said
+
+
+def test_tied_tolerances_from_a_table_by_the_command_line(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rows tied by a correlation: no Sobol index of theirs anywhere; what contradicts itself is told in one line."""
+    head = "name,key,parameter,lower[um],upper[um],pin,correlated_with\n"
+    rows = "a,involute.sun_offset,x,-5,5,,\nb,crank.eccentricity,radial,-2,6,,{}\nc,cycloid.pin_radius,,-4,0,all,\n"
+    table, out = tmp_path / "drawing.csv", tmp_path / "out.html"
+    table.write_text(head + rows.format("c: 0.1"), encoding="utf-8")
+    call = ["budget", str(written / "model.toml"), str(table), "--units", "256", "--limit", "40 arcsec"]
+    assert main([*call, "--html", str(out), "--plot", str(tmp_path / "out.png")]) == 0
+    text = capsys.readouterr().out
+    assert "nan" not in text
+    line = next(line for line in text.splitlines() if line.startswith("b "))
+    assert line.split()[-2:] == ["-", "-"]
+    page = out.read_text(encoding="utf-8")
+    assert ">nan<" not in page
+    assert "-2</data> to <data" in page
+    table.write_text(head + rows.format("a: -0.9; c: 0.9"), encoding="utf-8")
+    assert (
+        main(call) == 2
+    )  # four cams, each 0.9 with two values: 1 - 0.9 sqrt(8) is below 0, and 1 / 2.55 of it would do
+    said = capsys.readouterr().err
+    assert re.fullmatch(
+        r"rverror: error: .*'a', 'b', 'c' contradict one another.* but 0\.39 times each they can have\n", said
+    )

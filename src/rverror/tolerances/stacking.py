@@ -827,7 +827,8 @@ def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float
         for name, value in item.correlated_with.items():
             found = [f for f, other in enumerate(tolerances) if f != e and name in (other.label, other.key)]
             if len(found) != 1:
-                known = _names("tolerances", [other.label for other in tolerances if other is not item], name)
+                others = [other.label for other in tolerances if other is not item]
+                known = _names("tolerances", others, name) if others else " add it"
                 said = "no other tolerance" if not found else f"{len(found)} tolerances"
                 raise InputError(
                     f"{item.label}: correlated_with {name!r}: {said} of this name;"

@@ -75,7 +75,7 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
     ax.barh(at + 0.2, shares, height=0.38, color=_DARK, label="share of the variance")
     if indices is not None:
         total, low, high = (100 * getattr(indices, f"total{end}")[order] for end in ("", "_low", "_high"))
-        label = "total Sobol index of the peak-to-peak, 95 % interval"
+        label = "total Sobol index of the peak-to-peak, 95 % interval of the estimate"
         bars: dict[str, Any] = {"xerr": (total - low, high - total), "error_kw": {"linewidth": 0.8, "capsize": 2}}
         ax.barh(at - 0.2, total, label=label, **bars, **_HATCHED)
     ax.set_yticks(at, [plain(entries[e].label) for e in order], fontsize=8)
@@ -97,8 +97,8 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None,
         ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
         share, at = drawn.yield_at(limit), units.named_core("limit", limit, "angle") / ARCSEC
-        ends = f"{100 * share.low:.4g} to {100 * share.high:.4g}"
-        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass (95 % interval of the estimate {ends})"
+        ends = f"95 % interval of the estimate\n{100 * share.low:.4g} to {100 * share.high:.4g} %"
+        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass,\n{ends}"
         ax.axvline(at, color=_LIMIT, lw=1.8, label=label)
     ax.set(
         xlabel="peak-to-peak transmission error, arcsec",

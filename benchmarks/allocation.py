@@ -1,0 +1,82 @@
+"""Cost of an allocation: the shipped RV-40E tolerances, 99 % of the units within 60 arcsec, and a front of five limits.
+
+    python benchmarks/allocation.py [--limit 60] [--sample 16384] [--verify 65536] [--repeats 3]
+
+Two ratios.  A solution asks for the peak-to-peaks of a sample again and again: by orders, and by the plain product of
+all draws with all waves.  A front asks for least costs at five limits: as one task, which draws its units once and
+starts each limit from the nearest one, and as five allocations.  Processor time, which other work on the machine does
+not stretch; BLAS runs on one thread unless the environment says otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from pathlib import Path  # noqa: E402
+from time import process_time  # noqa: E402
+from typing import Any  # noqa: E402
+
+import rverror  # noqa: E402
+from rverror import ARCSEC  # noqa: E402
+from rverror.tolerances.extremes import direct_kernel  # noqa: E402
+from rverror.tolerances.limited_error import Quantile  # noqa: E402
+
+TOLERANCES = Path(__file__).parents[1] / "examples" / "rv40e-tolerances.toml"
+FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Processor time of some work, s, and its result."""
+    start = process_time()
+    result = work()
+    return process_time() - start, result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--limit", type=float, default=60.0, help="arcsec")
+    parser.add_argument("--sample", type=int, default=2**14)
+    parser.add_argument("--verify", type=int, default=2**16)
+    parser.add_argument("--repeats", type=int, default=3)
+    options = parser.parse_args()
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    tolerances = rverror.load_tolerances(TOLERANCES, model)
+    stack = rverror.stack(model, tolerances)
+    settings = {"sample": options.sample, "verify": options.verify, **rverror.terms(tolerances)}
+
+    by_orders = Quantile(stack, level=0.99, sample=options.sample, seed=0)
+    plain = Quantile(stack, level=0.99, sample=options.sample, seed=0)
+    plain.kernel = direct_kernel(stack.scaled(), stack.nominal)
+    times: dict[str, list[float]] = {"by orders": [], "plain product": []}
+    for repeat in range(options.repeats):
+        widths = stack.width * (1 + 0.01 * repeat)  # what was asked before is known
+        found = []
+        for name, one in zip(times, (by_orders, plain), strict=True):
+            seconds, (value, _) = timed(lambda one=one, widths=widths: one.measure(widths))
+            times[name].append(seconds)
+            found.append(value / ARCSEC)
+        print(f"quantile {found[0]:.6f} arcsec by orders, {found[1]:.6f} by the plain product")
+    best = {name: min(seconds) for name, seconds in times.items()}
+    print(f"peak-to-peaks of {options.sample} units: " + ", ".join(f"{name} {s:.3f} s" for name, s in best.items()))
+    print(f"ratio {best['plain product'] / best['by orders']:.2f}")
+
+    limits = [factor * options.limit * ARCSEC for factor in FRONT]
+    singly = [timed(lambda limit=limit: rverror.allocate(stack, limit=limit, **settings)) for limit in limits]
+    together, front = timed(lambda: rverror.cost_front(stack, limits=limits, **settings))
+    alone = sum(seconds for seconds, _ in singly)
+    print(f"one allocation {singly[2][0]:.1f} s; five {alone:.1f} s, as one front {together:.1f} s")
+    print(f"ratio {alone / together:.2f}")
+    for (_, one), point in zip(singly, front, strict=True):
+        assert point.allocation is not None
+        print(
+            f"  {point.limit / ARCSEC:6.1f} arcsec: cost {one.cost:.4f} alone, {point.allocation.cost:.4f} in the front"
+        )
+
+
+if __name__ == "__main__":
+    main()
