@@ -210,6 +210,7 @@ ROWS = "\n1,5;2,25;3\n2;3;4\n3;4;5\n"
         ("Eingang;Ausgang;n\n[rad];[rad];[1/min]", ("Eingang", "rad"), ("Ausgang", "rad")),
         ("channel 1;channel 2;channel 3", None, None),  # 1 and 2 of anything
         ("input torque;output torque;load", None, None),
+        ("Antrieb [Nm];Abtrieb [V];x", None, None),  # the unit says what it is
         ("motor frequency;input error;output elastic", None, None),
         ("motor;load;drive", None, None),  # a current and a torque, more often than not
         ("input output;angle;x", None, None),
