@@ -243,7 +243,7 @@ def test_columns_that_fit_alike_are_left_to_the_reader(bench: Path, capsys: pyte
 def test_a_draft_of_plain_names_reads_the_file(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing to fill in: the guess, confirmed by the one who hands it over, gives the angles."""
     rows = [f"12:00:{t:06.3f};{a:.6f};{b:.6f}".replace(".", ",") for t, a, b in zip(TIME, INPUT, OUTPUT, strict=True)]
-    (bench / "run.txt").write_text("\n".join(["Zeit;Antrieb [°];Abtrieb [°]", *rows]), encoding="utf-8")
+    (bench / "run.txt").write_text("\n".join(["Uhrzeit;Antrieb [°];Abtrieb [°]", *rows]), encoding="utf-8")
     assert main(["read", "run.txt", "--draft", "-o", "new.toml"]) == 0
     assert capsys.readouterr().err.count("guessed from the name") == 3
     run = load_run("run.txt", 121.0, mapping="new.toml")

@@ -94,7 +94,8 @@ def _proposed(key: str, guess: Guess, line: str) -> str:
     if len(guess.fitting) > 1:
         return f"# {guess}:\n{line}"
     unit = f"unit = {_quoted(guess.unit)}" + (", counts_per_turn = 0" if guess.unit == COUNTS[0] else "")
-    missing = {"": "; write its unit", COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(guess.unit, "")
+    no_unit = "; write its unit" + (", if it is no time of day" if key == "time" else "")
+    missing = {"": no_unit, COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(guess.unit, "")
     return (
         f"{key} = {{ name = {_quoted(guess.fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
     )

@@ -15,7 +15,7 @@ from rverror.runs.reading import COLUMNS
 _BEGINNINGS = {
     "input_angle": ("antrieb", "eingang", "input", "motor", "moteur", "entrée", "entree", "输入", "电机"),
     "output_angle": ("abtrieb", "ausgang", "output", "sortie", "输出"),
-    "time": ("zeit", "time", "temps", "时间"),
+    "time": ("zeit", "uhr", "time", "temps", "时间"),
 }
 _WHOLE = {
     "input_angle": ("in", "an", "ein", "drive", "mot"),
