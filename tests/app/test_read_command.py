@@ -147,7 +147,8 @@ def test_a_draft_is_filled_in_and_read(bench: Path, capsys: pytest.CaptureFixtur
     [
         ("a,b\n1.5,2.5\n2,3\n3,4\n", ['separator = ","', 'decimal = "."', '#   "a"', '#   "b"']),
         ("x\n\na b\n 1.5  2\n2 3\n3 4\n", ['separator = " "', 'decimal = "."', '#   "a"']),
-        ("x\ty\nangle\ttime\n[°]\tms\n1,5\t2\n2\t3\n3\t4\n", ['separator = "\\t"', 'decimal = ","', '#   "angle"']),
+        ("x\ty\nangle\ttime\n[°]\tms\n1,5\t2\n2\t3\n3\t4\n",
+         ['separator = "\\t"', 'decimal = ","', '#   "angle"  unit °', '#   "time"  unit ms']),
         ("1;2\n2;3\n3;4\n", ["skip = 0", '#   "column 1"',
                               "# No names stand above the numbers: write column = 1, 2, ... instead of name."]),
         ("a;b\n1,234;2\n2;3\n3;4\n",
@@ -164,9 +165,10 @@ def test_what_a_draft_finds_in_text(tmp_path: Path, content: str, lines: list[st
 
 
 def test_drafts_of_other_formats(tmp_path: Path) -> None:
-    file = hdf5(tmp_path, **{"m/wide": np.zeros((3, 2))})
+    file = hdf5(tmp_path, **{"m/wide": np.zeros((2, 3)), "m/tall": np.zeros((3, 2))})
     assert '#   "in"  240 samples' in draft_mapping(file)
-    assert '#   "m/wide"  is a matrix of 3 x 2; store each column as a vector of its own' in draft_mapping(file)
+    assert '#   "m/wide"  is a matrix of 2 x 3; store a channel in each column' in draft_mapping(file)
+    assert '#   "m/tall/2"  3 samples' in draft_mapping(file)
     assert '#   "G/in"  240 samples' in draft_mapping(tdms(tmp_path, root={"Last": 20.0}))
     assert "#   'Last = 20.0'" in draft_mapping(tdms(tmp_path, root={"Last": 20.0}))
     assert '#   "s/one"  1 sample\n' in draft_mapping(mat(tmp_path, s={"one": 1.0}))
@@ -176,6 +178,78 @@ def test_drafts_of_other_formats(tmp_path: Path) -> None:
             draft_mapping(tmp_path / "run.txt")
     (tmp_path / "run.txt").write_bytes("a;b\n1;2\n2;3\n3;4\n".encode("utf-16"))
     assert 'encoding = "utf-16"' in draft_mapping(tmp_path / "run.txt")
+
+
+def drafted_columns(file: Path, content: str) -> dict[str, str]:
+    """Lines of [columns] that a draft fills in, by key."""
+    file.write_text(content, encoding="utf-8")
+    guessed = [line.partition(" = ") for line in draft_mapping(file).splitlines() if "# guessed" in line]
+    return {key: value for key, _, value in guessed}
+
+
+ROWS = "\n1,5;2,25;3\n2;3;4\n3;4;5\n"
+
+
+@pytest.mark.parametrize(
+    ("names", "input_angle", "output_angle"),
+    [
+        ("Antrieb [°];Abtrieb [°];Moment [Nm]", ("Antrieb [°]", "deg"), ("Abtrieb [°]", "deg")),
+        ("Antriebswinkel (Grad);Abtriebswinkel (Grad);Antriebsdrehzahl (1/min)",
+         ("Antriebswinkel (Grad)", "deg"), ("Abtriebswinkel (Grad)", "deg")),
+        ("phi_in;phi_out;M", ("phi_in", ""), ("phi_out", "")),
+        ("phi_an_rad;phi_ab_rad;n_an", ("phi_an_rad", "rad"), ("phi_ab_rad", "rad")),
+        ("theta1 (rad);theta2 (rad);T", ("theta1 (rad)", "rad"), ("theta2 (rad)", "rad")),
+        ("MotorAngle [deg];LoadAngle [deg];MotorSpeed", ("MotorAngle [deg]", "deg"), ("LoadAngle [deg]", "deg")),
+        ("in;out;torque", ("in", ""), ("out", "")),
+        ("input angle [rev];output angle [arcmin];x",
+         ("input angle [rev]", "turn"), ("output angle [arcmin]", "arcmin")),
+        ("motor encoder [counts];load encoder [counts];x",
+         ("motor encoder [counts]", "counts"), ("load encoder [counts]", "counts")),
+        ("angle entrée [°];angle sortie [°];couple", ("angle entrée [°]", "deg"), ("angle sortie [°]", "deg")),
+        ("输入角度(deg);输出角度(deg);扭矩", ("输入角度(deg)", "deg"), ("输出角度(deg)", "deg")),
+        ("Eingang;Ausgang;n\n[rad];[rad];[1/min]", ("Eingang", "rad"), ("Ausgang", "rad")),
+        ("channel 1;channel 2;channel 3", None, None),  # 1 and 2 of anything
+        ("input torque;output torque;load", None, None),
+        ("Antrieb [Nm];Abtrieb [V];x", None, None),  # the unit says what it is
+        ("motor frequency;input error;output elastic", None, None),
+        ("motor;load;drive", None, None),  # a current and a torque, more often than not
+        ("input output;angle;x", None, None),
+    ],
+)  # fmt: skip
+def test_a_draft_guesses_angles_by_the_names_of_shafts(
+    tmp_path: Path, names: str, input_angle: tuple[str, str] | None, output_angle: tuple[str, str] | None
+) -> None:
+    columns = drafted_columns(tmp_path / "run.txt", names + ROWS)
+    for key, expected in (("input_angle", input_angle), ("output_angle", output_angle)):
+        if expected is None:
+            assert key not in columns
+            continue
+        name, unit = expected
+        assert columns[key].startswith(f'{{ name = "{name}", unit = "{unit}"')
+        assert ("write its unit" in columns[key]) == (not unit)
+        assert ("counts_per_turn = 0" in columns[key]) == (unit == "counts")
+
+
+def test_columns_that_fit_alike_are_left_to_the_reader(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (bench / "two.txt").write_text("Motor A [°];Motor B [°];Abtrieb [°]" + ROWS, encoding="utf-8")
+    assert main(["read", "two.txt", "--draft", "-o", "two.toml"]) == 0
+    err = capsys.readouterr().err.splitlines()
+    assert err[0] == "rverror: two.txt: input_angle: not guessed, for 'Motor A [°]' and 'Motor B [°]' fit alike"
+    assert err[1] == "rverror: two.txt: output_angle: guessed from the name 'Abtrieb [°]', unit deg"
+    assert "# not guessed, for 'Motor A [°]' and 'Motor B [°]' fit alike:" in (bench / "two.toml").read_text("utf-8")
+    assert "name is empty" in refused(capsys, "read", "two.txt", "--mapping", "two.toml")
+
+
+def test_a_draft_of_plain_names_reads_the_file(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing to fill in: the guess, confirmed by the one who hands it over, gives the angles."""
+    rows = [f"12:00:{t:06.3f};{a:.6f};{b:.6f}".replace(".", ",") for t, a, b in zip(TIME, INPUT, OUTPUT, strict=True)]
+    (bench / "run.txt").write_text("\n".join(["Uhrzeit;Antrieb [°];Abtrieb [°]", *rows]), encoding="utf-8")
+    assert main(["read", "run.txt", "--draft", "-o", "new.toml"]) == 0
+    assert capsys.readouterr().err.count("guessed from the name") == 3
+    run = load_run("run.txt", 121.0, mapping="new.toml")
+    np.testing.assert_allclose(np.degrees(run.input_angle), INPUT, atol=1e-6)
+    np.testing.assert_allclose(np.degrees(run.output_angle), OUTPUT, atol=1e-6)
+    np.testing.assert_allclose(run.time, TIME, atol=1e-4)
 
 
 # --- diagnosis --------------------------------------------------------------------------------------------------------

@@ -137,6 +137,27 @@ def test_equilibrium_under_rated_torque_holds_the_load(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
+def test_bores_turn_the_output_as_in_any_reducer(name: str) -> None:
+    """All bores shifted alike around their part: -e/r6 of the carrier's, F e/r6 of the discs', at rated torque too."""
+    unit, shift = rverror.reducer(name), 0.005
+    torque, theta = unit.rated_torque or 784e3, np.array([0.7])
+    feedback = unit.disc_lobes * unit.planet_teeth / unit.sun_teeth / unit.ratio
+    carrier = [rverror.effect("coupling.carrier_bore_position", crank=j, tangential=shift) for j in range(unit.cranks)]
+    discs = [
+        rverror.effect("cycloid.disc_bore_position", disc=k, crank=j, tangential=shift)
+        for k in range(unit.discs)
+        for j in range(unit.cranks)
+    ]
+    nominal = rverror.equilibrium(rverror.Model(unit), theta, torque=torque).transmission_error
+    for effects, turn in ((carrier, -1.0), (discs, feedback)):
+        model = rverror.Model(unit, tuple(effects))
+        expected = turn * shift / unit.crank_radius
+        np.testing.assert_allclose(rverror.transmission_error(model, theta), expected, rtol=1e-9)
+        loaded = rverror.equilibrium(model, theta, torque=torque).transmission_error
+        np.testing.assert_allclose(loaded - nominal, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", PRESETS)
 def test_every_number_has_an_origin_that_the_bibliography_or_a_rule_tells(name: str) -> None:
     origins = rverror.preset_origins(name)
     assert set(origins) == set(preset_parameters(name)) - {"name"}

@@ -456,8 +456,8 @@ def _summary(batch: Batch) -> str:
     return text.getvalue()
 
 
-#: What the overview tells first.
-_WORST_FIRST = ("", "unexplained", "explained", "nothing_missing")
+#: What the overview tells after the units that failed.
+_URGENCY = {"unexplained": 1, "explained": 2, "nothing_missing": 3}
 
 
 def overview(batch: Batch, title: str) -> str:
@@ -474,7 +474,7 @@ def overview(batch: Batch, title: str) -> str:
     str
         HTML that needs nothing else; its links lead to ``<unit>.html`` beside it.
     """
-    ordered = sorted(batch.outcomes, key=lambda each: (_WORST_FIRST.index(each.verdict), each.unit))
+    ordered = sorted(batch.outcomes, key=lambda each: (_URGENCY.get(each.verdict, 0), each.unit))
     verdicts = [outcome.verdict.replace("_", " ") or outcome.state for outcome in ordered]
     counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
     rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]

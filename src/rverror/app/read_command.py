@@ -10,7 +10,7 @@ from typing import Any
 from rverror.app.terminal import check_output, tell, write_output
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
-from rverror.runs.bench.draft import draft_mapping
+from rverror.runs.bench.draft import drafted
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import load_run, run_text
 from rverror.runs.order_file import orders_text, refuse_order_file
@@ -63,7 +63,10 @@ def _read(options: argparse.Namespace) -> None:
     if options.draft:
         if options.mapping:
             raise InputError("--draft begins a mapping; leave out --draft or --mapping")
-        _write(options.output, draft_mapping(options.file))
+        text, remarks = drafted(options.file)
+        for remark in remarks:
+            tell(f"{options.file}: {remark}")
+        _write(options.output, text)
         return
     read = load_run(options.file, mapping=given_mapping(options.mapping))
     names = [Path(path).name for path in inputs]

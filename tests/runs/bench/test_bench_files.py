@@ -341,8 +341,10 @@ TEXTS = {
     "points in a comma file": (columns(decimal="."), "decimal = ','",
                                ["line 2, column 1", "holds '.', but the mapping says decimal = ','", "thousands"]),
     "commas in a point file": (columns(), "decimal = '.'", ["holds ',', but the mapping says decimal = '.'"]),
-    "words": ("in;out\n" + "12:03:45;1\n" * 20, "",
-              ["line 2, column 1: '12:03:45' is no number, nor is any cell of 'in'"]),
+    "words": ("in;out\n" + "12 h 3;1\n" * 20, "",
+              ["line 2, column 1: '12 h 3' is no number, nor is any cell of 'in'"]),
+    "time of day for an angle": ("in;out\n" + "12:03:45;1\n" * 20, "",
+                                 ["input_angle ('in') holds time stamps; only time"]),
     "time of day among few": ("in;out\n" + "1;x\n" * 5 + "1;2\n" * 20, "", ["5 of 25 rows", "lines 2, 3, 4"]),
 }  # fmt: skip
 
@@ -380,7 +382,7 @@ def test_a_text_without_mapping_says_how_to_write_one(tmp_path: Path) -> None:
 # --- columns that are none --------------------------------------------------------------------------------------------
 
 NO_COLUMNS: dict[str, tuple[Any, str]] = {
-    "matrix": (np.zeros((N, 3)), "is a matrix of 240 x 3; store each column"),
+    "matrix": (np.zeros((3, N)), "is a matrix of 3 x 240; store a channel in each column"),
     "empty": (np.zeros((0,)), "is empty"),
     "complex": (OUTPUT + 1j, "holds complex numbers"),
     "flags": (OUTPUT > 1, "holds true and false"),
@@ -402,6 +404,84 @@ def test_no_column(tmp_path: Path, kind: str, name: str) -> None:
     seen_on_listing = (kind, name) != ("mat", "complex")
     message = refusal(lambda: load(file), words, "out'", *(["line 4"] if seen_on_listing else []))
     assert message.startswith(f"{file}: ")
+
+
+MATRIX = np.column_stack([TIME, INPUT, OUTPUT])
+BY_NUMBER = """
+[columns]
+time = { column = 1, unit = "s" }
+input_angle = { column = 2, unit = "deg" }
+output_angle = { column = 3, unit = "deg" }
+"""
+
+
+def matrix_file(folder: Path, kind: str, **more: Any) -> Path:
+    """A matrix with a channel in each column, as each format has it."""
+    file = folder / f"run.{kind.partition(' ')[0]}"
+    if kind == "h5":
+        with h5py.File(file, "w") as out:
+            for key, values in ({"data": MATRIX} | more).items():
+                out[key] = values
+    elif kind == "mat 7.3":  # MATLAB stores a matrix column by column
+        with h5py.File(file, "w", userblock_size=512) as out:
+            for key, values in ({"data": MATRIX} | more).items():
+                out[key] = np.asarray(values).T
+                out[key].attrs["MATLAB_class"] = np.bytes_("double")
+        raw = file.read_bytes()
+        file.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + raw[128:])
+    else:
+        scipy.io.savemat(file, {"data": MATRIX} | more, format="4" if kind == "mat 4" else "5")
+    return file
+
+
+@pytest.mark.parametrize("kind", ["mat", "mat 4", "mat 7.3", "h5"])
+def test_matrix_with_a_channel_in_each_column(tmp_path: Path, kind: str) -> None:
+    file = matrix_file(tmp_path, kind, note=np.zeros((3, 4)))
+    run = load(file, BY_NUMBER)
+    same(run, standard(tmp_path))
+    np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
+    named = MAPPING.replace('"in"', '"data/2"').replace('"out"', '"data/3"')
+    same(load(file, named), standard(tmp_path))
+    file = matrix_file(tmp_path, kind, other=MATRIX[:, ::-1])
+    refusal(lambda: load(file, BY_NUMBER), "column 1 (mapping", "may be 'data/1' or 'other/1'", "in full")
+    same(load(file, '[file]\ngroup = "data"\n' + BY_NUMBER), standard(tmp_path))
+    refusal(lambda: load(file, MAPPING.replace('"in"', '"data"')), "'data'", "holds 'data/1', 'data/2', 'data/3'")
+    file = matrix_file(tmp_path, kind)
+    beyond = BY_NUMBER.replace("column = 3", "column = 7")
+    refusal(lambda: load(file, beyond), "there is no column 7", "line 5", "'data/3'")
+
+
+def times_of_day(start: float, step: float = 0.01, decimal: str = ".") -> list[str]:
+    """Cells of a clock that shows milliseconds."""
+    shown = []
+    for i in range(N):
+        left = round(1000 * (start + step * i)) % 86_400_000
+        seconds = f"{left // 1000 % 60:02d}{decimal}{left % 1000:03d}"
+        shown.append(f"{left // 3_600_000:02d}:{left // 60_000 % 60:02d}:{seconds}")
+    return shown
+
+
+@pytest.mark.parametrize(("start", "decimal", "nights"), [(45296.789, ".", 0), (45296.789, ",", 0), (86399.5, ",", 1)])
+def test_time_of_day(tmp_path: Path, start: float, decimal: str, nights: int) -> None:
+    """A clock is read as seconds from its first time, midnight or not."""
+    cells = times_of_day(start, decimal=decimal)
+    rows = [f"{t};{a:.9f};{b:.9f}".replace(".", decimal) for t, a, b in zip(cells, INPUT, OUTPUT, strict=True)]
+    rows[7] = rows[7].replace(cells[7], "--")  # a row without its time is left out, as without any number
+    file = write(tmp_path, "run.txt", "\n".join(["Uhr;in;out", *rows]))
+    run = load(file, MAPPING + 'time = "Uhr"\n')
+    np.testing.assert_allclose(run.time, np.delete(TIME, 7), atol=6e-4)  # the clock's digits
+    said = [note for note in run.notes if "time of day" in note]
+    assert len(said) == 1
+    assert ("midnight passed 1 time" in said[0]) == bool(nights)
+
+
+def test_a_clock_that_was_set_back_is_no_midnight(tmp_path: Path) -> None:
+    cells = times_of_day(45296.0, step=1.0)
+    cells[100:] = times_of_day(45296.0, step=1.0)[: N - 100]
+    rows = [f"{t};{a:.9f};{b:.9f}" for t, a, b in zip(cells, INPUT, OUTPUT, strict=True)]
+    file = write(tmp_path, "run.txt", "\n".join(["Uhr;in;out", *rows]))
+    mapping = '[file]\ndecimal = "."\n' + MAPPING + 'time = "Uhr"\n'
+    refusal(lambda: load(file, mapping), "time", "line 102")
 
 
 MATLAB = {

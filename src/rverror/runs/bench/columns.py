@@ -133,8 +133,8 @@ def shape_problem(shape: tuple[int, ...]) -> str:
     --------
     >>> shape_problem((100, 1)), shape_problem((1, 100))
     ('', '')
-    >>> shape_problem((100, 3))
-    'is a matrix of 100 x 3; store each column as a vector of its own'
+    >>> shape_problem((3, 100))
+    'is a matrix of 3 x 100; store a channel in each column, or as a vector of its own'
     """
     size = int(np.prod(shape, dtype=object)) if shape else 1
     if size > MOST_SAMPLES:
@@ -142,8 +142,21 @@ def shape_problem(shape: tuple[int, ...]) -> str:
     if size == 0:
         return "is empty; record it, or take another"
     if max(shape, default=1) != size:
-        return f"is a matrix of {' x '.join(map(str, shape))}; store each column as a vector of its own"
+        return (
+            f"is a matrix of {' x '.join(map(str, shape))}; store a channel in each column, or as a vector of its own"
+        )
     return ""
+
+
+def channels(shape: tuple[int, ...]) -> int:
+    """Columns of a matrix with a channel in each: more rows than columns; 0 of anything else.
+
+    Examples
+    --------
+    >>> channels((1000, 4)), channels((4, 1000)), channels((1000, 1))
+    (4, 0, 0)
+    """
+    return shape[1] if len(shape) == 2 and shape[0] > shape[1] > 1 and shape[1] <= MOST_COLUMNS else 0
 
 
 def kind_problem(dtype: np.dtype[Any]) -> str:

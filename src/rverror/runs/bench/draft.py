@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
-from itertools import islice
+from itertools import islice, zip_longest
 
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.file import is_bench_file, open_bench_file
-from rverror.runs.bench.mapping import BenchMapping
-from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal
+from rverror.runs.bench.guess import Guess, guesses
+from rverror.runs.bench.mapping import COUNTS, BenchMapping
+from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, seconds_of_day
 from rverror.runs.bench.text import SEPARATORS, decoded, split_cells, trimmed, unit_in_name
 from rverror.runs.reading import refuse
 
@@ -46,6 +48,9 @@ output_angle = { name = "", unit = "deg" }
 def draft_mapping(path: PathLike) -> str:
     """Begin a mapping for a file: how it is written, its columns as remarks, and the keys to fill in.
 
+    Columns named after a shaft, such as ``Antrieb [°]``, ``phi_out`` or ``theta1``, are filled in with a remark, where
+    one alone fits; it is for the reader to confirm them.
+
     Parameters
     ----------
     path : str or path-like
@@ -53,13 +58,18 @@ def draft_mapping(path: PathLike) -> str:
     Returns
     -------
     str
-        TOML that `load_mapping` refuses until the names are filled in.
+        TOML that `load_mapping` refuses until all names are filled in.
 
     Raises
     ------
     InputError
         If the file cannot be read, or no rows of numbers are found in it.
     """
+    return drafted(path)[0]
+
+
+def drafted(path: PathLike) -> tuple[str, list[str]]:
+    """`draft_mapping`, and what was guessed or left open in it, in words."""
     if is_bench_file(path):
         file = open_bench_file(path, BenchMapping())
         head: list[str] = []
@@ -71,7 +81,25 @@ def draft_mapping(path: PathLike) -> str:
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
         lines += ["# Values beside them:", *(f"#   {shown(value, 100)}" for value in values[:_MOST_VALUES])]
-    return "\n".join(lines) + "\n" + _TO_FILL_IN
+    found = {key: guess for key, guess in guesses(entries).items() if guess.fitting}
+    to_fill_in = _TO_FILL_IN
+    for key, guess in found.items():
+        line = re.search(rf"^(?:# )?{key} = .*$", to_fill_in, re.MULTILINE)
+        assert line is not None  # there is one for every key
+        to_fill_in = to_fill_in.replace(line[0], _proposed(key, guess, line[0]), 1)
+    return "\n".join(lines) + "\n" + to_fill_in, [f"{key}: {guess}" for key, guess in found.items()]
+
+
+def _proposed(key: str, guess: Guess, line: str) -> str:
+    """Line of a column as guessed, or as it stands where several columns fit."""
+    if len(guess.fitting) > 1:
+        return f"# {guess}:\n{line}"
+    unit = f"unit = {_quoted(guess.unit)}" + (", counts_per_turn = 0" if guess.unit == COUNTS[0] else "")
+    no_unit = "; write its unit" + (", if it is no time of day" if key == "time" else "")
+    missing = {"": no_unit, COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(guess.unit, "")
+    return (
+        f"{key} = {{ name = {_quoted(guess.fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
+    )
 
 
 def _described(entry: Entry) -> str:
@@ -107,8 +135,10 @@ def _of_text(path: str) -> tuple[list[str], list[Entry], list[str]]:
         cells = [f"column {i + 1}" for i in range(len(rows[0]))]
     else:
         cells = trimmed(split_cells(lines[names], separator))
+    below = split_cells(lines[first - 1], separator) if 0 <= names < first - 1 else []  # units in a line of their own
+    units = [unit_in_name(cell) or word.strip("[]() ") for cell, word in zip_longest(cells, below, fillvalue="")]
     above = [line.strip() for line in lines[: names if names >= 0 else first] if line.strip()]
-    return head, [Entry(name=cell, unit=unit_in_name(cell)) for cell in cells], above
+    return head, [Entry(name=cell, unit=unit) for cell, unit in zip(cells, units, strict=False)], above
 
 
 def _encoding(raw: bytes) -> tuple[str, str]:
@@ -145,7 +175,7 @@ def _tables(lines: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> list
 
 
 def _is_number(cell: str) -> bool:
-    return any(Numerals(sign).parse(cell) is not None for sign in ".,")
+    return any(Numerals(sign).parse(cell) is not None for sign in ".,") or seconds_of_day(cell) is not None
 
 
 def _is_numbers(row: Sequence[str]) -> bool:
@@ -168,4 +198,5 @@ def _names_line(lines: Sequence[str], separator: str, first: int) -> int:
     )
     if not full or (full[0] != first - 1 and not units):
         return -1
-    return full[-1] if units and len(lines[full[-1]]) > len(lines[first - 1]) else full[0]
+    letters = {i: sum(len(cell.strip("[]()")) for cell in split_cells(lines[i], separator)) for i in above}
+    return full[-1] if units and letters[full[-1]] > letters[first - 1] else full[0]

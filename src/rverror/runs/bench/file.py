@@ -233,26 +233,33 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         If there is none, it is one of several, or no column.
     """
     at = f" ({where.stated_at})" if where.stated_at else ""
-    if where.column:
-        if file.kind != "text":
+    if where.column and file.kind != "text":  # of a matrix with a channel in each column
+        if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
             refuse(file.path, f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+        name = str(where.column)
+    elif where.column:
         if where.column > len(file.entries):
             refuse(file.path, f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
         return file.entries[where.column - 1]
-    name = where.name if file.kind == "text" else where.name.strip("/")
+    else:
+        name = where.name if file.kind == "text" else where.name.strip("/")
     full = f"{mapping.group}/{name}" if mapping.group and file.kind != "text" else name
     fitting = [entry for entry in file.entries if entry.name == full]
     if not fitting and not mapping.group and file.kind != "text":
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
+    inside = [entry.name for entry in file.entries if file.kind != "text" and entry.name.startswith(f"{full}/")]
+    if inside and not fitting:
+        refuse(file.path, f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
     if not fitting:
         hint = did_you_mean(full, [entry.name for entry in file.entries])
         place = f"{file.place}: " if file.place else ""
         names = some_names(entry.name for entry in file.entries)
-        refuse(file.path, f"{place}there is no column {shown(full, 60)}{at};{hint} the file has {names}")
+        told = where.column or shown(full, 60)
+        refuse(file.path, f"{place}there is no column {told}{at};{hint} the file has {names}")
     if len(fitting) > 1:
         refuse(
             file.path,
-            f"{shown(name, 60)}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
+            f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
             "them in full",
         )
     if fitting[0].problem:

@@ -14,6 +14,7 @@ from rverror.runs.bench.columns import (
     BenchFile,
     Entry,
     RawArray,
+    channels,
     kind_problem,
     plain_number,
     refused_in_one_line,
@@ -89,6 +90,12 @@ def _of_dataset(name: str, data: Any) -> Iterator[Entry]:
         for column in data.dtype.names:  # a table: one entry for each of its columns
             yield Entry(name=f"{name}/{column}", size=int(data.size), problem=_problem(data, data.dtype[column]))
         return
+    shape = _shape(data)
+    for column in range(channels(shape)):  # a matrix: one entry for each of its columns
+        problem = _problem(data, data.dtype, shape[:1])
+        yield Entry(name=f"{name}/{column + 1}", unit=_unit(data), size=shape[0], problem=problem)
+    if channels(shape):
+        return
     yield Entry(
         name=name,
         unit=_unit(data),
@@ -97,7 +104,13 @@ def _of_dataset(name: str, data: Any) -> Iterator[Entry]:
     )
 
 
-def _problem(data: Any, dtype: np.dtype[Any]) -> str:
+def _shape(data: Any) -> tuple[int, ...]:
+    """Shape as the program that wrote it has it: MATLAB stores a matrix column by column."""
+    shape = tuple(data.shape or ())
+    return shape[::-1] if "MATLAB_class" in data.attrs else shape
+
+
+def _problem(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...] | None = None) -> str:
     matlab = _text(data.attrs.get("MATLAB_class", ""))
     if matlab not in _MATLAB_NUMBERS:
         return f"is a MATLAB {matlab}; store it as a plain vector of numbers"
@@ -107,14 +120,18 @@ def _problem(data: Any, dtype: np.dtype[Any]) -> str:
         return "keeps its numbers in another file; copy them into this one"
     if dtype.names:
         return "holds complex numbers; store real and imaginary part apart"
-    return kind_problem(dtype) or shape_problem(data.shape)
+    return kind_problem(dtype) or shape_problem(data.shape if shape is None else shape)
 
 
 def _array(h5py: Any, file: Any, name: str) -> RawArray:
     if name in file and isinstance(file[name], h5py.Dataset):
         return np.asarray(file[name][()])
     table, _, column = name.rpartition("/")
-    return np.asarray(file[table].fields(column)[()])
+    data = file[table]
+    if data.dtype.names:
+        return np.asarray(data.fields(column)[()])
+    at = int(column) - 1
+    return np.asarray(data[at, :] if "MATLAB_class" in data.attrs else data[:, at])
 
 
 def _unit(data: Any) -> str:

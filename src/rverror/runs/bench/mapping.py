@@ -49,7 +49,8 @@ _SPELT = {
     "'": "arcmin", "′": "arcmin", "''": "arcsec", '"': "arcsec", "″": "arcsec",
     "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "min^-1": "rpm",
 }  # fmt: skip
-_COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
+#: Words for the counts of an encoder; the first is the mapping's.
+COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,7 +299,7 @@ def unit_factor(unit: str, dimension: str) -> float:
     >>> unit_factor("ms", "time")
     0.001
     """
-    if unit in _COUNTS:
+    if unit in COUNTS:
         raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
     if unit in _SPELT:
         raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")

@@ -14,6 +14,7 @@ from rverror.runs.bench.columns import (
     BenchFile,
     Entry,
     RawArray,
+    channels,
     plain_number,
     refused_in_one_line,
     shape_problem,
@@ -26,7 +27,7 @@ MOST_BYTES = 2_000_000_000
 
 
 def open_mat(path: PathLike) -> BenchFile:
-    """List the variables of a file; those of a structure as ``structure/field``.
+    """List the variables of a file; those of a structure as ``structure/field``, columns of a matrix as ``matrix/2``.
 
     Raises
     ------
@@ -70,8 +71,20 @@ def _columns(variable: MatVariable, prefix: str) -> Iterator[tuple[Entry, RawArr
         for field in variable.fields:
             yield from _columns(field, f"{name}/")
         return
-    problem = variable.problem or shape_problem(variable.shape)
-    yield Entry(name=name, size=math.prod(variable.shape), problem=problem), variable.array
+    if not variable.problem and variable.array is not None:
+        yield from _of_array(name, variable.array)
+    else:
+        yield Entry(name=name, size=math.prod(variable.shape), problem=variable.problem), variable.array
+
+
+def _of_array(name: str, array: RawArray) -> Iterator[tuple[Entry, RawArray]]:
+    """A vector, or each column of a matrix that has a channel in each."""
+    if count := channels(array.shape):
+        for column in range(count):
+            problem = shape_problem(array.shape[:1])
+            yield Entry(name=f"{name}/{column + 1}", size=array.shape[0], problem=problem), array[:, column]
+        return
+    yield Entry(name=name, size=array.size, problem=shape_problem(array.shape)), array
 
 
 def _version_4(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:
@@ -79,6 +92,8 @@ def _version_4(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:
     for name, value in scipy.io.loadmat(io.BytesIO(raw)).items():
         if not name.startswith("__"):
             array = np.asarray(value)
-            plain = array.dtype.kind in "fiu"
-            problem = shape_problem(array.shape) if plain else "holds text or no real numbers; take another column"
-            yield Entry(name=name, size=int(array.size), problem=problem), array if plain else None
+            if array.dtype.kind in "fiu":
+                yield from _of_array(name, array)
+            else:
+                problem = "holds text or no real numbers; take another column"
+                yield Entry(name=name, size=int(array.size), problem=problem), None

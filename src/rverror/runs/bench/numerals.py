@@ -54,6 +54,23 @@ class Numerals:
             return None
 
 
+_OF_DAY = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d(?:[.,]\d*)?)$")
+
+
+def seconds_of_day(cell: str) -> float | None:
+    """Seconds since midnight of a time of day such as ``12:34:56.789``; None of anything else.
+
+    Examples
+    --------
+    >>> seconds_of_day("00:01:02,5"), seconds_of_day("24:00:00")
+    (62.5, None)
+    """
+    match = _OF_DAY.match(cell)
+    if match is None:
+        return None
+    return 3600 * int(match[1]) + 60 * int(match[2]) + float(match[3].replace(",", "."))
+
+
 @dataclass(frozen=True)
 class Undecided:
     """A cell that leaves the decimal sign open.

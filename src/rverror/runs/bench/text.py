@@ -14,7 +14,7 @@ from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
-from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal
+from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, seconds_of_day
 from rverror.runs.reading import COLUMN_NAME, COLUMNS, refuse
 
 #: Separators that are tried, in this order; blanks only for a draft.
@@ -338,11 +338,17 @@ def _numerals(
 def _column(
     path: str, rows: Sequence[int], table: list[list[str]], place: int, name: str, numerals: Numerals
 ) -> RawArray:
-    """Numbers of a column; NaN where a cell holds none."""
+    """Numbers of a column, NaN where a cell holds none; or its times of day, where its cells are such."""
+    cells_of = [cells[place] if place < len(cells) else "" for cells in table]
+    if seconds_of_day(next(filter(None, cells_of), "")) is not None:
+        seconds = [seconds_of_day(cell) for cell in cells_of]
+        stored = [
+            np.timedelta64("NaT") if each is None else np.timedelta64(round(1e9 * each), "ns") for each in seconds
+        ]
+        return np.array(stored, dtype="timedelta64[ns]")
     values = np.full(len(rows), np.nan)
     first = ""
-    for row, cells in enumerate(table):
-        cell = cells[place] if place < len(cells) else ""
+    for row, cell in enumerate(cells_of):
         value = numerals.parse(cell)
         if value is not None:
             values[row] = value

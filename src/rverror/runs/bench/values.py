@@ -6,6 +6,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
 from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_factor, unit_zero
@@ -13,6 +14,7 @@ from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, O
 
 _DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
 _UNITS = BENCH_EXAMPLES | ORDER_EXAMPLES
+_DAY = 86400.0  # s
 # What counters of 16, 24 and 32 bits hold.
 _COUNTER_SIZES = (2.0**16, 2.0**24, 2.0**32)
 
@@ -41,6 +43,8 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     """
     what = f"{key} ({shown(entry.name, 60)})"
     samples = as_samples(file.path, what, array, time=key == "time")
+    if array.dtype.kind == "m" and file.kind == "text":
+        return _over_midnight(samples, what, notes)
     if array.dtype.kind in "Mm":
         notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
         return samples
@@ -56,6 +60,18 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
             notes.append(f"{key} is stored with {8 * array.dtype.itemsize} bits: steps of {step} at its largest value")
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows or is no number is left out later
         return samples * factor + zero
+
+
+def _over_midnight(seconds: Array, what: str, notes: list[str]) -> Array:
+    """Times of day as time since the first one: a step back by more than half a day is midnight."""
+    valid = np.isfinite(seconds)
+    of_day = seconds[valid]
+    nights = np.concatenate([[0], np.cumsum(np.diff(of_day) < -_DAY / 2)])
+    whole = seconds.copy()
+    whole[valid] = of_day - of_day[0] + _DAY * nights
+    passed = f", midnight passed {count_of(int(nights[-1]), 'time')}" if nights[-1] else ""
+    notes.append(f"{what} is a time of day, counted from the first one{passed}")
+    return whole
 
 
 def _display(key: str) -> float:
