@@ -110,12 +110,12 @@ def overlapping_texts(ax: Axes) -> list[tuple[str, str]]:
 
 
 def cut_off(ax: Axes) -> list[str]:
-    """Title, labels and legend that reach over the figure's edge once drawn."""
+    """Title, labels and texts of the legend, which has no frame, that reach over the figure's edge once drawn."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     named = [(t.get_text(), t) for t in (ax.title, ax.xaxis.label, ax.yaxis.label)]
     if ax.get_legend() is not None:
-        named.append(("the legend", ax.get_legend()))
+        named += [(t.get_text(), t) for t in ax.get_legend().get_texts()]
     boxes = [(name, thing.get_window_extent()) for name, thing in named if name]
     outer = figure.bbox
     return [
