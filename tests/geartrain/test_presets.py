@@ -87,7 +87,7 @@ def test_a_size_whose_ratios_leave_the_teeth_open_is_no_preset() -> None:
     assert "RV-160E" not in PRESETS
 
 
-@pytest.mark.parametrize("name", set(PRINTED) & set(PRESETS))
+@pytest.mark.parametrize("name", [name for name in PRINTED if name in PRESETS])
 def test_ratio_is_one_that_the_maker_prints(name: str) -> None:
     assert str(rverror.reducer(name).exact_ratio) in PRINTED[name]
 

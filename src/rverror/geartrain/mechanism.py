@@ -813,8 +813,8 @@ def presets() -> tuple[str, ...]:
 
     Examples
     --------
-    >>> presets()
-    ('RV-40E', 'RV-003')
+    >>> presets()[:3]
+    ('RV-40E', 'RV-003', 'RV-80E')
     """
     return tuple(PRESETS)
 
