@@ -119,12 +119,18 @@ class Policy:
 
     # --- reducers: how long it is searched ----------------------------------------------------------------------------
 
-    #: Sets of causes that are looked beside in the first search and, once the noise is known better, in each later one;
-    #: how many later ones; and sets that wait.  Chosen for time: one cause needs one, three need three.
+    #: Sets of causes that are looked beside in the first search; in a wider one, where that found no set that leaves
+    #: nothing: what was declared, three sets of one cause, and three beside each; and, once the noise is known better,
+    #: in each later one.  How many later ones; and sets that wait.  Chosen for time: one cause needs one, three need
+    #: three.
     expansions: int = 5
+    wider_expansions: int = 13
     again: int = 2
     looks: int = 3
-    branches: int = 4
+    branches: int = 9
+    #: Times as many candidates as below that the wider search solves, steps and refits: beside two others that are
+    #: missing a linear step ranks a cause anywhere.  Chosen for time.
+    wider: int = 2
     #: Candidates that are solved at the load, by what a linear step promises; of these that take one step more, and of
     #: these that are refitted jointly with everything.  Chosen for time: of 330 trial units the true cause was never
     #: later.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -513,3 +514,46 @@ def test_where_hardly_more_than_noise_is_left_no_further_cause_is_looked_for(
     assert not done
     assert [e.key for e in best.fit.added] == [CAM.key]
     assert bool(told) is looked
+
+
+class Tree(Hunt):
+    """A search whose sets are words: a child has a letter more, and only one of them leaves nothing."""
+
+    def pruned(self, node: Any) -> Any:
+        return node
+
+    def swapped(self, node: Any) -> Any:
+        return node
+
+    def only_faults(self, node: Any) -> bool:
+        return False
+
+    def complete(self, node: Any) -> bool:
+        return node.names == frozenset("CDE")
+
+    def beside(self, node: Any, seen: list[Any]) -> list[Any]:
+        self.journal.tell("".join(sorted(node.names)))
+        return [] if len(node.names) == 3 else [self.set_of(*node.names, letter) for letter in "ABCDEF"]
+
+    @staticmethod
+    def set_of(*letters: str) -> Any:
+        """The later its letters, the worse a set: a search must go past all that begin with A or B."""
+        names = frozenset(letters)
+        score = float(sum(map(ord, names))) - 1000.0 * len(names)
+        return SimpleNamespace(names=names, score=score, fit=SimpleNamespace(added=(), data=2.0, bound=1.0))
+
+
+def test_a_set_is_looked_beside_once_however_many_ways_lead_to_it() -> None:
+    """Of three letters out of six there are 42 sets; six ways lead to each of three, and would take all looks."""
+    told: list[str] = []
+    tree = Tree((), replace(POLICY, branches=1000), Journal(told.append))
+    best, done = tree.best([tree.set_of()], 42)
+    assert done and best.names == frozenset("CDE")
+    assert len(told) == len(set(told))
+
+
+def test_a_wider_search_tries_more_and_judges_alike() -> None:
+    wide = Hunt((), POLICY, Journal(lambda text: None)).widened().policy
+    for name in ("evaluated", "stepped", "refitted"):
+        assert getattr(wide, name) == POLICY.wider * getattr(POLICY, name) > getattr(POLICY, name)
+    assert replace(wide, evaluated=POLICY.evaluated, stepped=POLICY.stepped, refitted=POLICY.refitted) == POLICY

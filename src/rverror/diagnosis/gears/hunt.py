@@ -125,6 +125,12 @@ class Hunt:
             self, candidates=candidates, late=(), pins=pins, _completed={}, _ranked={}, _rivals={}, _turned={}
         )
 
+    def widened(self) -> Hunt:
+        """The same with more candidates in each race."""
+        policy = self.policy
+        more = {name: policy.wider * getattr(policy, name) for name in ("evaluated", "stepped", "refitted")}
+        return replace(self, policy=replace(policy, **more))
+
     def coarse(self, node: Node) -> RunSet:
         """The runs in few numbers, on few angles: near enough to choose whom to refit."""
         bench = node.fit.bench
@@ -284,6 +290,10 @@ class Hunt:
             for more in each_fitted(fit, near)
         )
 
+    def only_faults(self, node: Node) -> bool:
+        """Tell whether a set that is not noise leaves nothing to look for but faults of the readings."""
+        return bool(node.fit.added) and nearly_noise(node.fit) and self._nothing_left(node)
+
     def _line_left(self, fit: Fit) -> bool:
         return bool(best_lines(fit, self.policy, outside=False))
 
@@ -430,9 +440,8 @@ class Hunt:
         """Search from roots, in their order: the node with the most evidence, and whether nothing is left beside it."""
         waiting, seen = list(roots), list(roots)
         last = self.with_candidates(self.late) if self.late else None
-        for _ in range(expansions):
-            if not waiting:
-                break
+        looked: dict[frozenset[object], float] = {}
+        while waiting and len(looked) < expansions:
             node = self.pruned(waiting.pop(0))
             if last and node.fit.added and node.fit.data < node.fit.bound and not self.complete(node):
                 # what strains or leaves a little may be one cause of a kind that is tried last, before it is two
@@ -441,11 +450,14 @@ class Hunt:
                 node, last = self.pruned(waiting.pop(0)), None
             if len(node.fit.added) == self.policy.most_effects and node.fit.data <= node.fit.bound:
                 node = self.swapped(node)  # what fits, but only by what it strains, has a cause in a wrong place
+            if node.score > looked.get(node.names, math.inf) - 1:
+                continue  # several ways lead to one set
+            looked[node.names] = node.score
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
-            if node.fit.added and nearly_noise(node.fit) and self._nothing_left(node):
-                return node, False  # there is nothing to look for but faults
+            if self.only_faults(node):
+                return node, False
             waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
         return min(seen, key=lambda n: n.score), False
 

@@ -61,6 +61,9 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell("refitting declared sizes and stiffness within their uncertainty")
     root = Node(fitted(renoised(fitted(first))))
     best, done = hunt.best([root], policy.expansions)
+    if not done and not hunt.only_faults(best):
+        other, done = hunt.widened().best([root], policy.wider_expansions)
+        best = other if done else min(best, other, key=lambda node: node.score)
     for _ in range(policy.looks):
         fit = best.fit
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
