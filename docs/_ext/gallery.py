@@ -55,6 +55,12 @@ worm = rverror.Model(
 theta = 2 * np.pi * np.arange(512) / 512
 state = rverror.equilibrium(unit, theta, torque="100 N*m")
 torsion = rverror.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
+rubbing = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm", drag="4 N*m")
+lossy = rverror.efficiency(unit, theta[:64], torque="412 N*m", friction=rubbing)
+loop = rverror.hysteresis(unit, theta[:128:32], torques=[f"{t} N*m" for t in range(-60, 61, 5)], friction=rubbing)
+pressed = rverror.contact_pressure(unit, theta[:128], torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
+worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
+                    coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 loaded = rverror.simulate_runs(unit, torques=("20 N*m", "100 N*m", "400 N*m"), points=1024, revolutions=2,
                                method="equilibrium", noise="0.3 arcsec", seed=1)
 table = rverror.order_table_from_runs(loaded, unit, (39, 40, 78, 80, 120))
@@ -94,6 +100,11 @@ LINES = {
     "equilibrium-polar": 'state.plot(kind="polar")',
     "equilibrium-spectrum": 'state.plot(kind="spectrum")',
     "torsioncurve-torsion": 'torsion.plot(rated="412 N*m")',
+    "hysteresis-loop": 'loop.plot(rated="412 N*m")',
+    "efficiency-losses": "lossy.plot()",
+    "contactpressure-pressure": "pressed.plot()",
+    "wear-hours": "worn.plot()",
+    "wear-lobe": 'worn.plot(kind="lobe")',
     "modes-shape": "modes.plot()",
     "speedresponse-amplitudes": "speeds.plot()",
     "speedresponse-campbell": 'speeds.plot(kind="campbell")',

@@ -70,6 +70,18 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "transmission_error": ((MODEL, THETA), {}),
     "transmission_error_by_effect": ((MODEL, THETA), {}),
     "virtual_units": ((MODEL, CAMS, THETA), {"count": 64}),
+    "wear": (
+        (MODEL,),
+        {
+            "torque": 20e3,
+            "speed": 100.0,
+            "hours": [0, 1],
+            "coefficients": rverror.WearCoefficients(disc=1e-13),
+            "disc_width": 9.0,
+            "gear_width": 8.0,
+            "direction": 1.0,
+        },
+    ),
     "write_orders": ((FILE, ORDERS), {}),
     "write_run": ((FILE, RUN), {}),
 }
@@ -97,7 +109,8 @@ LEFT_OUT = {
     "compare", "describe", "diagnose_folder", "draft_mapping", "draw", "extended", "folded_order", "input_files",
     "line_style",
     "load_compensation", "load_mapping", "load_orders", "new_figure", "orders_from_arrays", "passport", "phasing_gain",
-    "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core", "to_display", "to_html",
+    "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core",
+    "to_display", "to_html",
     "to_json", "to_pandas", "to_text", "to_xarray", "validated",
 }  # fmt: skip
 

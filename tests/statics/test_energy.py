@@ -568,7 +568,7 @@ def test_influence_is_the_derivative_of_the_output(model: rverror.Model, seed: i
     theta, sense = rng.uniform(-7, 7, 4), rng.choice([-1.0, 1.0], 4)
     torque = rng.uniform(0.3, 1.5) * rated(model.mechanism)
     loaded = rverror.linearise(model, theta, torque=torque, direction=sense)
-    (effect,) = random_effects(rng, model.mechanism, count=1, size=1.0)
+    (effect,) = random_effects(rng, model.mechanism, count=1, size=0.02)
     matrix = source_matrix(loaded.motion, loaded.forces, effect.key, effect.indices)
     near = flat(loaded.state.pose)
     found, same = slopes(model, effect, theta, sense=sense, torque=torque, near=near, step=1e-4)
@@ -584,7 +584,7 @@ def test_influence_is_the_derivative_at_a_finite_clearance(name: str) -> None:
     model = rverror.Model(unit, (*random_effects(rng, unit, count=6, size=2e-3), *with_clearance(5e-3, 8e-3)))
     sense = np.where(np.arange(ANGLES.size) % 2, 1.0, -1.0)
     loaded = rverror.linearise(model, ANGLES, torque=100e3, direction=sense)
-    for effect in random_effects(rng, unit, count=12, size=1.0):
+    for effect in random_effects(rng, unit, count=12, size=0.02):
         matrix = source_matrix(loaded.motion, loaded.forces, effect.key, effect.indices)
         near = flat(loaded.state.pose)
         found, same = slopes(model, effect, ANGLES, sense=sense, torque=100e3, near=near, step=1e-7)

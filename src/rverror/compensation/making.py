@@ -97,10 +97,9 @@ def compensate(
     >>> [one.order for one in made.orders], bool(made.unseen[0].after < 0.1 * made.unseen[0].before)
     ([14.0], True)
     """
-    if not hasattr(found, "model"):
-        check_kind("found", found, Model, "give a Model, or what diagnose() found")
+    model: Model = found if isinstance(found, Model) else getattr(found, "model", found)  # type: ignore[arg-type]
+    check_kind("found", model, Model, "give a Model, or what diagnose() found")
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
-    model = found if isinstance(found, Model) else found.model
     if not runs:
         raise InputError("compensate: there is no run; give one or more")
     index = _one_zero([*runs, *unseen])

@@ -814,7 +814,7 @@ def presets() -> tuple[str, ...]:
     Examples
     --------
     >>> presets()[:3]
-    ('RV-40E', 'RV-003', 'RV-80E')
+    ('RV-40E', 'RV-003', 'RV-20E')
     """
     return tuple(PRESETS)
 

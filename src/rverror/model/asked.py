@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,6 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import Conditions
-
-if TYPE_CHECKING:
-    from rverror.model.effects import Model
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Equilibrium(Viewed):
     steps: npt.NDArray[np.intp]
     residual: Array
     theta: Array
-    model: Model | None = None
+    model: Any = None  # a `Model`, which knows of this file
     conditions: Conditions | None = None
 
 

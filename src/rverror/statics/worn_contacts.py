@@ -31,7 +31,7 @@ from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_o
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
-from rverror.model.effects import Effect, Model, effect
+from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.readings import felt
 from rverror.statics.energy import samples_last
 from rverror.statics.friction import mean_mesh_slip, nominal_sliding, path_of_contact
@@ -240,6 +240,7 @@ def wear(
     True
     >>> state = rverror.equilibrium(worn.model_at(3000.0), [0.0, 0.1], torque="412 N*m")
     """
+    check_model(model)
     unit = reducer_of(model.mechanism, "wear")
     if pins not in PINS:
         raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")

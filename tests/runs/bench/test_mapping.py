@@ -116,7 +116,7 @@ BAD = {
     "wraps of deg": (COLUMN + '{ name = "x", unit = "deg", wraps_at = 4 }', ["wraps_at belongs to counts"]),
     "torque": ('[header]\noutput_torque = "20"\n', ["line 2", "output_torque", "no unit", "20 N*m"]),
     "torque number": ("[header]\noutput_torque = 20\n", ["line 2", "output_torque = 20", "must be a text"]),
-    "torque unit": ('[header]\noutput_torque = { name = "M", unit = "Nm" }', ["line 2", "'Nm'", "did you mean 'N*m'"]),
+    "torque unit": ('[header]\noutput_torque = { name = "M", unit = "Nn" }', ["line 2", "'Nn'", "N*m"]),
     "direction": ('[header]\ndirection = "forwards"\n', ["line 2", "'forwards'", "did you mean 'forward'"]),
     "direction column": ('[header]\ndirection = { name = "x" }\n', ["line 2", "'name'", "property"]),
     "index": ('[header]\nindex = ""\n', ["line 2", "index is empty"]),
