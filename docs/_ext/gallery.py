@@ -64,6 +64,13 @@ modes = rverror.modes(arm, torque="100 N*m")
 speeds = rverror.speed_response(arm, np.linspace(15, 1815, 61) * math.pi / 30, torque="412 N*m")
 started = rverror.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi / 30, torque="412 N*m")
 
+rubs = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm",
+                        carrier_bearing=0.0018, carrier_bearing_radius="10 mm", drag="4 N*m")
+lossy = rverror.efficiency(unit, theta[::16], torque="412 N*m", friction=rubs)
+loop = rverror.hysteresis(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(0, 61, 5)], friction=rubs)
+worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
+                    coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
+
 tolerances = (
     rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(10.0, 0.005)),
     rverror.tolerance("cycloid.pin_radius", "3 um", cost=rverror.costs.Reciprocal(4.0, 0.003)),
@@ -94,6 +101,10 @@ LINES = {
     "equilibrium-polar": 'state.plot(kind="polar")',
     "equilibrium-spectrum": 'state.plot(kind="spectrum")',
     "torsioncurve-torsion": 'torsion.plot(rated="412 N*m")',
+    "efficiency-losses": "lossy.plot()",
+    "hysteresis-loop": "loop.plot()",
+    "wear-hours": "worn.plot()",
+    "wear-lobe": 'worn.plot(kind="lobe")',
     "modes-shape": "modes.plot()",
     "speedresponse-amplitudes": "speeds.plot()",
     "speedresponse-campbell": 'speeds.plot(kind="campbell")',
@@ -123,14 +134,15 @@ LINES = {
 
 
 def gallery() -> str:
-    """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it."""
-    cells = [f"[![{line.replace('`', '')}]({FOLDER}/{name}.png)]({FOLDER}/{name}.png)" for name, line in LINES.items()]
-    lines = [f"`{line}`" for line in LINES.values()]
+    """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it.
+
+    The site lays its cells out as a grid, as many in a row as the screen has room for.
+    """
+    cells = [f"[![{line}]({FOLDER}/{name}.png)]({FOLDER}/{name}.png)<br>`{line}`" for name, line in LINES.items()]
     rows = ["| | | |", "| --- | --- | --- |"]
     for start in range(0, len(cells), _COLUMNS):
-        for part in (cells, lines):
-            taken = part[start : start + _COLUMNS]
-            rows.append("| " + " | ".join([*taken, *[""] * (_COLUMNS - len(taken))]) + " |")
+        taken = cells[start : start + _COLUMNS]
+        rows.append("| " + " | ".join([*taken, *[""] * (_COLUMNS - len(taken))]) + " |")
     return "\n".join(rows)
 
 
