@@ -22,6 +22,7 @@ from rverror.model.compose import source_matrix
 
 ROOT = DOCS.parent
 PAGES = sorted(DOCS.rglob("*.md"))
+FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
 ARCSEC = math.pi / 648000
 
 
@@ -45,10 +46,10 @@ def test_conventions_hold_the_frames_of_kinematics():
     assert catalogue_tables.frames_markdown(rverror.reducer("RV-40E")) in text(DOCS / "conventions.md")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=names)
+@pytest.mark.parametrize("page", [*PAGES, *FRONT], ids=lambda page: page.name)
 def test_links_lead_to_pages(page):
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text(page)):
-        assert (page.parent / target).is_file(), f"{names(page)}: {target}"
+        assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names)
@@ -60,7 +61,7 @@ def test_keys_in_pages_are_those_of_the_catalogue(page):
         assert key.partition(".")[0] not in families or key in CATALOGUE or named, f"{names(page)}: {key}"
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *FRONT], ids=lambda page: page.name)
 def test_files_and_names_that_pages_name_are_there(page):
     for name in re.findall(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`", text(page)):
         assert (ROOT / name).exists(), f"{page.name}: {name}"
@@ -68,7 +69,15 @@ def test_files_and_names_that_pages_name_are_there(page):
         assert named(name) is not None, page.name
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.name)
+def test_names_stand_in_the_files_that_the_guide_names():
+    guide = " ".join(text(DOCS / "adding-an-effect.md").split())
+    pairs = re.findall(r"`(\w+)`(?: at the end of that file)?(?: there)?,? in `((?:src|tests)/[\w/]+\.py)`", guide)
+    assert {"NAMES", "READ", "put", "CASES", "TANGENTIAL"} <= {name for name, _ in pairs}
+    for name, file in pairs:
+        assert re.search(rf"^(?:def )?{name}\b", text(ROOT / file), flags=re.MULTILINE), f"{name} in {file}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, *FRONT], ids=lambda page: page.name)
 def test_code_on_pages_imports_the_front_door_alone(page):
     for block in re.findall(r"```python\n(.*?)```", text(page), flags=re.DOTALL):
         assert not re.findall(r"^\s*(?:from|import) rverror\..*", block, flags=re.MULTILINE), page.name

@@ -570,7 +570,7 @@ def pin_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
 def _waves(contacts: Contacts, disc: int, harmonic: int) -> Array:
     """cos(h psi) and sin(h psi) over the contact angle, (2, 1, pins, 1, n): products take a tenth of their time."""
     first = contacts.pin_phase[only(disc)]
-    wave = first
+    wave = first if harmonic else np.ones_like(first)
     for digit in f"{harmonic:b}"[1:]:
         wave = wave * wave if digit == "0" else wave * wave * first
     return np.stack([wave.real, wave.imag])[..., None, :]

@@ -182,7 +182,8 @@ class Few:
             first = 2 * math.pi / (grid.step * grid.points)  # order of the first harmonic
             most = min(grid.points // 2 - 1, int(_HIGHEST * 2 * math.pi / self.grid.step / first))
             order = first * np.arange(most + 1, dtype=np.float64)
-            self._waves[grid] = order, np.exp(1j * np.outer(order, self.grid.theta - grid.start)) @ self._own
+            waves = np.exp(1j * np.outer(order, self.grid.theta - grid.start)) @ self._own
+            self._waves[grid] = order, np.asarray(waves, dtype=np.complex128)
         return self._waves[grid]
 
     def _shifted(self, grid: AngleGrid, rows: Array, offset: float, *, slope: bool = False) -> Array:
