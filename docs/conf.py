@@ -18,7 +18,7 @@ project = "rverror"
 author = copyright = "The rverror developers"
 version = release = rverror.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "site_pages"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "site_pages", "cross_links"]
 source_suffix = {".md": "myst-nb", ".nb.py": "myst-nb"}
 exclude_patterns = ["_*"]
 

@@ -55,12 +55,7 @@ worm = rverror.Model(
 theta = 2 * np.pi * np.arange(512) / 512
 state = rverror.equilibrium(unit, theta, torque="100 N*m")
 torsion = rverror.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
-rubbing = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm", drag="4 N*m")
-lossy = rverror.efficiency(unit, theta[:64], torque="412 N*m", friction=rubbing)
-loop = rverror.hysteresis(unit, theta[:128:32], torques=[f"{t} N*m" for t in range(-60, 61, 5)], friction=rubbing)
 pressed = rverror.contact_pressure(unit, theta[:128], torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
-worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
-                    coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 loaded = rverror.simulate_runs(unit, torques=("20 N*m", "100 N*m", "400 N*m"), points=1024, revolutions=2,
                                method="equilibrium", noise="0.3 arcsec", seed=1)
 table = rverror.order_table_from_runs(loaded, unit, (39, 40, 78, 80, 120))
@@ -69,6 +64,13 @@ arm = replace(unit, bench=rverror.Bench(load_inertia="20 kg*m^2", damping_ratio=
 modes = rverror.modes(arm, torque="100 N*m")
 speeds = rverror.speed_response(arm, np.linspace(15, 1815, 61) * math.pi / 30, torque="412 N*m")
 started = rverror.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi / 30, torque="412 N*m")
+
+rubs = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm",
+                        carrier_bearing=0.0018, carrier_bearing_radius="10 mm", drag="4 N*m")
+lossy = rverror.efficiency(unit, theta[::16], torque="412 N*m", friction=rubs)
+loop = rverror.hysteresis(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)], friction=rubs)
+worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
+                    coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 
 tolerances = (
     rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(10.0, 0.005)),
@@ -134,14 +136,15 @@ LINES = {
 
 
 def gallery() -> str:
-    """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it."""
-    cells = [f"[![{line.replace('`', '')}]({FOLDER}/{name}.png)]({FOLDER}/{name}.png)" for name, line in LINES.items()]
-    lines = [f"`{line}`" for line in LINES.values()]
+    """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it.
+
+    The site lays its cells out as a grid, as many in a row as the screen has room for.
+    """
+    cells = [f"[![{line}]({FOLDER}/{name}.png)]({FOLDER}/{name}.png)<br>`{line}`" for name, line in LINES.items()]
     rows = ["| | | |", "| --- | --- | --- |"]
     for start in range(0, len(cells), _COLUMNS):
-        for part in (cells, lines):
-            taken = part[start : start + _COLUMNS]
-            rows.append("| " + " | ".join([*taken, *[""] * (_COLUMNS - len(taken))]) + " |")
+        taken = cells[start : start + _COLUMNS]
+        rows.append("| " + " | ".join([*taken, *[""] * (_COLUMNS - len(taken))]) + " |")
     return "\n".join(rows)
 
 

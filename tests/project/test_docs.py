@@ -104,7 +104,8 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     """Files as the page has them, commands in its order, and what it shows of their output."""
     monkeypatch.chdir(tmp_path)
     page = text(DOCS / "start.md")
-    for name, written in re.findall(r"```toml\n# ([\w-]+\.toml)\n(.*?)```", page, flags=re.DOTALL):
+    for name, written in re.findall(r"```toml\n# ([\w/-]+\.toml)\n(.*?)```", page, flags=re.DOTALL):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(written, encoding="utf-8")
     commands = re.findall(r"```console\n(.*?)```", page, flags=re.DOTALL)
     assert len(commands) >= 3
@@ -122,6 +123,12 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     assert rverror.load_model(tmp_path / "with-cause.toml").effects[-1].key == "crank.eccentricity"
     assert rverror.load_model(tmp_path / "measured.toml").effects[0].uncertainty == pytest.approx(5e-4)
     assert (tmp_path / "found.html").stat().st_size > 10_000
+    # what the sections after it say of their results
+    assert "shaft.eccentricity" in (tmp_path / "lot-found" / "summary.csv").read_text(encoding="utf-8")
+    (peak,) = re.findall(r"critical speed, rpm .*\n +(\S+) +78 +\S+ +(\S+) +\S+\n", printed)
+    assert float(peak[0]) == pytest.approx(1690, abs=5)
+    assert float(peak[1]) == pytest.approx(16, abs=0.5)
+    assert rverror.load_model(tmp_path / "worn.toml").effects
 
 
 # --- nomenclature --------------------------------------------------------------------------------------------------

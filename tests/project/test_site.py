@@ -173,6 +173,43 @@ def test_every_source_is_pictured(pages: dict[str, Page]) -> None:
             assert "Nothing of it reaches the output" in after, key
 
 
+def test_keys_and_sources_lead_to_their_places(pages: dict[str, Page]) -> None:
+    linked: dict[str, set[str]] = {}
+    for name, page in pages.items():
+        text = re.sub(r"<(pre|title|script|h\d)\b.*?</\1>", "", page.path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        for link, words in re.findall(r'<a [^>]*href="([^"]+)"[^>]*>(.*?)</a>', text, flags=re.DOTALL):
+            target = local(page, link)
+            if target is not None and target[0].name in ("catalogue.html", "bibliography.html"):
+                linked.setdefault(re.sub(r"<.*?>", "", words), set()).add(f"{target[0].name}#{target[1]}")
+        bare = re.sub(r"<(a|dt)\b.*?</\1>", "", text, flags=re.DOTALL)
+        keys = re.findall(r'<code[^>]*><span class="pre">([\w.]+)</span></code>', bare)
+        assert not set(keys) & set(CATALOGUE), name
+        if name.startswith(("theory/", "api/")):
+            assert not re.search(r"\b[Ss]ource 00[0-4]\b", bare), name
+    for key in CATALOGUE:
+        assert linked[key] == {"catalogue.html#" + key.replace(".", "-").replace("_", "-")}, key
+    text = pages["bibliography.html"].path.read_text(encoding="utf-8")
+    entries = re.findall(r'<section id="(\w+)">\s*(?:<span id="\w+"></span>)?<h2>(00\d)', text)
+    assert [number for _, number in entries] == ["000", "001", "002", "003", "004"]
+    for anchor, number in entries:
+        assert linked[number] == {f"bibliography.html#{anchor}"}, number
+
+
+def test_what_is_wide_scrolls_in_its_own_box(built: Path, pages: dict[str, Page]) -> None:
+    sheet = (built / "_static" / "rverror.css").read_text(encoding="utf-8")
+    theme = (built / "_static" / "styles" / "furo.css").read_text(encoding="utf-8")
+    assert re.search(r"\.formula \{[^}]*overflow-x: auto", sheet)
+    assert re.search(r"#gallery tbody \{[^}]*display: grid", sheet)
+    assert re.search(r"\.table-wrapper\.container\{[^}]*overflow-x:auto", theme)
+    for name, page in pages.items():
+        text = page.path.read_text(encoding="utf-8")
+        assert "_static/rverror.css" in text, name
+        free = re.sub(r'<div class="[^"]*formula[^"]*"[^>]*>.*?</div>', "", text, flags=re.DOTALL)
+        assert 'display="block"' not in free, name
+        framed = re.findall(r'<div class="table-wrapper[^"]*container"[^>]*>\s*<table class="docutils', text)
+        assert len(framed) == len(re.findall(r'<table class="docutils', text)), name
+
+
 def test_every_public_name_is_listed_and_described(pages: dict[str, Page]) -> None:
     index = pages["api/index.html"]
     described = {name: page for page in pages.values() for name in page.ids if re.match(r"(module-)?rverror\.", name)}

@@ -200,7 +200,7 @@ def signal_label(quantity: str) -> str:
     return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
 
 
-def over_angle(ax: Axes, *, ylabel: str, title: Sequence[str]) -> None:
+def over_angle(ax: Axes, *, ylabel: str, title: list[str]) -> None:
     """Label axes over the output angle, from end to end of what is drawn."""
     ax.set(xlabel=OUTPUT_ANGLE, ylabel=ylabel)
     titled(ax, *title)

@@ -39,7 +39,7 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
         where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
         mark = {"marker": _MARKS[number], "color": style["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
-    over_angle(ax, ylabel=f"largest pressure, {shown_unit('pressure')}", title="contact pressure")
+    over_angle(ax, ylabel=f"largest pressure, {shown_unit('pressure')}", title=["contact pressure"])
     ax.set_ylim(bottom=0)
     legend_below(ax, columns=2)
     return ax
