@@ -68,7 +68,9 @@ started = rverror.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi /
 rubs = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm",
                         carrier_bearing=0.0018, carrier_bearing_radius="10 mm", drag="4 N*m")
 lossy = rverror.efficiency(unit, theta[::16], torque="412 N*m", friction=rubs)
-loop = rverror.hysteresis(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)], friction=rubs)
+sizes = (6, 12, 25, 50, 100, 200, 412)
+loop = rverror.hysteresis(unit, theta[:128:16], friction=rubs,
+                          torques=[f"{t} N*m" for t in (*(-size for size in sizes[::-1]), 0, *sizes)])
 worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
                     coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 
