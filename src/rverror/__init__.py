@@ -1,8 +1,15 @@
 """rverror: the output error of rotary vector (RV) reducers, from part errors to transmission error and back."""
-# ruff: noqa: I001 - the imports stand by doors, in each by rooms
+# ruff: noqa: I001, E402 - the imports stand by doors, in each by rooms; before them, what numpy reads as it is imported
 
+import os as _os
+import sys as _sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# before numpy, which reads it
+from rverror.base.threads import one_for_a_diagnosis as _one_for_a_diagnosis
+
+_one_for_a_diagnosis(_os.environ, _sys.orig_argv, _sys.modules)
 
 # Model and influence: what is declared of a unit, what it does to the output, and how an effect of one's own is added.
 from rverror.base.errors import InputError

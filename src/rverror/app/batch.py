@@ -20,6 +20,7 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
+from rverror.base.threads import THREADS
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.model.model_file import load_model
@@ -46,8 +47,6 @@ COLUMNS = (
     "error",
 )
 
-#: What the BLAS libraries read when numpy is imported: workers that each take all cores slow one another down.
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _MOST_WORKERS = 61  # a limit of Windows
 #: An interrupt is for the parent, which then ends the workers; they would each print a traceback.
 _LEAVE_INTERRUPT = (signal.SIGINT, signal.SIG_IGN)
@@ -509,12 +508,15 @@ def _cores() -> int:
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads.
+
+    Workers that each take all cores slow one another down.
+    """
+    before = {name: os.environ.get(name) for name in THREADS}
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=signal.signal, initargs=_LEAVE_INTERRUPT)
     try:
-        os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # workers start while tasks are handed in
+        os.environ.update(dict.fromkeys(THREADS, "1"))  # workers start while tasks are handed in
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
