@@ -498,3 +498,10 @@ def test_one_disc_does_not_hide_what_two_hide():
     assert set(closed.visibility(source("coupling.carrier_runout"), {}).values()) == {catalogue_tables.WAVE}
     found = closed.visibility(source("cycloid.pin_circle"), {"harmonic": 1})
     assert set(found.values()) == {catalogue_tables.WAVE}
+
+
+def test_the_readme_counts_the_sources_of_a_reducer() -> None:
+    """Those that a part or a bench makes: no fitted waves, and none of drives of which the orders alone are known."""
+    beside = {"empirical", "compensation", "shaft"}
+    count = sum(key.partition(".")[0] not in beside for key in rverror.CATALOGUE)
+    assert f"{count} error sources" in (ROOT / "README.md").read_text(encoding="utf-8")
