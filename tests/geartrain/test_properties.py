@@ -16,7 +16,15 @@ from rverror import Effect, Model, Reducer
 from rverror.base.arrays import cross, dot, radial_and_tangential
 from rverror.geartrain.action_line import ContactForces, Contacts, ErrorVector, project
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.cycloid import pin_positions, pin_radius, pressure_angle, profile
+from rverror.geartrain.cycloid import (
+    disc_pitch,
+    disc_profile,
+    lobe_profile,
+    pin_positions,
+    pin_radius,
+    pressure_angle,
+    profile,
+)
 from rverror.geartrain.feedback import feedback_factor, loop_gain
 from rverror.geartrain.kinematics import frame_orders, true_period
 from rverror.model.compose import source_matrix
@@ -501,6 +509,21 @@ def test_error_of_a_disc_is_the_opposite_error_of_the_pins_it_meets(
     for name, expected in (("disc_profile", waves * fatter), ("disc_pitch", -waves * ahead)):
         found = source_matrix(motion, forces, f"cycloid.{name}", {"disc": 0, "harmonic": harmonic})
         np.testing.assert_allclose(found, expected.sum(axis=1), atol=1e-10 * np.abs(expected).sum(axis=1).max())
+
+
+@given(reducers(), angles(), DIRECTIONS, st.integers(0, 5))
+def test_waves_are_the_error_vectors_that_they_multiply_out_to(
+    unit: Reducer, theta: Array, direction: int, harmonic: int
+) -> None:
+    motion, forces = solved(unit, theta, direction)
+    for source in (disc_profile, disc_pitch, lobe_profile):
+        waves = source(motion, disc=unit.discs - 1, harmonic=harmonic)
+        vectors = ErrorVector(contact=waves.contact, vector=waves.vector, at=waves.at)
+        force = forces["pin"][waves.at]
+        np.testing.assert_allclose(waves.along(force), vectors.along(force), atol=1e-12 * np.abs(force).max())
+        expected = project(forces, vectors, theta.size)
+        size = np.abs(force).sum(axis=(0, 1, 2)).max()
+        np.testing.assert_allclose(project(forces, waves, theta.size), expected, atol=1e-12 * size)
 
 
 @given(reducers(), angles(), DIRECTIONS, st.integers(1, 5))

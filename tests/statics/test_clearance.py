@@ -209,6 +209,15 @@ def test_backlash_of_ordinary_units_is_found(
     assert (free <= rverror.lost_motion(model, theta, percent=3)).all()
 
 
+def test_what_is_wedged_has_no_play_and_none_below_it() -> None:
+    """Pins on a circle that is shifted press a disc from two sides: nothing moves under a vanishing torque."""
+    shifted = rverror.effect("cycloid.pin_circle", harmonic=1, radial_cos="3 um")
+    free = rverror.backlash(rverror.Model(UNIT, (shifted,)), 1.0 + 0.01 * np.arange(3))
+    assert free[0] > 1e-6
+    assert not np.signbit(free).any()
+    np.testing.assert_array_equal(free[1:], 0.0)
+
+
 def test_advice_fits_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit in ("_MAX_STEPS", "_MAX_STEPS_NEAR", "_MAX_STEPS_UNLOADING"):
         monkeypatch.setattr(energy, limit, 0)

@@ -26,8 +26,8 @@ def test_a_result_is_one_short_line(name: str) -> None:
 
 
 def test_lines_tell_what_it_is() -> None:
-    assert repr(MODEL) == "<Model: RV-40E, ratio 121, 1 effect>"
-    assert repr(MODEL.mechanism) == "<Reducer: RV-40E, ratio 121>"
+    assert repr(MODEL) == "<Model: RV-40E, R = 121, 1 effect>"
+    assert repr(MODEL.mechanism) == "<Reducer: RV-40E, R = 121>"
     size = "crank.eccentricity (crank 0, disc 1): radial 5 um, tangential -1 um"
     assert (str(MODEL.effects[0]), repr(MODEL.effects[0])) == (size, f"<Effect {size}>")
     assert repr(MODEL.equilibrium("78 Nm", [0.1, 0.2])) == "<Equilibrium: 2 angles>"

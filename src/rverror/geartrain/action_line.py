@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, dot
+from rverror.base.arrays import Array, dot, unit_vectors
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
 
@@ -57,8 +57,8 @@ class Contacts(Pose):
         Unit vector from each pin into the disc along the contact normal.
     pin_arm : ndarray, shape (discs, pins, n)
         Arm of that normal about the disc centre, mm, counter-clockwise positive.
-    pin_angle : ndarray, shape (discs, pins, n)
-        Angle of the contact point about the disc centre in the disc's frame, rad.
+    pin_point : ndarray, shape (discs, pins, 2, n)
+        Contact point from the disc's centre, in the housing, mm.
     mesh_normal : ndarray, shape (cranks, 2, 2, n)
         Unit vector along the line of action from sun to planet, per flank.
     """
@@ -70,19 +70,29 @@ class Contacts(Pose):
     crank_position: Array
     pin_normal: Array
     pin_arm: Array
-    pin_angle: Array
+    pin_point: Array
     mesh_normal: Array
+
+    @cached_property
+    def pin_angle(self) -> Array:
+        """Angle psi of each contact point about its disc's centre in the disc's frame, rad, (discs, pins, n)."""
+        return np.arctan2(self.pin_point[..., 1, :], self.pin_point[..., 0, :]) - self.turns["disc"]
 
     @cached_property
     def pin_phase(self) -> npt.NDArray[np.complex128]:
         """e^(i psi) of the contact angles `pin_angle`: its powers are the waves around a disc, (discs, pins, n)."""
-        return np.asarray(np.exp(1j * self.pin_angle))
+        x, y = np.moveaxis(self._pin_radial, -2, 0)
+        return np.asarray((x + 1j * y) * np.exp(-1j * self.turns["disc"]))
 
     @cached_property
     def pin_tangential(self) -> Array:
         """Unit vector ahead of each contact point about its disc's centre, in the housing, (discs, pins, 2, n)."""
-        ahead = self.pin_phase * np.exp(1j * self.turns["disc"])
-        return np.stack([-ahead.imag, ahead.real], axis=-2)
+        x, y = np.moveaxis(self._pin_radial, -2, 0)
+        return np.stack([-y, x], axis=-2)
+
+    @cached_property
+    def _pin_radial(self) -> Array:
+        return unit_vectors(self.pin_point)
 
 
 #: Bearings, whose force has no fixed direction: ``"cam direction"`` and ``"carrier direction"`` hold it.
@@ -115,6 +125,41 @@ class ErrorVector:
     contact: str
     vector: Array
     at: tuple[slice, ...] = ()
+
+    def along(self, directions: Array) -> Array:
+        """Components along vectors at its contacts, (terms, axes of the contact but xy, n)."""
+        return dot(self.vector, directions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorWaves:
+    """An error vector of many contacts whose terms share their directions: kept as factors, which takes half the time.
+
+    Attributes
+    ----------
+    contact : str
+        A key of `CONTACT_AXES` with an axis xy.
+    waves : ndarray, shape (terms, axes of the contact but xy, n)
+        Size along the direction, per unit of each parameter.
+    direction : ndarray, shape (axes of the contact, n)
+        Unit vectors in the housing frame.
+    at : tuple of slice
+        As of `ErrorVector`.
+    """
+
+    contact: str
+    waves: Array
+    direction: Array
+    at: tuple[slice, ...] = ()
+
+    @property
+    def vector(self) -> Array:
+        """As of `ErrorVector`, (terms, axes of the contact, n)."""
+        return self.waves[..., None, :] * self.direction
+
+    def along(self, directions: Array) -> Array:
+        """Components along vectors at its contacts, (terms, axes of the contact but xy, n)."""
+        return self.waves * dot(self.direction, directions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,8 +194,10 @@ class Compliance:
     at: tuple[slice, ...] = ()
 
 
+#: What displaces the surfaces of a contact, whatever it carries.
+Displacement = ErrorVector | ErrorWaves
 #: What a source returns: a part that grows shifts more than one contact, so it has one error vector for each.
-SourceVector = ErrorVector | Clearance | Compliance | tuple[ErrorVector, ...]
+SourceVector = Displacement | Clearance | Compliance | tuple[ErrorVector, ...]
 
 
 def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
@@ -160,7 +207,7 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
     ----------
     forces : mapping of str to ndarray
         Contact forces per unit of output torque.
-    error : ErrorVector, tuple of ErrorVector or Clearance
+    error : ErrorVector, ErrorWaves, Clearance, Compliance or tuple of ErrorVector
         The error of one source.
     samples : int
         n, the number of samples.
@@ -187,8 +234,11 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
         given = (error.share * work).sum(axis=tuple(range(1, work.ndim)))
         return -np.array(np.broadcast_to(given, (len(error.share), samples)), dtype=np.float64)
     force = forces[error.contact][error.at]
+    force, terms = (
+        (dot(force, error.direction), error.waves) if isinstance(error, ErrorWaves) else (force, error.vector)
+    )
     axes = "abcd"[: force.ndim - 1]
-    columns = [np.einsum(f"{axes}n,{axes}n->n", force, term) for term in error.vector]
+    columns = [np.einsum(f"{axes}n,{axes}n->n", force, term) for term in terms]
     return np.array(np.broadcast_to(columns, (len(columns), samples)), dtype=np.float64)
 
 

@@ -109,7 +109,7 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
     eccentric = turns["crank"] + phases[:, None]
     position = turns["carrier"] + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
-    pins = pin_contacts(reducer, eccentric=eccentric, disc_angle=turns["disc"])
+    pins = pin_contacts(reducer, eccentric)
     return Contacts(
         ratio=reducer.ratio,
         reducer=reducer,
@@ -119,7 +119,7 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
         crank_position=position,
         pin_normal=pins.normal,
         pin_arm=pins.arm,
-        pin_angle=pins.angle,
+        pin_point=pins.point,
         mesh_normal=mesh_normal(reducer, position),
         **same,
     )

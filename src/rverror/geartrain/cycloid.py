@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rverror.base.arrays import Array, cross, dot, only, radial_and_tangential
-from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector, ErrorWaves
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
@@ -36,11 +36,11 @@ LOBE_PROFILE, DISC_PROFILE, PIN_RADIUS = "cycloid.lobe_profile", "cycloid.disc_p
 
 @dataclass(frozen=True)
 class PinContacts:
-    """Pin contacts of every disc: `normal` (discs, pins, 2, n), `arm` and `angle` (discs, pins, n)."""
+    """Pin contacts of every disc: `normal` and `point` (discs, pins, 2, n), `arm` (discs, pins, n)."""
 
     normal: Array
     arm: Array
-    angle: Array
+    point: Array
 
 
 def pin_positions(reducer: Reducer) -> Array:
@@ -57,8 +57,8 @@ def pin_positions(reducer: Reducer) -> Array:
     return 2 * np.pi * np.arange(reducer.pins) / reducer.pins
 
 
-def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> PinContacts:
-    """Contact normals, arms and contact angles of all pins on all discs.
+def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
+    """Contact normals, arms and contact points, from the disc's centre, of all pins on all discs.
 
     The pitch circles, of radius a z_c on the disc and a z_p in the housing, touch at the pitch point P, a z_p along the
     eccentric direction from the housing centre.  Every contact normal passes through its pin and P; its arm about the
@@ -69,8 +69,6 @@ def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> Pi
     reducer : Reducer
     eccentric : ndarray, shape (discs, n)
         Angle of each disc's eccentric direction in the housing, rad.
-    disc_angle : ndarray, shape (n,)
-        Rotation of the discs, rad.
 
     Returns
     -------
@@ -89,8 +87,7 @@ def pin_contacts(reducer: Reducer, *, eccentric: Array, disc_angle: Array) -> Pi
     normal = to_pitch_point / np.sqrt(dot(to_pitch_point, to_pitch_point))[..., None, :]
     arm = reducer.eccentricity * reducer.disc_lobes * cross(direction[:, None], normal)
     point = pin + reducer.pin_radius * normal - reducer.eccentricity * direction[:, None]
-    angle = np.arctan2(point[..., 1, :], point[..., 0, :]) - disc_angle
-    return PinContacts(normal, arm, angle)
+    return PinContacts(normal, arm, point)
 
 
 def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
@@ -302,7 +299,7 @@ def pin_forces(contacts: Contacts) -> Array:
     return np.asarray((scale * loaded)[..., None, :] * contacts.pin_normal, dtype=np.float64)
 
 
-def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     """Error of a disc's profile along its normal, c cos(h psi) + s sin(h psi) over the contact angle psi.
 
     Parameters
@@ -313,7 +310,7 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Terms cos, sin; positive is more material.
 
     Notes
@@ -321,7 +318,7 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
     Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
     """
     normal = contacts.pin_normal[only(disc)]
-    return ErrorVector(contact="pin", vector=_waves(contacts, disc, harmonic) * normal, at=(only(disc),))
+    return ErrorWaves(contact="pin", waves=_waves(contacts, disc, harmonic), direction=normal, at=(only(disc),))
 
 
 def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
@@ -356,7 +353,7 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
 
 
-def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     """Error of a disc's profile along its normal that is alike on all lobes, c cos(h phi) + s sin(h phi).
 
     Parameters
@@ -368,7 +365,7 @@ def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Terms cos, sin; positive is more material.
 
     Notes
@@ -378,10 +375,10 @@ def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector
     """
     phi = contacts.eccentric[only(disc)][:, None] - pin_positions(contacts.reducer)[:, None]
     waves = np.stack([np.cos(harmonic * phi), np.sin(harmonic * phi)])
-    return ErrorVector(contact="pin", vector=waves[..., None, :] * contacts.pin_normal[only(disc)], at=(only(disc),))
+    return ErrorWaves(contact="pin", waves=waves, direction=contacts.pin_normal[only(disc)], at=(only(disc),))
 
 
-def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
+def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     """Pitch error of a disc: its flanks lead tangentially by c cos(h psi) + s sin(h psi) over the contact angle psi.
 
     Parameters
@@ -392,15 +389,15 @@ def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorVector:
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Terms cos, sin; counter-clockwise positive.
 
     Notes
     -----
     Sources 001 (cumulative pitch error) and 002 (e_Apd).
     """
-    tangential = contacts.pin_tangential[only(disc)]
-    return ErrorVector(contact="pin", vector=-_waves(contacts, disc, harmonic) * tangential, at=(only(disc),))
+    behind = -contacts.pin_tangential[only(disc)]
+    return ErrorWaves(contact="pin", waves=_waves(contacts, disc, harmonic), direction=behind, at=(only(disc),))
 
 
 def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:
@@ -568,12 +565,12 @@ def pin_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
 
 
 def _waves(contacts: Contacts, disc: int, harmonic: int) -> Array:
-    """cos(h psi) and sin(h psi) over the contact angle, (2, 1, pins, 1, n): products take a tenth of their time."""
+    """cos(h psi) and sin(h psi) over the contact angle, (2, 1, pins, n): products take a tenth of their time."""
     first = contacts.pin_phase[only(disc)]
     wave = first if harmonic else np.ones_like(first)
     for digit in f"{harmonic:b}"[1:]:
         wave = wave * wave if digit == "0" else wave * wave * first
-    return np.stack([wave.real, wave.imag])[..., None, :]
+    return np.stack([wave.real, wave.imag])
 
 
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, cross, dot, radial_and_tangential, unit_vectors
+from rverror.base.arrays import Array, cross, radial_and_tangential, unit_vectors
 from rverror.geartrain.action_line import (
     BEARINGS,
     Clearance,
     Compliance,
     Contacts,
-    ErrorVector,
+    Displacement,
     SourceVector,
 )
 from rverror.geartrain.contacts import closed_form_forces
@@ -92,17 +92,17 @@ class Closing:
     rows: Array
 
 
-def closing_of(motion: Contacts, error: ErrorVector) -> Closing:
+def closing_of(motion: Contacts, error: Displacement) -> Closing:
     """Project an error vector onto the action lines of its contacts."""
-    at, vector = error.at, error.vector
+    at = error.at
     if error.contact in BEARINGS:
-        return Closing(error.contact, at, vector)
+        return Closing(error.contact, at, error.vector)
     if error.contact == "spline":
         # a crank that leads its planet holds the planet back on the line of action
         lever = np.broadcast_to(flank_lever(motion.reducer)[:, None], (motion.reducer.cranks, 2, 1))
-        return Closing("mesh", at, -lever[at] * vector[..., 0, :])
+        return Closing("mesh", at, -lever[at] * error.vector[..., 0, :])
     normal = motion.pin_normal if error.contact == "pin" else motion.mesh_normal
-    return Closing(error.contact, at, dot(vector, normal[at]))
+    return Closing(error.contact, at, error.along(normal[at]))
 
 
 def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
@@ -236,7 +236,7 @@ class Geometry:
         if isinstance(error, (Clearance, Compliance)):
             return error
         parts = error if isinstance(error, tuple) else (error,)
-        along = [Closing("along", p.at, dot(p.vector, self.profile_tangent[p.at])) for p in parts if p.contact == "pin"]
+        along = [Closing("along", p.at, p.along(self.profile_tangent[p.at])) for p in parts if p.contact == "pin"]
         return (*(closing_of(self.motion, part) for part in parts), *along)
 
     @cached_property

@@ -25,6 +25,8 @@ from rverror.model.effects import Model, check_model
 from rverror.model.readings import unread
 from rverror.statics.loaded_state import equilibrium, reducer_of
 
+_ROUNDING = 1e-15  # rad: what is left of the difference of two equal angles, 2e-10 arcsec
+
 
 @dataclass(frozen=True)
 class TorsionCurve(Viewed):
@@ -155,7 +157,8 @@ def backlash(model: Model, theta: Any | None = None) -> Array:
     """
     check_model(model)
     lower, upper = _ends(model, theta, 0.0)
-    return upper - lower
+    play = upper - lower
+    return np.where(np.abs(play) > _ROUNDING, play, 0.0)
 
 
 def torsion_curve(model: Model, theta: Any | None = None, *, torques: Any) -> TorsionCurve:

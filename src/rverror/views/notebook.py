@@ -48,7 +48,7 @@ def line(thing: Any) -> str:
     --------
     >>> import rverror
     >>> line(rverror.Model(rverror.reducer("RV-40E")))
-    'Model: RV-40E, ratio 121, 0 effects'
+    'Model: RV-40E, R = 121, 0 effects'
     """
     first = sheet(thing)[0]
     assert isinstance(first, Title)

@@ -299,7 +299,7 @@ def _of_drive(thing: Drive) -> Sheet:
 
 def _ratio(unit: Reducer | Drive) -> str:
     turned = f", {unit.output} as output" if isinstance(unit, Reducer) and unit.output != OUTPUTS[0] else ""
-    return f"ratio {unit.ratio:.8g}{turned}"
+    return f"R = {unit.ratio:.8g}{turned}"
 
 
 @sheet.register
