@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 import time
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,27 @@ def test_waves_that_end_anywhere_have_no_spikes_at_their_ends() -> None:
         for phase in np.arange(12) * TURN / 12:
             error = 3 * ARCSEC * np.sin(order * THETA + phase) + 0.01 * ARCSEC * rng.standard_normal(N)
             assert find_faults(THETA, error).spikes.size == 0, (order, phase)
+
+
+@pytest.mark.parametrize("slope", [-6.0, 6.0])
+def test_spikes_beside_the_ends_are_found_on_a_slope(slope: float) -> None:
+    """A run may begin and end where the error rises; what a parabola takes out changes nothing."""
+    level = as_read(1, 20e3)
+    tilted = level + slope * ARCSEC * np.arange(N)
+    assert find_faults(THETA, tilted).notes() == ()
+    for place in [*range(8), *range(N - 8, N)]:
+        error = tilted.copy()
+        error[place] += 100 * ARCSEC
+        assert spikes_of(find_faults(THETA, error)) == [place]
+
+
+def test_an_error_that_bends_beside_an_end_has_no_spike() -> None:
+    """A contact that closes bends the error, and the run may end in the middle of it."""
+    for seed, (steepest, samples) in enumerate(product((2.0, 4.0, 8.0), (1, 2, 3, 4))):
+        bent = as_read(1, 20e3, seed=seed)
+        bent[N - 1 - samples :] -= steepest * ARCSEC * np.arange(samples + 1)
+        if samples > 1:  # one sample that is off by itself may be either
+            assert find_faults(THETA, bent).notes() == (), (steepest, samples)
 
 
 @pytest.mark.parametrize("seed", range(4))

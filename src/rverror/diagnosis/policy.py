@@ -64,8 +64,8 @@ class Policy:
     #: Standard deviations that the squares of the residual may exceed their number by and be noise still.  Five: hardly
     #: ever by chance.
     by_chance: float = 5.0
-    #: Squares over those that noise alone hardly exceeds, up to which small faults of the readings may be all that is
-    #: left and are looked for.  Chosen: some forty spikes of five deviations in 10,000 samples.
+    #: Squares, each counted as no more than noise makes it, over those that noise alone hardly exceeds, up to which
+    #: faults of the readings may be all that is left and are looked for.  Chosen: some sixty spikes in 10,000 samples.
     nearly_noise: float = 1.1
     #: Independent values of what is not explained yet: some fifty orders in each of two directions, cos and sin.  With
     #: as many as there are samples declared sizes and stiffness leave all bounds to make up for what is missing.

@@ -141,17 +141,29 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
 
 
 def _stands_out(values: Array, clean: Array, at: int) -> bool:
-    """Whether a sample beside an end is farther off than all that is near: an end turned over foretells but roughly."""
+    """Whether a sample beside an end is farther off than all that is near: an end turned over foretells but roughly.
+
+    Off a line, since the error may rise there as steeply as a spike is large; and by a jump, since what bends away from
+    that line does so gradually.
+    """
     first = min(max(at - NEAR, 0), values.size - 2 * NEAR)
-    near = np.delete(clean[first : first + 2 * NEAR], at - first)
-    return bool(abs(values[at] - np.median(near)) > 3 * np.ptp(near))
+    near = slice(first, first + 2 * NEAR)
+    line = _line(clean[near])
+    rest = np.delete(clean[near] - line, at - first)
+    off = abs(values[at] - line[at - first] - np.median(rest))
+    return bool(off > 3 * np.ptp(rest) and np.abs(np.diff(values[near])).max() > off / 2)
+
+
+def _line(values: Array) -> Array:
+    """The line through a few values that bears outliers."""
+    along = np.arange(values.size)
+    slope = float(np.median(np.diff(values)))
+    return slope * along + np.median(values - slope * along)
 
 
 def _end(values: Array) -> float:
     """Where a series begins, by a line that bears outliers."""
-    first = values[: NEAR + 1]
-    slope = float(np.median(np.diff(first)))
-    return float(np.median(first - slope * np.arange(first.size)))
+    return float(_line(values[: NEAR + 1])[0])
 
 
 def _mirrored(values: Array, count: int, first: float, last: float) -> Array:

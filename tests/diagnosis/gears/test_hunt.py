@@ -516,6 +516,22 @@ def test_where_hardly_more_than_noise_is_left_no_further_cause_is_looked_for(
     assert bool(told) is looked
 
 
+def test_a_large_fault_of_one_sample_is_no_further_cause(right: Node) -> None:
+    """It doubles the squares, as something that is missing would, but in as few values as the noise remembers."""
+    first, *others = right.fit.bench.records
+    error = first.error.copy()
+    error[error.size // 3] += 12 * ARCSEC
+    bench = right.fit.bench.with_records([replace(first, error=error), *others])
+    node = Node(evaluated(bench, right.fit.model, right.fit.declared))
+    assert node.fit.data > 2 * node.fit.bound
+    assert nearly_noise(node.fit)
+    told: list[str] = []
+    best, done = replace(hunt_of(node), journal=Journal(told.append)).best([node], 1)
+    assert (best, done, told) == (node, False, [])
+    missing = Node(evaluated(right.fit.bench, right.fit.declared, right.fit.declared))
+    assert not nearly_noise(missing.fit)
+
+
 class Tree(Hunt):
     """A search whose sets are words: a child has a letter more, and only one of them leaves nothing."""
 

@@ -34,6 +34,7 @@ from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
 
 _MARKS_APART = 0.1  # rad between marks from which a fit ends elsewhere
+_BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _ELSEWHERE = 0.5  # cosine between sizes below which they are other sizes of one cause: 60 degrees
 
 
@@ -495,8 +496,12 @@ def strained(fit: Fit) -> bool:
 
 
 def nearly_noise(fit: Fit) -> bool:
-    """Tell whether faults of the readings, too small to be seen before, may be all that is left beside noise."""
-    return fit.data <= fit.bench.policy.nearly_noise * fit.bound
+    """Tell whether faults of the readings that were not seen before may be all that is left beside noise.
+
+    A fault is large in few values and what is missing shows in all, so none counts as more than noise makes it.
+    """
+    squares = sum(float(np.minimum(white[0] ** 2, _BY_NOISE**2).sum()) for white in fit.rows)
+    return squares <= fit.bench.policy.nearly_noise * fit.bound
 
 
 def unsure(fit: Fit, policy: Policy) -> float:
