@@ -158,7 +158,7 @@ def _line(values: Array) -> Array:
     """The line through a few values that bears outliers."""
     along = np.arange(values.size)
     slope = float(np.median(np.diff(values)))
-    return slope * along + np.median(values - slope * along)
+    return slope * along + float(np.median(values - slope * along))
 
 
 def _end(values: Array) -> float:
