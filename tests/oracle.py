@@ -137,7 +137,7 @@ def put(errors: Errors, unit: Any, case: int, term: tuple[str, dict[str, Any], s
         case "coupling.carrier_runout":
             errors.carrier_bore[case] += vector
         case _:
-            raise KeyError(f"the oracle has no error {key}")
+            raise KeyError(f"the oracle has no error {key}: say in put, tests/oracle.py, where it sits")
 
 
 class _Rows:

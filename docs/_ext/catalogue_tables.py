@@ -260,6 +260,8 @@ take the place of vectors there. In the formulas:
   eccentric direction of disc $k$; $\perp$ turns one by a quarter turn counter-clockwise, and $t_j = r_j^\perp$.
 - $n_i$: from pin $i$ into the disc along the contact normal; $\tau_i$: the tangent at that contact about the disc's
   centre, at the angle $\psi_i$ in the disc's frame; $\psi_l$ the crest of lobe $l$.
+- $n_j$: from the sun into planet $j$ along the line of action of the flank that carries; $\chi$: where the teeth that
+  mesh stand on their gear.
 - $\gamma_i$, $\beta_j$: angles of pin $i$ and crank $j$ in the housing; $\varphi_i$: angle by
   which $\epsilon_k$ leads pin $i$; $\nu = -z_c/(z_p - z_c)$: turns of the cranks; $C(x)$: a turn by $x$.
 - $e$ or what stands in its place: the parameters, in the order in which they are listed; $c$ and $s$ those of a cosine

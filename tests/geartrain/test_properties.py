@@ -261,6 +261,8 @@ def test_lengths_scale(unit: Reducer, theta: Array, direction: int, factor: floa
 def mirrored(unit: Reducer, key: str, indices: dict[str, Any]) -> tuple[dict[str, Any], Array]:
     """Where an error goes in the mirror y -> -y, and the sign that each of its parameters takes."""
     moved = dict(indices)
+    unknown = set(moved) - {"crank", "disc", "pin", "lobe", "harmonic", "member", "sense", "frame", "order", "shaft"}
+    assert not unknown, f"{key}: say in mirrored, {__file__}, where {unknown} goes"
     for name, count in (("crank", unit.cranks), ("disc", unit.discs), ("pin", unit.pins)):
         if isinstance(moved.get(name), int):
             moved[name] = -moved[name] % count

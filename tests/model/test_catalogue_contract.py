@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pickle
+import re
 from dataclasses import fields
 from typing import Any
 
@@ -270,9 +271,17 @@ def test_what_is_at_the_output_is_what_no_contact_feels(key: str, entry: Source)
 
 @pytest.mark.parametrize(("key", "entry"), ENTRIES)
 def test_names_that_files_use(key: str, entry: Source) -> None:
+    assert key in NAMES, f"add {key} with its indices and parameters to NAMES in tests/model/test_catalogue_contract.py"
     indices, parameters = NAMES[key]
     assert [i.name for i in entry.indices] == indices.split()
     assert [p.name for p in entry.parameters] == parameters.split()
+
+
+@pytest.mark.parametrize(("key", "entry"), ENTRIES)
+def test_reference_says_where_it_comes_from(key: str, entry: Source) -> None:
+    """A source text by number, or none of them and what instead."""
+    known = r"(none: |measuring chain$|any drive$|00[0-4]\b)"
+    assert re.match(known, entry.reference), f"{key}: {entry.reference!r}; give a source text's number, or 'none: '"
 
 
 def test_catalogue_is_complete_and_closed() -> None:

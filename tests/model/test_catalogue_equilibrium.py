@@ -119,7 +119,7 @@ def test_closed_form_is_the_rigid_limit(key: str, name: str, sense: int) -> None
     for indices in index_sets(CATALOGUE[key], motion.reducer):
         expected, found = (source_matrix(motion, forces, key, indices) for forces in (closed, solved))
         size = uncancelled(motion, closed, key, indices)
-        assert (size > 0).any()
+        assert (size > 0).any(), f"{key} {indices} is not felt at any of ANGLES: take more of them"
         assert_close(found, expected, size=size, limit=LIMIT, what=f"{key} {indices}")
 
 

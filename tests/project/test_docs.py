@@ -366,7 +366,9 @@ def test_growth_of_the_catalogue():
 def test_every_source_has_an_equation_that_is_read():
     others = {"crank.bearing_clearance", "coupling.bearing_clearance", "thermal.growth", "shaft.eccentricity"}
     assert all(entry.equation for entry in CATALOGUE.values())
-    assert set(CATALOGUE) == set(READ) | set(COMPLIANT) | others
+    known = set(READ) | set(COMPLIANT) | others
+    assert known >= set(CATALOGUE), f"derive {set(CATALOGUE) - known} once more in READ, tests/project/test_docs.py"
+    assert known == set(CATALOGUE)
 
 
 # --- the identities that the theory pages state ------------------------------------------------------------------
@@ -504,4 +506,5 @@ def test_the_readme_counts_the_sources_of_a_reducer() -> None:
     """Those that a part or a bench makes: no fitted waves, and none of drives of which the orders alone are known."""
     beside = {"empirical", "compensation", "shaft"}
     count = sum(key.partition(".")[0] not in beside for key in rverror.CATALOGUE)
-    assert f"{count} error sources" in (ROOT / "README.md").read_text(encoding="utf-8")
+    says = f"{count} error sources" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert says, f"README.md has another number of error sources than the catalogue: {count}"

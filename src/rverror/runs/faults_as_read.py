@@ -158,7 +158,8 @@ def _line(values: Array) -> Array:
     """The line through a few values that bears outliers."""
     along = np.arange(values.size)
     slope = float(np.median(np.diff(values)))
-    return slope * along + float(np.median(values - slope * along))
+    level = float(np.median(values - slope * along))
+    return np.asarray(level + slope * along, dtype=np.float64)
 
 
 def _end(values: Array) -> float:
