@@ -55,6 +55,7 @@ def outcome(folder: Path) -> Outcome:
     arguments = ["diagnose", *(str(folder / name) for name in ("model.toml", "forward.csv", "reverse.csv"))]
     for option, name in named.items():
         arguments += [option, str(folder / name)]
+    arguments += ["--jobs", "1"]
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(cli, "diagnose", keep)

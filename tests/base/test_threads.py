@@ -13,6 +13,7 @@ from rverror.base.threads import THREADS, one_for_a_diagnosis
         ["python", "/home/me/.venv/bin/rverror", "diagnose", "model.toml"],
         ["python.exe", "C:/me/Scripts/rverror.exe", "diagnose"],
         ["python", "-m", "rverror", "diagnose", "model.toml"],
+        ["python", "/usr/bin/rverror", "demo"],
     ],
 )
 def test_a_diagnosis_from_the_shell_takes_one(arguments: list[str]) -> None:

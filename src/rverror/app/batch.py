@@ -19,6 +19,7 @@ from urllib.parse import quote
 
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
+from rverror.base.side_by_side import cores
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import THREADS
 from rverror.base.version import __version__
@@ -220,7 +221,7 @@ def diagnose_folder(
     if todo and executor is not None:
         _work(executor, todo, waiting, outcomes, tell)
     elif todo:
-        with processes(min(jobs or _cores(), len(todo), _MOST_WORKERS)) as pool:
+        with processes(min(jobs or cores(), len(todo), _MOST_WORKERS)) as pool:
             _work(pool, todo, waiting, outcomes, tell)
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
@@ -499,11 +500,6 @@ def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
         for size in (outcome.before, outcome.after)
     ]
     return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

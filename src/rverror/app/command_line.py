@@ -38,6 +38,7 @@ from rverror.app.terminal import (
 )
 from rverror.base import units
 from rverror.base.errors import InputError
+from rverror.base.side_by_side import cores
 from rverror.base.text import check_name, shown
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
@@ -150,6 +151,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
     command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
+    command.add_argument(
+        "--jobs", type=int, metavar="N", help="processes that fit candidates (default: one for each core; Linux alone)"
+    )
     command.set_defaults(run=_diagnose)
 
     command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
@@ -269,6 +273,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
+    _check_jobs(options.jobs)
     inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
     check_outputs([options.json, options.report, options.save, options.plot], inputs)
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
@@ -280,19 +285,23 @@ def _diagnose(options: argparse.Namespace) -> None:
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
     figure = _figure_maker() if options.plot else None
-    result = _diagnose_with_progress(model, runs)
+    result = _diagnose_with_progress(model, runs, jobs=cores() if options.jobs is None else options.jobs)
     if unseen:
         result = validated(result, unseen)
     print(to_text(result), end="")
     _write_results(result, options, figure, input_files(inputs))
 
 
+def _check_jobs(jobs: int | None) -> None:
+    if jobs is not None and jobs < 1:
+        raise InputError(f"--jobs: {jobs} processes do no work; give 1 or more")
+
+
 def _diagnose_batch(options: argparse.Namespace) -> None:
     for name, path in (("FOLDER", options.folder), ("--out", options.out)):
         if not path.strip():
             raise InputError(f"{name}: {path!r} has no name; give a folder")
-    if options.jobs is not None and options.jobs < 1:
-        raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
+    _check_jobs(options.jobs)
     with closing(Progress()) as progress:
         batch = diagnose_folder(
             options.folder,
@@ -394,7 +403,7 @@ def _demo(options: argparse.Namespace) -> None:
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
     print(f"Files: {model_path}, {run_paths[0]}, {run_paths[1]}\n")
     model = load_model(model_path)
-    result = _diagnose_with_progress(model, [read_run(path, model) for path in run_paths])
+    result = _diagnose_with_progress(model, [read_run(path, model) for path in run_paths], jobs=cores())
     for trace in result.traces:
         sizes = [float(w.max() - w.min()) / units.ARCSEC for w in (trace.measured, trace.before, trace.after)]
         name = Path(trace.name).name
@@ -423,6 +432,6 @@ def _demo(options: argparse.Namespace) -> None:
     print("    print(rverror.to_text(found))")
 
 
-def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable]) -> Diagnosis:
+def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable], *, jobs: int) -> Diagnosis:
     with closing(Progress()) as progress:
-        return diagnose(model, runs, progress=progress)
+        return diagnose(model, runs, progress=progress, jobs=jobs)

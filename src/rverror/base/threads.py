@@ -12,10 +12,10 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 def one_for_a_diagnosis(
     environment: MutableMapping[str, str], arguments: Sequence[str], loaded: Collection[str]
 ) -> None:
-    """Let `rverror diagnose` calculate on one thread, unless its user has said how many.
+    """Let `rverror diagnose` and `rverror demo` calculate on one thread, unless their user has said how many.
 
-    A diagnosis makes many small products: two threads take twice the processor's time for them and are done no sooner.
-    A program that imports rverror keeps what it has.
+    A diagnosis makes many small products: two threads take twice the processor's time for them and are done no sooner,
+    where two processes are (`side_by_side`).  A program that imports rverror keeps what it has.
 
     Parameters
     ----------
@@ -28,5 +28,5 @@ def one_for_a_diagnosis(
     """
     program, command = [*(Path(word).stem for word in arguments[1:] if not word.startswith("-")), "", ""][:2]
     said = any(name in environment for name in THREADS)
-    if program == "rverror" and command == "diagnose" and not said and "numpy" not in loaded:
+    if program == "rverror" and command in ("diagnose", "demo") and not said and "numpy" not in loaded:
         environment.update(dict.fromkeys(THREADS, "1"))

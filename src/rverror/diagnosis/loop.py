@@ -25,6 +25,7 @@ def diagnose(
     *,
     progress: Progress | None = None,
     policy: Policy = POLICY,
+    jobs: int = 1,
 ) -> Diagnosis:
     """Find the effects that a model lacks in measured runs.
 
@@ -46,6 +47,9 @@ def diagnose(
         Called with a line of text as the work goes on.
     policy : Policy
         Every threshold, and which sources are tried.
+    jobs : int
+        Processes that fit candidates side by side, for runs of a reducer; the result is the same.  On Linux alone, and
+        where the process has one thread (OPENBLAS_NUM_THREADS=1, and no notebook): elsewhere there is one.
 
     Returns
     -------
@@ -101,6 +105,6 @@ def diagnose(
         found = diagnose_drive(model, samples, tell, policy=policy)
     else:
         resonances, notes, telling = resonances_of_runs(model, samples, policy=policy)
-        found = diagnose_reducer(model, telling, tell, policy=policy)
+        found = diagnose_reducer(model, telling, tell, policy=policy, jobs=jobs)
         found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
     return replace(found, passport=passport_of_runs(unit, samples))

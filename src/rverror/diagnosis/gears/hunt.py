@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from functools import partial
+from itertools import combinations, takewhile
+from typing import TypeVar
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.side_by_side import each
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import (
     Fit,
@@ -32,6 +35,9 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 _MARKS_APART = 0.1  # rad between marks from which a fit ends elsewhere
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
@@ -105,6 +111,8 @@ class Hunt:
         Whether pins too start from sizes that a workshop makes.
     offsets : tuple of float
         Where the gear's marks may be, where that is not known, the likeliest first, rad.
+    jobs : int
+        Processes that fit side by side.
     """
 
     candidates: tuple[Named, ...]
@@ -113,6 +121,7 @@ class Hunt:
     late: tuple[Named, ...] = ()
     pins: bool = False
     offsets: tuple[float, ...] = ()
+    jobs: int = 1
     _coarse: dict[object, RunSet] = field(default_factory=dict, repr=False)
     _completed: dict[int, tuple[Fit, bool]] = field(default_factory=dict, repr=False)
     _ranked: dict[int, tuple[Fit, list[Proposal]]] = field(default_factory=dict, repr=False)
@@ -147,6 +156,10 @@ class Hunt:
             )  # fmt: skip
             self._coarse[key] = replace(made, few=beyond or (("", {}),))
         return self._coarse[key]
+
+    def each(self, function: Callable[[T], R], items: Sequence[T], like: Fit) -> list[R]:
+        """Results for every item, which are fits of one bench."""
+        return each(function, items, jobs=self.jobs, shared=(like.bench, like.declared))
 
     # --- propose ------------------------------------------------------------------------------------------------------
 
@@ -187,7 +200,7 @@ class Hunt:
             plains = [evaluated(settled.bench, marked(plains[0].model, o), settled.declared) for o in likely]
         offers = self.proposals(settled, plains)
         most = policy.evaluated * min(len(plains), 3)
-        trials = [t for state, one in offers[:most] if (t := tried(state, one))]
+        trials = self._tried(offers[:most], settled)
         ahead = {identity(one.name) for _, one in offers[:most]}
         for _, one in offers[most:]:
             if identity(one.name) not in ahead:
@@ -202,23 +215,35 @@ class Hunt:
             pins = offers[: policy.evaluated] if self.pins else [o for o in offers if identity(o[1].name) in found]
             more = workshop(offers, pins=False) + workshop(pins, pins=True)
             more += mirrored(nodes, offers)
-            nodes += self._fine(node, self._raced([t for one in more if (t := tried(plain, one))]))
+            nodes += self._fine(node, self._raced(self._tried([(plain, one) for one in more], plain)))
         return sorted(nodes + self._regular(node), key=lambda n: n.score)
 
     def _direct(self, node: Node) -> list[Node]:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
         if node.fit.data > node.fit.bound:
             return []
-        fits = each_fitted(node.fit, self.ranking(node.fit)[: self.policy.direct])
+        fits = self._each_fitted(node.fit, self.ranking(node.fit)[: self.policy.direct])
         return sorted((Node(fit, node.lines, node.slow) for fit in fits), key=lambda n: n.score)
+
+    def _tried(self, offers: Sequence[tuple[Fit, Proposal]], like: Fit) -> list[Trial]:
+        """Each candidate at the size that it would take, where there is an equilibrium."""
+        return [trial for trial in self.each(lambda offer: tried(*offer), offers, like) if trial]
+
+    def _each_fitted(self, fit: Fit, leading: Sequence[Proposal]) -> list[Fit]:
+        """The fit with each of the candidates, everything refitted."""
+        trials = self._tried([(fit, one) for one in leading], fit)
+        return self.each(lambda trial: fitted(trial.fit, steps=30, enough=0.3), trials, fit)
+
+    def _stepped(self, trials: Sequence[Trial], steps: int) -> list[Trial]:
+        return self.each(lambda trial: stepped(trial, steps), trials, trials[0].fit) if trials else []
 
     def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
         """Successive halving: one joint step for the most promising, all steps for the best of these."""
         policy = self.policy
         kept = self._ahead(trials, policy.stepped, 3, "solved at the load: may leave")
-        kept = self._ahead([stepped(t, 1) for t in kept], policy.refitted + 3, 2, "after one joint step: may leave")
-        kept = self._ahead([stepped(t, 2) for t in kept], policy.refitted, 2, "after three joint steps: may leave")
-        return sorted((stepped(t, 12) for t in kept), key=lambda t: t.fit.objective)
+        kept = self._ahead(self._stepped(kept, 1), policy.refitted + 3, 2, "after one joint step: may leave")
+        kept = self._ahead(self._stepped(kept, 2), policy.refitted, 2, "after three joint steps: may leave")
+        return sorted(self._stepped(kept, 12), key=lambda t: t.fit.objective)
 
     def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
         """The most promising trials; it is written down why the others fell."""
@@ -237,14 +262,18 @@ class Hunt:
 
     def _fine(self, node: Node, raced: Sequence[Trial]) -> list[Node]:
         """The best of a race, fitted to every sample; those behind only where they are near, or it leaves something."""
-        nodes: list[Node] = []
-        for place, trial in enumerate(raced):
-            behind = trial.fit.objective - raced[0].fit.objective
-            if behind > self.policy.close and (place >= self.policy.finest or any(map(self.complete, nodes))):
+
+        def fine(trial: Trial) -> Node:
+            steps = 30 if trial is raced[0] else 10
+            return Node(fitted(onto(node.fit.bench, trial.fit), steps=steps, enough=0.3), node.lines, node.slow)
+
+        policy = self.policy
+        near = list(takewhile(lambda trial: trial.fit.objective - raced[0].fit.objective <= policy.close, raced))
+        nodes = self.each(fine, near, node.fit)
+        for trial in raced[len(near) : policy.finest]:
+            if any(map(self.complete, nodes)):
                 break
-            steps = 10 if place else 30
-            fit = fitted(onto(node.fit.bench, trial.fit), steps=steps, enough=0.3)
-            nodes.append(Node(fit, node.lines, node.slow))
+            nodes.append(fine(trial))
         return sorted(nodes, key=lambda n: n.score)
 
     def _regular(self, node: Node) -> list[Node]:
@@ -288,7 +317,7 @@ class Hunt:
         ]  # fmt: skip
         return not any(
             self.significant(fit, fit.objective - more.objective, len(more.added[-1].values))
-            for more in each_fitted(fit, near)
+            for more in self._each_fitted(fit, near)
         )
 
     def only_faults(self, node: Node) -> bool:
@@ -329,19 +358,21 @@ class Hunt:
             return node
         key = fit.added[0].key
         if key not in self._turned or self._turned[key].fit.bench is not fit.bench:
-            state = evaluated(self.coarse(node), fit.declared, fit.declared)
+            coarse = evaluated(self.coarse(node), fit.declared, fit.declared)
             alike = [one for one in self.candidates if one[0] == key]
-            trials = []
-            for offset in self.offsets:
-                state = evaluated(state.bench, marked(fit.declared, offset), fit.declared, state.waves)
-                trials += [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
+
+            def at(offset: float) -> list[Trial]:
+                state = evaluated(coarse.bench, marked(fit.declared, offset), fit.declared, coarse.waves)
+                return [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
+
+            trials = [trial for found in self.each(at, self.offsets, coarse) for trial in found]
             self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
         return min(node, self._turned[key], key=lambda n: n.score)
 
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""
         while True:
-            less = [self.without(node, at) for at in range(len(node.fit.added))]
+            less = self.each(partial(self.without, node), range(len(node.fit.added)), node.fit)
             less += [self.without_line(node, order) for order in node.lines]
             less += [self.without_drift(node)] if node.slow else []
             needless = [
@@ -388,7 +419,7 @@ class Hunt:
         if known is None:
             known = self._found_rivals(node, *numbers)
         elif any(rival.fit.bench is not node.fit.bench for rival in known):
-            known = [Node(fitted(onto(node.fit.bench, r.fit)), node.lines, node.slow) for r in known]
+            known = self._refitted([rival.fit for rival in known], node)
         self._rivals[key] = sorted(known, key=lambda n: n.score)
         return self._rivals[key]
 
@@ -418,19 +449,25 @@ class Hunt:
         for hold in (False, True):
             leading = screened(rest, free, rows, hold=hold)[: self.policy.rivals]
             others += [Effect(one.name[0], dict(one.name[1]), tuple(map(float, one.sizes))) for one in leading]
-        trials = []
-        for place, other in enumerate([*exact, *others]):
+
+        def instead(other: Effect) -> Trial | None:
             model = replace(rest.model, effects=(*rest.model.effects, other))
             try:
                 state = evaluated(coarse.bench, model, coarse.declared, coarse.waves)
             except NotConvergedError:
-                continue
-            trials.append(Trial(state, -math.inf if place < len(exact) else state.objective - proposed(state)[1]))
+                return None
+            return Trial(state, -math.inf if other in exact else state.objective - proposed(state)[1])
+
+        trials = [trial for trial in self.each(instead, [*exact, *others], coarse) if trial]
         far = coarse.objective + 5 * self.policy.close
         ordered = distinct(sorted((t for t in trials if t.prospect < far), key=lambda t: t.prospect), 1)
-        fits = [stepped(t, 8).fit for t in ordered[: self.policy.rivals // 2]]
-        near = [fit for fit in fits if fit.objective < coarse.objective + self.policy.close]
-        return [Node(fitted(onto(node.fit.bench, fit)), node.lines, node.slow) for fit in near]
+        fits = [trial.fit for trial in self._stepped(ordered[: self.policy.rivals // 2], 8)]
+        return self._refitted([fit for fit in fits if fit.objective < coarse.objective + self.policy.close], node)
+
+    def _refitted(self, fits: Sequence[Fit], node: Node) -> list[Node]:
+        """Fits over every sample of a node's runs."""
+        bench = node.fit.bench
+        return self.each(lambda fit: Node(fitted(onto(bench, fit)), node.lines, node.slow), fits, node.fit)
 
     def _gaps(self, unit: Reducer) -> Gaps:
         if not self._kept_gaps:
@@ -659,11 +696,6 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
     except NotConvergedError:
         return None
     return Trial(state, state.objective - proposed(state)[1])
-
-
-def each_fitted(fit: Fit, leading: Sequence[Proposal]) -> list[Fit]:
-    """The fit with each of the candidates, everything refitted."""
-    return [fitted(t.fit, steps=30, enough=0.3) for one in leading if (t := tried(fit, one))]
 
 
 def stepped(trial: Trial, steps: int) -> Trial:

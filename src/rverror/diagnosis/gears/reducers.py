@@ -26,7 +26,9 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 
 
-def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY) -> Diagnosis:
+def diagnose_reducer(
+    declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY, jobs: int = 1
+) -> Diagnosis:
     """Find what the model of a reducer lacks.
 
     Parameters
@@ -38,6 +40,8 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell : callable
         Called with a line of text as the work goes on.
     policy : Policy
+    jobs : int
+        Processes, as of `diagnose`.
 
     Raises
     ------
@@ -53,9 +57,8 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell("predicting the declared model")
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
-    hunt = Hunt(
-        candidates_of(model, records, policy), policy, journal, candidates_of(model, records, policy, late=True)
-    )
+    candidates, late = (candidates_of(model, records, policy, late=late) for late in (False, True))
+    hunt = Hunt(candidates, policy, journal, late, jobs=jobs)
     if anywhere:
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
@@ -119,11 +122,12 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
     alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model))
     span = repeat if alike else 2 * math.pi
     count = hunt.policy.offsets if alike else hunt.policy.offsets * 8
-    trials = []
-    for at in range(count):
-        state = evaluated(coarse.bench, marked(coarse.model, span * at / count), coarse.declared, coarse.waves)
-        trials.append((fitted(state, steps=1).objective, span * at / count))
-    trials.sort()
+
+    def left_at(offset: float) -> tuple[float, float]:
+        state = evaluated(coarse.bench, marked(coarse.model, offset), coarse.declared, coarse.waves)
+        return fitted(state, steps=1).objective, offset
+
+    trials = sorted(hunt.each(left_at, [span * at / count for at in range(count)], coarse))
     offsets = tuple(angle for _, angle in trials)
     best = evaluated(first.bench, marked(first.model, offsets[0]), first.declared, first.waves)
     return replace(hunt, offsets=offsets), renoised(best)
