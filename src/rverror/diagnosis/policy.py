@@ -154,10 +154,9 @@ class Policy:
     same_gaps: float = 1e-6
     #: Share of an effect's gaps that a source may lack and be solved in its place.  Chosen: half.
     near_gaps: float = 0.5
-    #: Angles a turn of the crank at which unknown marks are tried, and likely ones from which the search begins, since
-    #: what is missing may turn the match.  Chosen for time.
+    #: Angles a turn of the crank at which unknown marks are tried, with every candidate, since what is missing may turn
+    #: the match.  Chosen for time.
     offsets: int = 24
-    likely_zeros: int = 6
 
     # --- drives, and lines of any order -------------------------------------------------------------------------------
 

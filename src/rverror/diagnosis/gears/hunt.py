@@ -173,7 +173,8 @@ class Hunt:
 
         Fitted sizes are of use only where they fit: elsewhere they have moved to make up for what is missing.
         """
-        pairs = [(state, one) for state in plains for one in screened(state, self.free(settled))]
+        offers = self.each(lambda state: screened(state, self.free(settled)), plains, settled)
+        pairs = [(state, one) for state, found in zip(plains, offers, strict=True) for one in found]
         pairs.sort(key=lambda pair: pair[1].objective)
         if settled.data >= settled.bound:
             return pairs
@@ -194,10 +195,10 @@ class Hunt:
         if nodes and self.complete(nodes[0]):
             return nodes
         settled = onto(self.coarse(node), node.fit)
-        plains = [as_declared(settled)]
-        likely = self.offsets[: policy.likely_zeros]
-        if likely and not node.fit.added:
-            plains = [evaluated(settled.bench, marked(plains[0].model, o), settled.declared) for o in likely]
+        plain = as_declared(settled)
+        # what is missing decides where the marks are as much as what was declared
+        offsets = () if node.fit.added else self.offsets[: policy.offsets]
+        plains = self.each(partial(turned_to, plain), offsets, settled) or [plain]
         offers = self.proposals(settled, plains)
         most = policy.evaluated * min(len(plains), 3)
         trials = self._tried(offers[:most], settled)
@@ -362,7 +363,7 @@ class Hunt:
             alike = [one for one in self.candidates if one[0] == key]
 
             def at(offset: float) -> list[Trial]:
-                state = evaluated(coarse.bench, marked(fit.declared, offset), fit.declared, coarse.waves)
+                state = turned_to(coarse, offset)
                 return [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
 
             trials = [trial for found in self.each(at, self.offsets, coarse) for trial in found]
@@ -655,6 +656,11 @@ def marked(model: Model, offset: float) -> Model:
     """The model with its marks at an offset."""
     effects = tuple(replace(e, values=(offset,)) if source(e.key).acts == "marks" else e for e in model.effects)
     return replace(model, effects=effects)
+
+
+def turned_to(fit: Fit, offset: float) -> Fit:
+    """The same sizes with the marks at an offset."""
+    return evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
 
 
 def onto(bench: RunSet, fit: Fit) -> Fit:

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
-from rverror.diagnosis.gears.hunt import Hunt, Node, marked, nearly_noise, onto
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, fitted, renoised
+from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_to
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.waveform import Named
@@ -124,13 +124,11 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
     count = hunt.policy.offsets if alike else hunt.policy.offsets * 8
 
     def left_at(offset: float) -> tuple[float, float]:
-        state = evaluated(coarse.bench, marked(coarse.model, offset), coarse.declared, coarse.waves)
-        return fitted(state, steps=1).objective, offset
+        return fitted(turned_to(coarse, offset), steps=1).objective, offset
 
     trials = sorted(hunt.each(left_at, [span * at / count for at in range(count)], coarse))
     offsets = tuple(angle for _, angle in trials)
-    best = evaluated(first.bench, marked(first.model, offsets[0]), first.declared, first.waves)
-    return replace(hunt, offsets=offsets), renoised(best)
+    return replace(hunt, offsets=offsets), renoised(turned_to(first, offsets[0]))
 
 
 def candidates_of(model: Model, records: Sequence[Record], policy: Policy, *, late: bool = False) -> tuple[Named, ...]:
