@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, takewhile
+from itertools import combinations, product, takewhile
 from typing import TypeVar
 
 import numpy as np
@@ -348,6 +348,20 @@ class Hunt:
             node = min(better, key=lambda n: n.score)
         return node
 
+    def restarted(self, node: Node) -> Node:
+        """The node with its pins' causes begun anew at workshop sizes, if one ends at a better place then.
+
+        Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.
+        """
+        for effect in node.fit.added:
+            others = tuple(other for other in node.fit.model.effects if named(other) != named(effect))
+            alone = replace(node.fit.model, effects=others)
+            plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
+            offers = [(plain, one) for one in screened(plain, [(effect.key, effect.indices)])]
+            more = [(plain, one) for one in workshop(offers, pins=True)]
+            node = min([node, *self._fine(node, self._raced(self._tried(more, plain)))], key=lambda n: n.score)
+        return node
+
     def remarked(self, node: Node) -> Node:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
 
@@ -492,6 +506,8 @@ class Hunt:
             if node.score > looked.get(node.names, math.inf) - 1:
                 continue  # several ways lead to one set
             looked[node.names] = node.score
+            if not self.complete(node):
+                node = self.restarted(node)
             seen.append(node)
             if self.complete(node):
                 return self.swapped(node), True
@@ -647,7 +663,8 @@ def workshop(offers: Sequence[tuple[Fit, Proposal]], *, pins: bool) -> list[Prop
             angle = np.arange(6) * math.pi / 3
             directions = 0.17 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         else:
-            directions = 0.1 * np.concatenate([np.eye(len(reach)), -np.eye(len(reach))])
+            axes, corners = np.eye(len(reach)), list(product((1.0, -1.0), repeat=len(reach)))
+            directions = 0.1 * np.concatenate([axes, -axes, corners])
         result += [replace(one, sizes=direction * reach) for direction in directions]
     return result
 
