@@ -84,6 +84,8 @@ def diagnose(
     """
     check_model(model)
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
+    if jobs < 1:
+        raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
     for key in policy.keys:
         source(key)  # which names the nearest where there is none
     tell = progress or (lambda text: None)
