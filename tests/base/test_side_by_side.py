@@ -67,6 +67,18 @@ print(each(work, list("abcdef"), jobs=2))
 
 
 @linux
+def test_where_no_copy_can_be_made_all_is_done_here() -> None:
+    body = """
+def refused():
+    raise BlockingIOError
+
+os.fork = refused
+print(each(lambda item: (item, os.getpid() == here), [1, 2, 3], jobs=2))
+"""
+    assert printed(body) == ["[(1, True), (2, True), (3, True)]"]
+
+
+@linux
 def test_an_error_is_raised_as_by_one_process_and_ends_the_copies() -> None:
     body = """
 def work(item):

@@ -90,7 +90,11 @@ def _copies(
         for _ in range(count):
             here, there = os.pipe()
             sent.append(os.fdopen(here, "rb"))
-            copy = os.fork()
+            try:
+                copy = os.fork()
+            except OSError:  # no process or memory to be had: the others do it all
+                os.close(there)
+                break
             if not copy:
                 _work(there, function, items, waiting, shared)
             os.close(there)

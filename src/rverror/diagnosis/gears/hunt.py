@@ -354,6 +354,8 @@ class Hunt:
         Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.
         """
         for effect in node.fit.added:
+            if source(effect.key).frame != "housing":
+                continue  # what turns was begun there in every race
             others = tuple(other for other in node.fit.model.effects if named(other) != named(effect))
             alone = replace(node.fit.model, effects=others)
             plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
