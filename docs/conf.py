@@ -6,6 +6,7 @@ Nothing is fetched to build the site, and nothing to look at it.
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,8 @@ import rverror
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
+# the notebooks' kernels are processes of their own
+os.environ["PYTHONPATH"] = os.pathsep.join([str(HERE / "_ext"), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 project = "rverror"
 author = copyright = "The rverror developers"
