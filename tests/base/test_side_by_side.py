@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -105,8 +106,13 @@ def test_a_process_of_several_threads_is_not_copied(jobs: int) -> None:
     done = threading.Event()
     other = threading.Thread(target=done.wait)
     other.start()
+
+    def work(item: int) -> tuple[int, int]:
+        time.sleep(0.05)  # a copy would come to its turn
+        return item, os.getpid()
+
     try:
-        assert each(lambda item: (item, os.getpid()), range(5), jobs=jobs) == [(item, os.getpid()) for item in range(5)]
+        assert each(work, range(5), jobs=jobs) == [(item, os.getpid()) for item in range(5)]
     finally:
         done.set()
         other.join()

@@ -41,6 +41,7 @@ from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Effect, Model
+from rverror.statics.loaded_state import NotConvergedError
 
 BARE = Model(UNIT)
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
@@ -605,6 +606,33 @@ def test_a_set_is_looked_beside_once_however_many_ways_lead_to_it() -> None:
     assert done
     assert best.names == frozenset("CDE")
     assert len(told) == len(set(told))
+
+
+class Anew(Tree):
+    """A search in which the set of A alone, begun anew, is the one that leaves nothing."""
+
+    def restarted(self, node: Any) -> Any:
+        return self.set_of("C", "D", "E") if node.names == frozenset("A") else node
+
+
+def test_a_set_that_is_not_complete_begins_anew_before_one_looks_beside_it() -> None:
+    told: list[str] = []
+    tree = Anew((), POLICY, Journal(told.append))
+    best, done = tree.best([tree.set_of("A")], 42)
+    assert (best.names, done, told) == (frozenset("CDE"), True, [])
+
+
+class Unsettled(Hunt):
+    """A search that finds no equilibrium without a cause."""
+
+    def coarse(self, node: Node) -> Any:
+        raise NotConvergedError("no equilibrium")
+
+
+def test_a_cause_on_which_others_stand_does_not_begin_anew() -> None:
+    node = settled(Model(OTHER, (PINS,)), PINS)
+    known = hunt_of(node)
+    assert Unsettled(known.candidates, POLICY, known.journal).restarted(node) is node
 
 
 def test_a_wider_search_tries_more_and_judges_alike() -> None:

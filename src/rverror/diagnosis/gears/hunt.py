@@ -358,7 +358,10 @@ class Hunt:
                 continue  # what turns was begun there in every race
             others = tuple(other for other in node.fit.model.effects if named(other) != named(effect))
             alone = replace(node.fit.model, effects=others)
-            plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
+            try:
+                plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
+            except NotConvergedError:  # the others stand on it
+                continue
             offers = [(plain, one) for one in screened(plain, [(effect.key, effect.indices)])]
             more = [(plain, one) for one in workshop(offers, pins=True)]
             node = min([node, *self._fine(node, self._raced(self._tried(more, plain)))], key=lambda n: n.score)
