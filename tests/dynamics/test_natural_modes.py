@@ -194,6 +194,21 @@ def test_shapes_have_a_modal_mass_of_one_kilogram_and_do_not_move_one_another(be
         np.testing.assert_allclose(sum(shares.values()), 1, rtol=1e-9)
 
 
+def test_the_first_of_what_moves_most_tells_the_sign() -> None:
+    """Which of two equal motions is the larger by rounding differs from machine to machine, and so would the sign."""
+    found = modes(Model(UNIT), theta=0.4)
+    masses = {"carrier": "carrier", "disc": "disc", "crank": "crank", "sun": "sun"}
+    weighed = []
+    for part, rows in found.shape.items():
+        kind = masses[part.split()[0]]
+        mass, inertia = (getattr(found.inertia, f"{kind}_{what}") for what in ("mass", "inertia"))
+        weighed += [math.sqrt(size) * row for size, row in zip((mass, mass, inertia), rows, strict=False)]
+    moved = np.array(weighed)
+    alike = np.abs(moved) > (1 - 1e-6) * np.abs(moved).max(axis=0)
+    assert (alike.sum(axis=0) > 1).any()
+    assert (moved[alike.argmax(axis=0), np.arange(moved.shape[1])] > 0).all()
+
+
 def test_frequencies_come_back_after_a_turn_of_the_crank_against_the_carrier() -> None:
     """Without errors one pin is as another."""
     pitch = 2 * math.pi / UNIT.pins

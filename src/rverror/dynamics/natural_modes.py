@@ -20,6 +20,8 @@ from rverror.model.effects import Model, check_model
 from rverror.model.readings import stand
 from rverror.statics.loaded_state import statics_of
 
+_ALIKE = 1e-6  # of two motions that differ by less neither moves most: far above rounding, far below what differs
+
 
 @dataclass(frozen=True)
 class Modes(Viewed):
@@ -33,7 +35,8 @@ class Modes(Viewed):
         0 where nothing holds it.  By contact that of the mode alone: what damping couples it with is left out.
     shape : mapping of str to ndarray
         Motion of each part at a modal mass of 1 kg: x and y (mm per mm) and angle (rad per mm), (3, m); of a sun whose
-        angle is held (2, m); of input and load the angle, (1, m).
+        angle is held (2, m); of input and load the angle, (1, m).  What moves most, weighed by the root of its mass or
+        inertia, moves the positive way; of several alike the first does.
     strain_energy : mapping of str to ndarray, each of shape (m,)
         Share that each group of contacts, by its name in ``[reducer.stiffness]``, and each spring of ``[bench]`` holds.
     kinetic_energy : mapping of str to ndarray, each of shape (m,)
@@ -117,7 +120,9 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))
     value = np.where(value < FREE * value[-1], 0.0, value)
     phi = vector / root[:, None]
-    phi *= np.where(phi[np.abs(phi * root[:, None]).argmax(axis=0), np.arange(phi.shape[1])] < 0, -1.0, 1.0)
+    # the first of those that move most tells the sign: of cranks alike another would by rounding
+    most = (np.abs(vector) > (1 - _ALIKE) * np.abs(vector).max(axis=0)).argmax(axis=0)
+    phi *= np.where(vector[most, np.arange(most.size)] < 0, -1.0, 1.0)
     frequency = np.sqrt(value) / (2 * math.pi)
     # phi has a modal mass of one tonne
     strain = {

@@ -186,6 +186,15 @@ def test_rivals_hold_the_exact_twin_at_another_place(right: Node) -> None:
     assert twin.fit.added[0].values == pytest.approx(right.fit.added[0].values, abs=1e-5)
 
 
+def test_a_cause_does_not_give_way_to_its_exact_twin_that_was_fitted_further(right: Node) -> None:
+    fit = right.fit
+    nearly = replace(fit.added[0], values=tuple(0.97 * value for value in fit.added[0].values))
+    model = replace(fit.model, effects=(*fit.declared.effects, nearly))
+    behind = Node(evaluated(fit.bench, model, fit.declared))
+    assert behind.score > right.score + 10
+    assert hunt_of(behind).swapped(behind).names == right.names
+
+
 def test_rivals_hold_the_exact_twin_of_another_key() -> None:
     """A disc ground smaller all around is pins that are all larger."""
     node = settled(Model(UNIT, (PINS, CAM)), PINS, declared=Model(UNIT, (CAM,)), rms=0.1)

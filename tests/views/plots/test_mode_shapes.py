@@ -80,5 +80,17 @@ def test_a_drawing_can_be_read_in_grey_and_nothing_lies_over_another(found: Mode
 def test_a_held_sun_and_three_cranks_are_drawn() -> None:
     unit = reducer("RV-40E", cranks=3)
     told = [text.get_text() for text in modes(Model(unit), torque="100 N*m").plot().texts]
-    assert any(text.startswith("angles beside one another: carrier +1") for text in told)
+    assert not any(text.startswith("angles beside one another") for text in told)  # the carrier alone, by no other
     assert any(text.startswith("held by: ") for text in told)
+
+
+def test_shafts_that_only_rounding_turns_are_not_told_of() -> None:
+    """Three cranks turn against one another, and by symmetry neither sun, carrier, input nor load with them."""
+    found = modes(Model(reducer("RV-40E", cranks=3), bench=BENCH), torque="100 N*m")
+    shafts = np.abs([found.shape[name][-1] for name in ("input", "carrier", "load")]).max(axis=0)
+    cranks = np.abs([found.shape[f"crank {number}"][-1] for number in range(3)]).max(axis=0)
+    still = np.flatnonzero((shafts < 1e-9 * cranks) & (found.frequency > 0))
+    assert still.size
+    for mode in (int(still[0]) + 1, int(np.flatnonzero(found.frequency > 0)[0]) + 1):
+        told = [text.get_text() for text in found.plot(mode=mode).texts]
+        assert any(text.startswith("angles beside one another") for text in told) is (mode - 1 not in still)

@@ -18,6 +18,7 @@ from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
+    as_compared,
     counted,
     deviation,
     evaluated,
@@ -84,7 +85,7 @@ class Node:
             prior = np.array([policy.workshop * p.plausible for p in source(effect.key).parameters])
             total -= np.linalg.slogdet(covariance[at, at] / np.outer(prior, prior))[1]
         regular = 2 * len(self.lines) + (4 if self.slow else 0)
-        return float(total + regular * policy.row_cost * len(fit.bench.records))
+        return as_compared(float(total + regular * policy.row_cost * len(fit.bench.records)))
 
     @property
     def names(self) -> frozenset[object]:
@@ -244,7 +245,7 @@ class Hunt:
         kept = self._ahead(trials, policy.stepped, 3, "solved at the load: may leave")
         kept = self._ahead(self._stepped(kept, 1), policy.refitted + 3, 2, "after one joint step: may leave")
         kept = self._ahead(self._stepped(kept, 2), policy.refitted, 2, "after three joint steps: may leave")
-        return sorted(self._stepped(kept, 12), key=lambda t: t.fit.objective)
+        return sorted(self._stepped(kept, 12), key=lambda t: as_compared(t.fit.objective))
 
     def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
         """The most promising trials; it is written down why the others fell."""
@@ -336,6 +337,7 @@ class Hunt:
 
     def swapped(self, node: Node) -> Node:
         """The node with each cause, or two of them, replaced by one that fits better in their place, if any does."""
+        (node,) = self._refitted([node.fit], node)  # as far as its rivals are, or a twin would win by steps alone
         for _ in range(self.policy.most_effects):
             count = range(len(node.fit.added))
             others = [rival for at in count for rival in self.rivals(node, at)]
@@ -476,7 +478,7 @@ class Hunt:
                 state = evaluated(coarse.bench, model, coarse.declared, coarse.waves)
             except NotConvergedError:
                 return None
-            return Trial(state, -math.inf if other in exact else state.objective - proposed(state)[1])
+            return Trial(state, -math.inf if other in exact else as_compared(state.objective - proposed(state)[1]))
 
         trials = [trial for trial in self.each(instead, [*exact, *others], coarse) if trial]
         far = coarse.objective + 5 * self.policy.close
@@ -723,10 +725,10 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
         state = evaluated(fit.bench, replace(fit.model, effects=(*fit.model.effects, effect)), fit.declared, fit.waves)
     except NotConvergedError:
         return None
-    return Trial(state, state.objective - proposed(state)[1])
+    return Trial(state, as_compared(state.objective - proposed(state)[1]))
 
 
 def stepped(trial: Trial, steps: int) -> Trial:
     """So many joint steps more."""
     fit = fitted(trial.fit, steps=steps, enough=0.5)
-    return Trial(fit, fit.objective - proposed(fit)[1])
+    return Trial(fit, as_compared(fit.objective - proposed(fit)[1]))

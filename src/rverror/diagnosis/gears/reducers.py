@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, fitted, renoised
+from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, begun, fitted, renoised
 from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_to
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, records_of
@@ -124,7 +124,7 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
     count = hunt.policy.offsets if alike else hunt.policy.offsets * 8
 
     def left_at(offset: float) -> tuple[float, float]:
-        return fitted(turned_to(coarse, offset), steps=1).objective, offset
+        return as_compared(fitted(turned_to(coarse, offset), steps=1).objective), offset
 
     trials = sorted(hunt.each(left_at, [span * at / count for at in range(count)], coarse))
     offsets = tuple(angle for _, angle in trials)

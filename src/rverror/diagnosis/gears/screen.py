@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit, bounds, counted, deviation, scale_of
+from rverror.diagnosis.gears.fit import Fit, as_compared, bounds, counted, deviation, scale_of
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
@@ -99,4 +99,4 @@ def _solved(fit: Fit, gram: Array, moment: Array, weight: Array, off: Array) -> 
         if abs(again - scale) < 0.01 * scale:
             break
         scale = again
-    return step, counted(max(left, 1e-9), fit.bound, fit.bench.policy) + float(weight @ (off + step) ** 2)
+    return step, as_compared(counted(max(left, 1e-9), fit.bound, fit.bench.policy) + float(weight @ (off + step) ** 2))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SHOWN = 0.12  # of the pin circle's radius: the farthest that anything is drawn from where it stands
+_NOTHING = 1e-9  # of the most that any part turns: a shaft that turns by less stands still
 _MOST_NAMED = 3  # parts, and contacts, that a mode's energies are told of
 
 
@@ -116,7 +117,9 @@ def _told(modes: Modes, at: int, shape: Mapping[str, Array], scale: float) -> li
     if len(shape["sun"]) == 2:  # its angle is held
         del shafts["sun"]
     largest = max((abs(value) for value in shafts.values()), default=0.0)
-    angles = ", ".join(f"{name} {value / largest:+.2g}" for name, value in shafts.items()) if largest else ""
+    turned = _NOTHING * max(abs(float(rows[-1])) for rows in shape.values())  # by rounding, where only cranks turn
+    beside = shafts.items() if len(shafts) > 1 and largest > turned else ()
+    angles = ", ".join(f"{name} {value / largest:+.2g}" for name, value in beside)
     found = [f"moved {scale:.3g} times its size at a modal mass of 1 kg"]
     if angles:
         found.append(f"angles beside one another: {angles}")
