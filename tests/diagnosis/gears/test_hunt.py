@@ -451,6 +451,32 @@ def test_marks_are_placed_anew_where_one_cause_is_none() -> None:
     assert known.remarked(node) is node
 
 
+def test_a_wave_of_the_pins_keeps_its_sizes_while_marks_are_placed_anew() -> None:
+    """At light load no linear step finds its four sizes; those that were fitted at wrong marks are nearly right."""
+    cam = replace(CAM, uncertainty=3e-4)
+    wave = rverror.effect(
+        "cycloid.pin_circle", harmonic=2, radial_cos="-6.4 um", radial_sin="2.4 um", tangential_cos="-3.8 um",
+        tangential_sin="6.0 um",
+    )  # fmt: skip
+    declared, ahead, light = Model(UNIT, (cam,)), 0.03, ((1.0, 20e3), (-1.0, 20e3))
+    runs = [replace(r, index="unknown") for r in runs_of(Model(UNIT, (cam, wave)), light, points=1024, marks=ahead)]
+    model, anywhere = with_marks(declared, runs)
+    records, _ = records_of(model, runs, POLICY)
+    first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
+    period = 2 * math.pi / fundamental_orders(UNIT)["crank"]
+    offsets = tuple(np.arange(24) * period / 24)
+    hunt = Hunt(((wave.key, wave.indices),), POLICY, Journal(lambda text: None), offsets=offsets)
+    wrong = marked(replace(model, effects=(*model.effects, wave)), ahead + 0.05)
+    free = np.ones(len(first.moment) + 4, dtype=np.bool_)
+    free[2] = False  # the marks, after the cam's two
+    known = renoised(fitted(evaluated(first.bench, marked(wrong, ahead), model), steps=30))
+    node = Node(fitted(evaluated(known.bench, wrong, model), free=free, steps=40))
+    assert not hunt.complete(node)
+    found = hunt.remarked(node)
+    assert hunt.complete(found)
+    assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
+
+
 def test_marks_at_every_angle_are_tried_with_every_candidate() -> None:
     """A cam far off its place turns the match of what was declared: the right marks may come last by that."""
     profile = rverror.effect("cycloid.disc_profile", disc=0, harmonic=2, cos="2 um", uncertainty="0.3 um")

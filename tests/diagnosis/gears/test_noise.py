@@ -126,6 +126,20 @@ def test_lines_ten_times_the_noise_are_not_taken_for_it(memory: float) -> None:
     assert np.mean(size) == pytest.approx(1, abs=0.15)
 
 
+def test_a_slow_wave_in_half_a_turn_of_noise_is_taken_for_chance() -> None:
+    """What its two sizes take off the squares of noise that is known has a mean of 2, and of 400 runs one of 0.1."""
+    n = 940
+    theta = np.pi * np.arange(n) / n
+    kept, rows, taken = np.ones(n, dtype=np.bool_), np.stack([np.cos(theta), np.sin(theta)]), []
+    for seed in range(400):
+        noise = red(seed, n, 0.3, 0.9) + 0.4 * ARCSEC * np.random.default_rng([seed, 1]).normal(size=n)
+        white = Whitening(noise_of(noise, kept, 3.0, floor=FLOOR, calm=True), kept, (0,), np.ones((1, n)))
+        left, waves = white(noise[None])[0], white(rows)
+        taken.append((waves @ left) @ np.linalg.solve(waves @ waves.T, waves @ left))
+    assert np.mean(taken) == pytest.approx(2, abs=0.35)
+    assert np.mean(np.array(taken) > 9.21) < 0.02  # one in a hundred by chi-square, 0.005 of standard deviation
+
+
 def test_a_perfect_fit_is_no_certainty() -> None:
     found = noise_of(np.zeros(500), np.ones(500, dtype=np.bool_), 1.0, floor=FLOOR)
     assert found.rms == pytest.approx(FLOOR, rel=1e-6)

@@ -464,10 +464,13 @@ def renoised(fit: Fit) -> Fit:
     """The same sizes under the noise that their residual shows."""
     records = []
     total = sum(r.kept.sum() for r in fit.bench.records)
-    used = float(np.isfinite(fit.weights).sum())
+    used, calm = float(np.isfinite(fit.weights).sum()), fit.data <= fit.bound
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
-        share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
-        noise = noise_of(record.without_nuisance(rest), record.kept, share, floor=fit.bench.policy.model_error)
+        share, clean = (
+            used * float(record.kept.sum()) / float(total) + len(record.nuisance),
+            record.without_nuisance(rest),
+        )
+        noise = noise_of(clean, record.kept, share, floor=fit.bench.policy.model_error, calm=calm)
         records.append(replace(record, noise=noise))
     return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
 

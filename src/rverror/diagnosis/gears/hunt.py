@@ -373,7 +373,8 @@ class Hunt:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
 
         A cause of one order is turned by wrong marks as it is by its own angle: only what was declared, and contacts,
-        tell them.  All causes of a key are tried at all marks, so another one of that key has the same answer.
+        tell them.  All causes of a key are tried at all marks, so another one of that key has the same answer.  So is
+        the cause as it was fitted: what is fixed in the housing hardly turns with the marks.
         """
         fit = node.fit
         if not self.offsets or len(fit.added) != 1:
@@ -381,11 +382,13 @@ class Hunt:
         key = fit.added[0].key
         if key not in self._turned or self._turned[key].fit.bench is not fit.bench:
             coarse = evaluated(self.coarse(node), fit.declared, fit.declared)
+            own = as_declared(onto(self.coarse(node), fit))
             alike = [one for one in self.candidates if one[0] == key]
 
             def at(offset: float) -> list[Trial]:
                 state = turned_to(coarse, offset)
-                return [trial for one in screened(state, alike)[:2] if (trial := tried(state, one))]
+                trials = [tried(state, one) for one in screened(state, alike)[:2]]
+                return [trial for trial in (*trials, stood(own, offset)) if trial]
 
             trials = [trial for found in self.each(at, self.offsets, coarse) for trial in found]
             self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
@@ -723,6 +726,15 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
     effect = Effect(one.name[0], dict(one.name[1]), tuple(map(float, sizes)))
     try:
         state = evaluated(fit.bench, replace(fit.model, effects=(*fit.model.effects, effect)), fit.declared, fit.waves)
+    except NotConvergedError:
+        return None
+    return Trial(state, as_compared(state.objective - proposed(state)[1]))
+
+
+def stood(fit: Fit, offset: float) -> Trial | None:
+    """The same sizes with the marks at an offset."""
+    try:
+        state = turned_to(fit, offset)
     except NotConvergedError:
         return None
     return Trial(state, as_compared(state.objective - proposed(state)[1]))

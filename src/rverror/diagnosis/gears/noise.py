@@ -18,6 +18,9 @@ _MOST_LAGS = 32
 _TABLE = 4096  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
+#: Of a run of nothing but noise; Hann's window makes it count as half as long, and a slow wave in a short run stands
+#: out of noise that is not known then.
+_CALM_ENDS = 0.1
 _FAR = 8.0  # times the median of noise: above it lies one bin in 256
 _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has an exponential distribution in each bin
 
@@ -46,7 +49,7 @@ class RunNoise:
         return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
 
-def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float) -> RunNoise:
+def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False) -> RunNoise:
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     The periodogram is cut where it stands far above the median of its band, a third of an octave, which lines of a few
@@ -61,12 +64,15 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float) -> Ru
         Number of parameters that this residual was fitted with.
     floor : float
         White noise that is there in any case.
+    calm : bool
+        Whether nothing but noise is left, so that nothing strong leaks from one bin to the others, and nearly all
+        samples can count.
     """
     n = residual.size
     used = float(kept.sum())
     # holes would scatter strong lines over the spectrum; here, and only here, neighbours stand for what is set aside
     rest = residual if kept.all() else np.interp(np.arange(n), np.flatnonzero(kept), residual[kept])
-    window = np.hanning(n + 2)[1:-1]
+    window = _window(n, _CALM_ENDS if calm else 1.0)
     rest = (rest - rest.mean()) * window
     power = np.abs(np.fft.rfft(rest)) ** 2 / float((window**2).sum())
     power *= used / max(used - fitted, 0.5 * used)
@@ -76,6 +82,12 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float) -> Ru
     count = max(min(_MOST_LAGS, n // 64), min(4, n // 20))
     coefficients = scipy.linalg.solve_toeplitz(lags[:count], lags[1 : count + 1]) if count else np.zeros(0)
     return RunNoise(np.asarray(coefficients), float(np.sqrt(lags[0] - coefficients @ lags[1 : count + 1])))
+
+
+def _window(n: int, share: float) -> Array:
+    """Rises and falls as a cosine over a share of a run (Tukey); over all of it it is Hann's."""
+    at = np.arange(1, n + 1) / (n + 1)
+    return np.asarray((1 - np.cos(np.pi * np.minimum(2 * np.minimum(at, 1 - at) / share, 1))) / 2)
 
 
 def _without_lines(power: Array) -> Array:
