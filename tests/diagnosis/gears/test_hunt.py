@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -248,6 +249,32 @@ def test_a_size_that_cannot_be_is_not_offered() -> None:
     exact = evaluated(node.fit.bench, Model(UNIT, (play,)), Model(UNIT, (play,)))
     names = {one.name[0]: one for one in screened(exact, [("coupling.bearing_clearance", {})])}
     assert all(one.sizes[0] >= 0 for one in names.values())
+
+
+def test_a_clearance_is_tried_though_a_linear_step_makes_less_than_nothing_of_it() -> None:
+    """Cams that are declared wrong by up to three uncertainties take the place of what it does to first order."""
+    true, said = (
+        ((1.4, -2.0), (-0.7, 2.5), (2.0, -1.8), (0.7, 5.5)),
+        ((0.8, -3.1), (-0.7, 2.7), (3.1, -2.1), (0.7, 5.5)),
+    )
+    places = list(product((0, 1), (0, 1)))
+    made, declared = (
+        tuple(
+            rverror.effect("crank.eccentricity", crank=crank, disc=disc, radial=f"{x} um", tangential=f"{y} um",
+                           uncertainty="0.4 um")
+            for (crank, disc), (x, y) in zip(places, sizes, strict=True)
+        )
+        for sizes in (true, said)
+    )  # fmt: skip
+    clearance = rverror.effect("crank.bearing_clearance", clearance="6 um")
+    light = ((1.0, 20e3), (-1.0, 20e3))
+    first = begin(Model(UNIT, declared), runs_of(Model(OTHER, (*made, clearance)), light, points=512))
+    assert not screened(first, [(clearance.key, clearance.indices)])
+    waves = (("cycloid.disc_pitch", {"disc": 0, "harmonic": 2}), ("cycloid.disc_profile", {"disc": 1, "harmonic": 2}))
+    hunt = Hunt((*waves, (clearance.key, {})), POLICY, Journal(lambda text: None))
+    best = hunt.children(Node(fitted(renoised(fitted(first)))))[0]
+    assert [e.key for e in best.fit.added] == [clearance.key]
+    assert best.fit.added[0].values[0] == pytest.approx(0.006, abs=3e-4)
 
 
 def test_trials_start_at_sizes_that_a_workshop_makes(right: Node) -> None:

@@ -215,10 +215,18 @@ class Hunt:
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
             pins = offers[: policy.evaluated] if self.pins else [o for o in offers if identity(o[1].name) in found]
-            more = workshop(offers, pins=False) + workshop(pins, pins=True)
+            more = workshop(offers + self._barred(plain, offers), pins=False) + workshop(pins, pins=True)
             more += mirrored(nodes, offers)
             nodes += self._fine(node, self._raced(self._tried([(plain, one) for one in more], plain)))
         return sorted(nodes + self._regular(node), key=lambda n: n.score)
+
+    def _barred(self, plain: Fit, offers: Sequence[tuple[Fit, Proposal]]) -> list[tuple[Fit, Proposal]]:
+        """Candidates of which a linear step makes less than nothing, as a clearance: far from it they may do well."""
+        offered = {identity(one.name) for _, one in offers}
+        barred = [name for name in self.free(plain) if identity(name) not in offered]
+        return [
+            (plain, Proposal(name, math.inf, np.zeros(len(source(name[0]).parameters)), np.zeros(0))) for name in barred
+        ]
 
     def _direct(self, node: Node) -> list[Node]:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
