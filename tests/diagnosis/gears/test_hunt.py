@@ -452,6 +452,20 @@ def test_a_wave_of_the_pins_is_begun_anew_where_its_fit_ended_elsewhere(sizes_um
     assert signs * np.array(found.fit.added[0].values) == pytest.approx(true.values, abs=3e-4)
 
 
+@pytest.mark.parametrize("other", [4, 6])
+def test_a_pin_that_stands_for_the_one_beside_it_gives_way(other: int) -> None:
+    """Pushed in by 5 um at light load a pin carries for those beside it, which look much like it."""
+    pin = rverror.effect("cycloid.pin_position", pin=5, radial="5.5 um", tangential="7.8 um")
+    first = begin(BARE, runs_of(Model(OTHER, (pin,)), ((1.0, 20e3), (-1.0, 20e3)), points=1024))
+    beside = replace(pin, indices={"pin": other}, values=(0.0, 2e-3))
+    node = Node(fitted(renoised(fitted(evaluated(first.bench, Model(UNIT, (beside,)), BARE))), steps=30))
+    hunt = hunt_of(node)
+    assert not hunt.complete(node)
+    found = hunt.restarted(node)
+    assert [e.indices for e in found.fit.added] == [pin.indices]
+    assert hunt.complete(found)
+
+
 def test_marks_are_placed_anew_where_one_cause_is_none() -> None:
     """Turned by wrong marks a planet's wave fits as well, but not the declared cam's, which is known to 0.3 um."""
     cam = replace(CAM, uncertainty=3e-4)

@@ -361,7 +361,8 @@ class Hunt:
     def restarted(self, node: Node) -> Node:
         """The node with its pins' causes begun anew at workshop sizes, if one ends at a better place then.
 
-        Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.
+        Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.  So
+        does a pin that stands for the one beside it.
         """
         for effect in node.fit.added:
             if source(effect.key).frame != "housing":
@@ -372,7 +373,7 @@ class Hunt:
                 plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
             except NotConvergedError:  # the others stand on it
                 continue
-            offers = [(plain, one) for one in screened(plain, [(effect.key, effect.indices)])]
+            offers = [(plain, one) for one in screened(plain, places(effect, plain.bench.unit, self.free(plain)))]
             more = [(plain, one) for one in workshop(offers, pins=True)]
             node = min([node, *self._fine(node, self._raced(self._tried(more, plain)))], key=lambda n: n.score)
         return node
@@ -628,6 +629,15 @@ def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
             others.append(way)
             kept.append(trial)
     return kept
+
+
+def places(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Named]:
+    """The same cause, and of a pin those beside it, which carry next, where they are free."""
+    pin, found = effect.indices.get("pin"), [(effect.key, effect.indices)]
+    if isinstance(pin, int):
+        beside = [{**effect.indices, "pin": (pin + step) % unit.pins} for step in (-1, 1)]
+        found += [(effect.key, indices) for indices in beside if (effect.key, indices) in free]
+    return found
 
 
 def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effect]:
