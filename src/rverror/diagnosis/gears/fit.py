@@ -460,11 +460,11 @@ def promised(fit: Fit, step: Array) -> float:
     return fit.objective - left - float(weights @ (off + step) ** 2)
 
 
-def renoised(fit: Fit) -> Fit:
-    """The same sizes under the noise that their residual shows."""
+def renoised(fit: Fit, *, calm: bool = False) -> Fit:
+    """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records = []
     total = sum(r.kept.sum() for r in fit.bench.records)
-    used, calm = float(np.isfinite(fit.weights).sum()), fit.data <= fit.bound
+    used = float(np.isfinite(fit.weights).sum())
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         share, clean = (
             used * float(record.kept.sum()) / float(total) + len(record.nuisance),

@@ -72,7 +72,7 @@ def diagnose_reducer(
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
-        renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit))
+        renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit), calm=done)
         best = hunt.pruned(Node(fitted(renewed), best.lines, best.slow))
         done = hunt.complete(best)
         if changed is None and (done or hunt.pins):
