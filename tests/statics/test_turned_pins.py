@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import rverror
 from gear_runs import UNIT, begin, runs_of
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.account import elastic
+from rverror.diagnosis.gears.account import elastic_within, half_widths
 from rverror.diagnosis.gears.fit import fitted
 from rverror.geartrain.cycloid import trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
@@ -124,7 +124,7 @@ def test_runs_tell_how_far_pins_follow_their_profiles(share: float) -> None:
     true = replace(UNIT, contact_law=ContactLaw(profile_curvature=share))
     assumed = replace(UNIT, contact_law=ContactLaw(profile_curvature=1.0 - share))
     fit = fitted(begin(rverror.Model(assumed, (wave,)), runs_of(rverror.Model(true, (wave,)))), steps=30)
-    (found,) = [one for one in elastic(fit) if one.name == "profile_curvature"]
+    (found,) = [one for one in elastic_within(fit, half_widths(fit)) if one.name == "profile_curvature"]
     assert found.told
     assert found.low <= share <= found.high
     assert not found.low <= 1.0 - share <= found.high

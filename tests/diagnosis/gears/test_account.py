@@ -13,7 +13,7 @@ import rverror
 from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.account import elastic, left_out, reach, spread, told_lines
+from rverror.diagnosis.gears.account import elastic_within, half_widths, left_out, reach, spread, told_lines
 from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.spectrum import best_lines
@@ -157,7 +157,8 @@ def test_runs_that_are_all_noise_leave_stiffness_what_was_known_before() -> None
     (run,) = runs_of(Model(UNIT), ((1.0, 50e3),), points=512)
     first = begin(Model(UNIT), [run], points=512)
     loud = [replace(r, noise=RunNoise(np.zeros(0), 1.0)) for r in first.bench.records]
-    soft = {e.name: e for e in elastic(evaluated(first.bench.with_records(loud), Model(UNIT), Model(UNIT)))}
+    fit = evaluated(first.bench.with_records(loud), Model(UNIT), Model(UNIT))
+    soft = {e.name: e for e in elastic_within(fit, half_widths(fit))}
     for name in ("pin_contact", "crank_bearing", "gear_mesh", "carrier_bearing"):
         one, stated = soft[name], getattr(UNIT.stiffness, name)
         assert one.value == one.declared == pytest.approx(stated)

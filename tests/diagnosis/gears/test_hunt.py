@@ -14,7 +14,7 @@ import pytest
 import rverror
 from gear_runs import OTHER, UNIT, begin, runs_of
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.account import spread
+from rverror.diagnosis.gears.account import half_widths, spread
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, proposed, renoised
 from rverror.diagnosis.gears.hunt import (
     Hunt,
@@ -516,6 +516,46 @@ def test_a_wave_of_the_pins_keeps_its_sizes_while_marks_are_placed_anew() -> Non
     found = hunt.remarked(node)
     assert hunt.complete(found)
     assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
+
+
+def fitted_at_marks(ripples: int, **noise: float) -> tuple[Node, float, float]:
+    """A bore beside a declared cam, fitted so many ripples off the marks; how many it is off then, and one ripple."""
+    cam = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="3 um", tangential="-2 um")
+    cam = replace(cam, uncertainty=6e-4)
+    bore = rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, radial="1 um", tangential="3 um")
+    ahead, ripple = 0.1, 2 * math.pi / fundamental_orders(UNIT)["cycloid mesh"]
+    true = runs_of(Model(UNIT, (cam, bore)), ((1.0, 50e3), (-1.0, 50e3)), points=1024, marks=ahead, **noise)
+    runs = [replace(r, index="unknown") for r in true]
+    model, anywhere = with_marks(Model(UNIT, (cam,)), runs)
+    records, _ = records_of(model, runs, POLICY)
+    bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere)
+    there = marked(replace(model, effects=(*model.effects, bore)), ahead + ripples * ripple)
+    known = begun(bench, marked(there, ahead), model)
+    fit = fitted(evaluated(known.bench, there, model), steps=30)
+    return Node(fit), (fit.model.index_offset - ahead) / ripple, ripple
+
+
+def test_every_ripple_of_the_mesh_has_marks_that_fit_and_the_best_are_taken() -> None:
+    node, off, ripple = fitted_at_marks(1)
+    assert off == pytest.approx(1, abs=0.1)  # a minimum, where no step leads on
+    best, alike = Hunt((), POLICY, Journal(lambda text: None)).ripples_apart(node)
+    assert best.fit.objective < node.fit.objective - 4
+    assert (best.fit.model.index_offset - node.fit.model.index_offset) / ripple == pytest.approx(-off, abs=0.1)
+    assert alike == []
+
+
+def test_intervals_hold_the_sizes_at_marks_that_chance_does_not_tell() -> None:
+    """In four times the noise ripples are not told apart: the cam's size, the bore's and the marks go with them."""
+    node, _, ripple = fitted_at_marks(0, rms=1.2)
+    best, alike = Hunt((), POLICY, Journal(lambda text: None)).ripples_apart(node)
+    assert alike
+    alone, whole = np.array(half_widths(best.fit)), np.array(half_widths(best.fit, alike))
+    assert (whole >= alone).all()
+    marks = 2
+    assert alone[marks] < ripple < whole[marks]
+    for other in alike:
+        sizes, those = ([v for e in fit.model.effects for v in e.values] for fit in (best.fit, other))
+        assert (np.abs(np.subtract(those, sizes)) < whole[: len(sizes)]).all()
 
 
 def test_marks_at_every_angle_are_tried_with_every_candidate() -> None:

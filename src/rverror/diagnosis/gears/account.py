@@ -30,7 +30,7 @@ _TURN = 2 * math.pi
 
 def account(
     declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, root: Node, best: Node, done: bool,
-    notes: list[str],
+    notes: list[str], beside: Sequence[Fit] = (),
 ) -> Diagnosis:  # fmt: skip
     """Say what a search came to.
 
@@ -45,6 +45,8 @@ def account(
     done : bool
         Whether nothing significant is left.
     notes : list of str
+    beside : sequence of Fit
+        Of the best's set, at sizes that chance does not tell from its own: intervals hold theirs too.
     """
     policy = hunt.policy
     notes = notes + _conditions(best.fit)
@@ -57,7 +59,7 @@ def account(
         best = Node(onto(best.fit.bench.with_records(_plain(best.fit.bench.records)), root.fit))
         best = Node(fitted(best.fit))
         left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
-    fit = best.fit
+    fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.bench.records, onto_samples(fit), strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         if record.slow:
@@ -73,7 +75,7 @@ def account(
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
     ranked = _candidates(root, hunt)
-    added = tuple(_addition(hunt, best, at, ranked) for at in range(len(fit.added)))
+    added = tuple(_addition(hunt, best, at, ranked, halves) for at in range(len(fit.added)))
     for one in added:
         hunt.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
     origin = [a.effect for a in added]
@@ -83,7 +85,7 @@ def account(
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
     result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
     if len(model.effects) > len(declared.effects):
-        notes.append(_offset_note(fit, declared))
+        notes.append(_offset_note(fit, declared, halves))
     return Diagnosis(
         verdict="unexplained" if lines or unclear else settled,
         noise_rms=noise_rms(fit),
@@ -99,7 +101,7 @@ def account(
         traces=tuple(_traces(runs, printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
         history=hunt.journal.history,
-        elastic=elastic(fit),
+        elastic=elastic_within(fit, halves),
     )
 
 
@@ -209,14 +211,35 @@ def reach(fit: Fit, variance: float) -> float:
     return math.sqrt(variance) * student((1 - fit.bench.policy.confidence) / 2, max(fit.bench.freedom / 8, 4.0))
 
 
-def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]) -> Addition:
+def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
+    """Half widths of the intervals of all values, which reach as far as those of fits that do as well."""
+    own, values = np.array([reach(fit, float(one)) for one in spread(fit)]), _values(fit)
+    for other in beside:
+        theirs = np.array([reach(other, float(one)) for one in spread(other)])
+        own = np.maximum(own, np.abs(_values(other) - values) + theirs)
+    return [float(one) for one in own]
+
+
+def _values(fit: Fit) -> Array:
+    """All values in the units of their intervals; shared zeros, which nothing is said of, as 0."""
+    now = fit.model.mechanism
+    assert isinstance(now, Reducer)
+    sizes = [value for effect in fit.model.effects for value in effect.values]
+    soft = [
+        math.log(getattr(now.stiffness, name)) if at < 6 else getattr(now.contact_law, name, now.gear_backlash)
+        for at, name in enumerate(SOFTENING)
+    ]
+    return np.array([*sizes, *np.where(fit.bench.soft, soft, 0.0), *np.zeros(len(fit.bench.zeros))])
+
+
+def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float]) -> Addition:
     fit = node.fit
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
-    estimates, notes, variances = [], [], spread(fit)
+    estimates, notes = [], []
     for place, (parameter, value) in enumerate(zip(source(effect.key).parameters, effect.values, strict=True), first):
-        half = reach(fit, float(variances[place]))
+        half = halves[place]
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
@@ -292,13 +315,8 @@ def _candidates(node: Node, hunt: Hunt) -> tuple[Candidate, ...]:
     return tuple(Candidate(o.name[0], o.name[1], node.fit.objective - o.objective) for o in ranked[:20])
 
 
-def elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
-    """What the runs say of stiffness, backlash and contact law."""
-    return elastic_within(fit, [reach(fit, float(variance)) for variance in spread(fit)])
-
-
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
-    """The same with half the width of each value's interval."""
+    """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
     unit, now = fit.bench.unit, fit.model.mechanism
     assert isinstance(now, Reducer)
     count = sum(len(e.values) for e in fit.model.effects)
@@ -367,12 +385,11 @@ def _placed(fit: Fit, declared: Model) -> float:
     return math.sqrt(variance) if variance < fit.bench.policy.marks_placed**2 else math.inf
 
 
-def _offset_note(fit: Fit, declared: Model) -> str:
-    deviation = _placed(fit, declared)
-    if not math.isfinite(deviation):
+def _offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
+    if not math.isfinite(_placed(fit, declared)):
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
-    half = math.degrees(reach(fit, deviation**2))
+    half = math.degrees(halves[sum(len(e.values) for e in declared.effects)])
     return (
         f"index unknown: the gear's marks are {math.degrees(value):.4g} +- {half:.2g} deg "
         "ahead of the bench's zero, fitted together with all sizes; all runs are taken to have the same zero"

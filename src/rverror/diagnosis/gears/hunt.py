@@ -32,6 +32,7 @@ from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.search import Journal
+from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -41,6 +42,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _MARKS_APART = 0.1  # rad between marks from which a fit ends elsewhere
+_RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _ELSEWHERE = 0.5  # cosine between sizes below which they are other sizes of one cause: 60 degrees
 
@@ -403,6 +405,22 @@ class Hunt:
             self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
         return min(node, self._turned[key], key=lambda n: n.score)
 
+    def ripples_apart(self, node: Node) -> tuple[Node, list[Fit]]:
+        """The node at the best of marks that are ripples of the cycloid mesh apart, and fits that chance does not tell.
+
+        As pins begin and cease to carry the error ripples, and the objective has a minimum at every ripple: what was
+        declared and found turns with the marks, within what is known of it.
+        """
+        fit = node.fit
+        ripple = 2 * math.pi / fundamental_orders(fit.bench.unit)["cycloid mesh"]
+        apart = [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1) if step]
+        found = self.each(partial(turned_by, fit), apart, fit)
+        fits = [fit, *(one for one in found if one)]
+        best = min(fits, key=lambda one: as_compared(one.objective))
+        chance = chi_square(1 - self.policy.confidence, 1)
+        alike = [one for one in fits if one is not best and one.objective - best.objective < chance]
+        return Node(best, node.lines, node.slow), alike
+
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""
         while True:
@@ -706,6 +724,14 @@ def marked(model: Model, offset: float) -> Model:
 def turned_to(fit: Fit, offset: float) -> Fit:
     """The same sizes with the marks at an offset."""
     return evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
+
+
+def turned_by(fit: Fit, angle: float) -> Fit | None:
+    """A fit from the same sizes with the marks turned, if there is an equilibrium."""
+    try:
+        return fitted(turned_to(fit, fit.model.index_offset + angle), steps=30)
+    except NotConvergedError:
+        return None
 
 
 def onto(bench: RunSet, fit: Fit) -> Fit:

@@ -82,7 +82,8 @@ def diagnose_reducer(
         if not done:
             hunt = hunt.with_candidates((*hunt.candidates, *hunt.late), pins=True)
             best, done = hunt.best([root, best], policy.again)
-    return account(declared, model, runs, hunt, root, best, done, notes)
+    best, beside = hunt.ripples_apart(best) if anywhere and done else (best, [])
+    return account(declared, model, runs, hunt, root, best, done, notes, beside)
 
 
 def curved(unit: Mechanism) -> Reducer:
