@@ -466,10 +466,8 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     total = sum(r.kept.sum() for r in fit.bench.records)
     used = float(np.isfinite(fit.weights).sum())
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
-        share, clean = (
-            used * float(record.kept.sum()) / float(total) + len(record.nuisance),
-            record.without_nuisance(rest),
-        )
+        share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
+        clean = record.without_nuisance(rest)
         noise = noise_of(clean, record.kept, share, floor=fit.bench.policy.model_error, calm=calm)
         records.append(replace(record, noise=noise))
     return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
