@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from rverror.diagnosis.gears.hunt import (
     bent,
     distinct,
     inexact,
+    leading_of_each,
     lifted,
     marked,
     mirrored,
@@ -37,6 +39,7 @@ from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import candidates_of, placed, with_marks
 from rverror.diagnosis.gears.screen import Proposal, screened
+from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
@@ -48,6 +51,7 @@ BARE = Model(UNIT)
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
 PINS = rverror.effect("cycloid.pin_radius", pin="all", deviation="6 um")
 BOTH_WAYS = ((1.0, 50e3), (-1.0, 50e3), (1.0, 150e3))
+LIGHT = ((1.0, 20e3), (-1.0, 20e3))
 
 
 def settled(true: Model, *effects: Effect, declared: Model = BARE, **more: Any) -> Node:
@@ -439,8 +443,7 @@ def test_a_wave_of_the_pins_is_begun_anew_where_its_fit_ended_elsewhere(sizes_um
         "cycloid.pin_circle", harmonic=3, radial_cos="3.8 um", radial_sin="7.3 um", tangential_cos="2.6 um",
         tangential_sin="-3.1 um",
     )  # fmt: skip
-    light = ((1.0, 20e3), (-1.0, 20e3))
-    first = begin(BARE, runs_of(Model(OTHER, (true,)), light, points=1024))
+    first = begin(BARE, runs_of(Model(OTHER, (true,)), LIGHT, points=1024))
     known = renoised(fitted(evaluated(first.bench, Model(UNIT, (true,)), BARE), steps=30))
     other = replace(true, values=tuple(1e-3 * size for size in sizes_um))
     node = Node(fitted(evaluated(known.bench, Model(UNIT, (other,)), BARE), steps=30))
@@ -452,18 +455,107 @@ def test_a_wave_of_the_pins_is_begun_anew_where_its_fit_ended_elsewhere(sizes_um
     assert signs * np.array(found.fit.added[0].values) == pytest.approx(true.values, abs=3e-4)
 
 
-@pytest.mark.parametrize("other", [4, 6])
-def test_a_pin_that_stands_for_the_one_beside_it_gives_way(other: int) -> None:
+@pytest.mark.parametrize(
+    "beside",
+    [
+        rverror.effect("cycloid.pin_position", pin=4, tangential="2 um"),
+        rverror.effect("cycloid.pin_position", pin=6, tangential="2 um"),
+        rverror.effect("cycloid.pin_radius", pin=6, deviation="2 um"),
+    ],
+    ids=str,
+)
+def test_a_pin_that_stands_for_the_one_beside_it_gives_way(beside: Effect) -> None:
     """Pushed in by 5 um at light load a pin carries for those beside it, which look much like it."""
     pin = rverror.effect("cycloid.pin_position", pin=5, radial="5.5 um", tangential="7.8 um")
-    first = begin(BARE, runs_of(Model(OTHER, (pin,)), ((1.0, 20e3), (-1.0, 20e3)), points=1024))
-    beside = replace(pin, indices={"pin": other}, values=(0.0, 2e-3))
+    first = begin(BARE, runs_of(Model(OTHER, (pin,)), LIGHT, points=1024))
     node = Node(fitted(renoised(fitted(evaluated(first.bench, Model(UNIT, (beside,)), BARE))), steps=30))
     hunt = hunt_of(node)
     assert not hunt.complete(node)
     found = hunt.restarted(node)
     assert [e.indices for e in found.fit.added] == [pin.indices]
     assert hunt.complete(found)
+
+
+class Chained(Hunt):
+    """A search in which each of two causes ends at a better place once the other has, from X Y to A B."""
+
+    ways: ClassVar = {("XY", "pin_position"): "XZ", ("XZ", "pin_circle"): "AZ", ("AZ", "pin_position"): "AB"}
+
+    def complete(self, node: Any) -> bool:
+        return node.names == "AB"
+
+    def _begun_anew(self, node: Any, effect: Any) -> Any:
+        key = effect.key.split(".")[1]
+        self.journal.tell(key)
+        other = self.ways.get((node.names, key))
+        return self.set_of(other) if other else node
+
+    @staticmethod
+    def set_of(names: str) -> Any:
+        keys = ("cycloid.pin_circle", "cycloid.pin_position", "crank.eccentricity")
+        return SimpleNamespace(names=names, fit=SimpleNamespace(added=[SimpleNamespace(key=key) for key in keys]))
+
+
+def test_what_one_cause_has_found_lets_another_go_on() -> None:
+    """The pin moves, then the wave, then the pin again; the cam, which turns, was begun in every race."""
+    told: list[str] = []
+    hunt = Chained((), POLICY, Journal(told.append))
+    assert hunt.restarted(Chained.set_of("XY")).names == "AB"
+    assert told == ["pin_circle", "pin_position", "pin_circle", "pin_position"]
+    other = Chained.set_of("Q")
+    assert hunt.restarted(other) is other
+
+
+@pytest.fixture(scope="module")
+def ground_off() -> Node:
+    """The declared cam alone, where the profile of all discs was ground off as well."""
+    profile = rverror.effect("cycloid.profile_modification", equidistant="8 um", shift="-6 um")
+    cam = replace(CAM, uncertainty=3e-4)
+    first = begin(Model(UNIT, (cam,)), runs_of(Model(OTHER, (cam, profile)), LIGHT, points=1024))
+    return Node(fitted(renoised(fitted(first)), steps=30))
+
+
+def test_a_profile_is_fitted_to_the_end_from_sizes_that_a_workshop_makes(ground_off: Node) -> None:
+    """It opens contacts, or does not: from what a linear step makes of it a fit ends elsewhere."""
+    hunt, fit = hunt_of(ground_off), ground_off.fit
+    found = hunt.hidden(ground_off)
+    assert found is not None
+    (profile,) = found.fit.added
+    assert profile.key == "cycloid.profile_modification"
+    assert profile.values == pytest.approx((8e-3, -6e-3), abs=1e-3)
+    (linear,) = [one for one in hunt.ranking(fit) if one.name[0] == profile.key]
+    trial = tried(fit, linear)
+    assert trial is not None
+    assert fitted(trial.fit, steps=30).objective > found.fit.objective + 100
+    assert hunt.hidden(found) is None  # once
+
+
+LOBE = rverror.effect("cycloid.disc_lobe", disc=0, lobe=3, deviation="5 um")
+
+
+@pytest.mark.parametrize("instead", [PINS, LOBE], ids=["pins", "lobe"])
+def test_a_profile_is_among_the_rivals_of_what_stands_for_it(ground_off: Node, instead: Effect) -> None:
+    """No linear step from there tells its sizes, not even where it is the exact twin of one of its parts."""
+    fit = ground_off.fit
+    model = replace(fit.model, effects=(*fit.model.effects, instead))
+    node = Node(fitted(evaluated(fit.bench, model, fit.declared), steps=30))
+    rivals = hunt_of(node).rivals(node, 0)
+    names = [rival.names for rival in rivals]
+    assert len(names) == len(set(names))
+    assert node.names not in names
+    assert rivals[0].fit.added[0].key == "cycloid.profile_modification"
+    assert rivals[0].fit.added[0].values == pytest.approx((8e-3, -6e-3), abs=1e-3)
+
+
+@pytest.mark.parametrize(("arcsec", "complete"), [(0.14, True), (0.2, False)])
+def test_a_line_that_chance_makes_now_and_then_overthrows_no_cause(right: Node, arcsec: float, complete: bool) -> None:
+    """It is told all the same; one that noise hardly ever makes leaves a set incomplete."""
+    wave = arcsec * ARCSEC
+    records = [replace(r, error=r.error + wave * np.cos(23.37 * r.theta)) for r in right.fit.bench.records]
+    node = Node(fitted(evaluated(right.fit.bench.with_records(records), right.fit.model, right.fit.declared)))
+    (line,) = best_lines(node.fit, POLICY, outside=False)
+    assert line.order == pytest.approx(23.37, abs=0.3)
+    assert hunt_of(node).complete(node) == complete
 
 
 def test_marks_are_placed_anew_where_one_cause_is_none() -> None:
@@ -574,6 +666,36 @@ def test_marks_at_every_angle_are_tried_with_every_candidate() -> None:
     best = hunt.children(Node(fitted(first)))[0]
     assert [e.key for e in best.fit.added] == [cam.key]
     assert abs((best.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
+
+
+def test_with_patience_a_runout_is_found_at_unknown_marks() -> None:
+    """At marks that are a little off its linear step promises less than that of many others, and a race drops it."""
+    sizes = ((0, 0, 0.8, -0.6), (0, 1, -1.0, 0.5), (1, 0, 0.4, 1.1), (1, 1, -0.7, -0.2))
+    cams = tuple(
+        Effect("crank.eccentricity", {"crank": j, "disc": k}, (1e-3 * r, 1e-3 * t), 3e-4) for j, k, r, t in sizes
+    )
+    runout = rverror.effect("coupling.carrier_runout", x="-25 um", y="-15 um")
+    runs = [replace(r, index="unknown") for r in runs_of(Model(OTHER, (*cams, runout)), LIGHT, marks=0.05)]
+    model, anywhere = with_marks(Model(UNIT, cams), runs)
+    records, _ = records_of(model, runs, POLICY)
+    first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
+    keys = (runout.key, "cycloid.disc_profile", "cycloid.disc_pitch", "involute.planet_pitch")
+    names = tuple(c for c in candidates_of(model, records, POLICY) if c[0] in keys)
+    hunt, first = placed(Hunt(names, POLICY, Journal(lambda text: None), patient=True), first)
+    best = hunt.children(Node(fitted(renoised(fitted(first)))))[0]
+    assert hunt.complete(best)
+    assert [e.key for e in best.fit.added] == [runout.key]
+    assert best.fit.added[0].values == pytest.approx(runout.values, abs=2e-3)
+    assert best.fit.model.index_offset == pytest.approx(0.05, abs=0.002)
+
+
+def test_of_each_source_the_leading_offers_are_taken(right: Node) -> None:
+    offers = [(right.fit, one) for one in hunt_of(right).ranking(right.fit)]
+    taken = leading_of_each(offers, 4)
+    keys = [one.name[0] for _, one in offers]
+    assert Counter(one.name[0] for _, one in taken) == {key: min(keys.count(key), 4) for key in keys}
+    places = [[id(one) for _, one in offers].index(id(one)) for _, one in taken]
+    assert places == sorted(places)
 
 
 def test_what_leads_over_every_sample_is_fitted_at_once() -> None:
@@ -699,6 +821,9 @@ class Tree(Hunt):
     def only_faults(self, node: Any) -> bool:
         return False
 
+    def hidden(self, node: Any) -> Any:
+        return None
+
     def complete(self, node: Any) -> bool:
         return node.names == frozenset("CDE")
 
@@ -738,6 +863,22 @@ def test_a_set_that_is_not_complete_begins_anew_before_one_looks_beside_it() -> 
     assert (best.names, done, told) == (frozenset("CDE"), True, [])
 
 
+class Hiding(Tree):
+    """A search in which F stands behind C, D and E, which leave nothing that a linear step would show."""
+
+    def complete(self, node: Any) -> bool:
+        return node.names >= frozenset("CDE")
+
+    def hidden(self, node: Any) -> Any:
+        return None if "F" in node.names else self.set_of(*node.names, "F")
+
+
+def test_what_stands_behind_a_complete_set_is_looked_for() -> None:
+    hiding = Hiding((), POLICY, Journal(lambda text: None))
+    best, done = hiding.best([hiding.set_of("C", "D", "E")], 42)
+    assert (best.names, done) == (frozenset("CDEF"), True)
+
+
 class Unsettled(Hunt):
     """A search that finds no equilibrium without a cause."""
 
@@ -755,4 +896,5 @@ def test_a_wider_search_tries_more_and_judges_alike() -> None:
     wide = Hunt((), POLICY, Journal(lambda text: None)).widened().policy
     for name in ("evaluated", "stepped", "refitted"):
         assert getattr(wide, name) == POLICY.wider * getattr(POLICY, name) > getattr(POLICY, name)
+    assert Hunt((), POLICY, Journal(lambda text: None)).widened().patient
     assert replace(wide, evaluated=POLICY.evaluated, stepped=POLICY.stepped, refitted=POLICY.refitted) == POLICY

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -43,6 +44,7 @@ R = TypeVar("R")
 
 _MARKS_APART = 0.1  # rad between marks from which a fit ends elsewhere
 _RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
+_NOTHING = 1e-9  # of a size, core units: rounding
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _ELSEWHERE = 0.5  # cosine between sizes below which they are other sizes of one cause: 60 degrees
 
@@ -116,6 +118,8 @@ class Hunt:
         Where the gear's marks may be, where that is not known, the likeliest first, rad.
     jobs : int
         Processes that fit side by side.
+    patient : bool
+        Whether, beside what was declared, the best of every source is fitted to its end before any falls.
     """
 
     candidates: tuple[Named, ...]
@@ -125,6 +129,7 @@ class Hunt:
     pins: bool = False
     offsets: tuple[float, ...] = ()
     jobs: int = 1
+    patient: bool = False
     _coarse: dict[object, RunSet] = field(default_factory=dict, repr=False)
     _completed: dict[int, tuple[Fit, bool]] = field(default_factory=dict, repr=False)
     _ranked: dict[int, tuple[Fit, list[Proposal]]] = field(default_factory=dict, repr=False)
@@ -139,10 +144,10 @@ class Hunt:
         )
 
     def widened(self) -> Hunt:
-        """The same with more candidates in each race."""
+        """The same with more candidates in each race, and patience."""
         policy = self.policy
         more = {name: policy.wider * getattr(policy, name) for name in ("evaluated", "stepped", "refitted")}
-        return replace(self, policy=replace(policy, **more))
+        return replace(self, policy=replace(policy, **more), patient=True)
 
     def coarse(self, node: Node) -> RunSet:
         """The runs in few numbers, on few angles: near enough to choose whom to refit."""
@@ -213,22 +218,44 @@ class Hunt:
         nodes = sorted(nodes + self._fine(node, self._raced(trials)), key=lambda n: n.score)
         if nodes and not self.complete(nodes[0]):
             nodes[0] = self.remarked(nodes[0])
+        if self.patient and not node.fit.added and not (nodes and self.complete(nodes[0])):
+            ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
+            nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
             pins = offers[: policy.evaluated] if self.pins else [o for o in offers if identity(o[1].name) in found]
             more = workshop(offers + self._barred(plain, offers), pins=False) + workshop(pins, pins=True)
             more += mirrored(nodes, offers)
-            nodes += self._fine(node, self._raced(self._tried([(plain, one) for one in more], plain)))
+            ends = self._raced(self._tried([(plain, one) for one in more], plain)) + self.alike(plain)
+            nodes += self._fine(node, distinct(in_order(ends), 2))
         return sorted(nodes + self._regular(node), key=lambda n: n.score)
 
     def _barred(self, plain: Fit, offers: Sequence[tuple[Fit, Proposal]]) -> list[tuple[Fit, Proposal]]:
         """Candidates of which a linear step makes less than nothing, as a clearance: far from it they may do well."""
         offered = {identity(one.name) for _, one in offers}
-        barred = [name for name in self.free(plain) if identity(name) not in offered]
-        return [
-            (plain, Proposal(name, math.inf, np.zeros(len(source(name[0]).parameters)), np.zeros(0))) for name in barred
-        ]
+        return [(plain, unsized(name)) for name in self.free(plain) if identity(name) not in offered]
+
+    def alike(self, plain: Fit) -> list[Trial]:
+        """What is the same at all pins and cranks, from the sizes of a workshop, each at the best place it ends at.
+
+        It makes but a ripple of the mesh, which shows by the contacts that it opens: no linear step tells its size, and
+        a race of a few steps drops it where it is about to fit.  Material that comes on all over would jam the mesh.
+        """
+        names = [name for name in self.free(plain) if not name[1] and source(name[0]).false_minima]
+        starts = workshop([(plain, unsized(name)) for name in names], pins=False)
+        offers = [(plain, one) for one in starts if one.sizes.max() > _NOTHING]
+        return distinct(self._settled(self._tried(offers, plain)), 1)
+
+    def hidden(self, node: Node) -> Node | None:
+        """A complete node with what is the same at all pins and cranks, where it stands behind what was fitted."""
+        coarse = fitted(onto(self.coarse(node), node.fit))
+        ends = self.alike(as_declared(coarse))[:1]
+        if not ends or not self.significant(coarse, coarse.objective - ends[0].fit.objective, 1):
+            return None
+        (found,) = self._fine(node, ends)
+        fall = node.fit.objective - found.fit.objective
+        return found if self.significant(node.fit, fall, self._sizes(found, node)) else None
 
     def _direct(self, node: Node) -> list[Node]:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
@@ -255,7 +282,12 @@ class Hunt:
         kept = self._ahead(trials, policy.stepped, 3, "solved at the load: may leave")
         kept = self._ahead(self._stepped(kept, 1), policy.refitted + 3, 2, "after one joint step: may leave")
         kept = self._ahead(self._stepped(kept, 2), policy.refitted, 2, "after three joint steps: may leave")
-        return sorted(self._stepped(kept, 12), key=lambda t: as_compared(t.fit.objective))
+        return in_order(self._stepped(kept, 12))
+
+    def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Where trials end, the best first: a race of a few steps drops what opens contacts when it is about to fit."""
+        halfway = in_order(self._stepped(trials, self.policy.halfway))
+        return in_order(self._stepped(halfway[: self.policy.stepped], self.policy.halfway))
 
     def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
         """The most promising trials; it is written down why the others fell."""
@@ -337,7 +369,9 @@ class Hunt:
         return bool(node.fit.added) and nearly_noise(node.fit) and self._nothing_left(node)
 
     def _line_left(self, fit: Fit) -> bool:
-        return bool(best_lines(fit, self.policy, outside=False))
+        """Tell whether a line is left that noise hardly ever makes; what it makes in one of a thousand runs is told."""
+        chance = math.erfc(self.policy.by_chance / math.sqrt(2)) / 2
+        return bool(best_lines(fit, replace(self.policy, false_alarm=chance), outside=False))
 
     def ranking(self, fit: Fit) -> list[Proposal]:
         """Candidates by what a linear step promises beside a fit, made once."""
@@ -361,24 +395,29 @@ class Hunt:
         return node
 
     def restarted(self, node: Node) -> Node:
-        """The node with its pins' causes begun anew at workshop sizes, if one ends at a better place then.
+        """The node with its pins' causes begun anew at workshop sizes, if they end at a better place then.
 
         Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.  So
-        does a pin that stands for the one beside it.
+        does a pin that stands for the one beside it.  What one of them has found lets another go on.
         """
-        for effect in node.fit.added:
-            if source(effect.key).frame != "housing":
-                continue  # what turns was begun there in every race
-            others = tuple(other for other in node.fit.model.effects if named(other) != named(effect))
-            alone = replace(node.fit.model, effects=others)
-            try:
-                plain = as_declared(evaluated(self.coarse(node), alone, node.fit.declared))
-            except NotConvergedError:  # the others stand on it
-                continue
-            offers = [(plain, one) for one in screened(plain, places(effect, plain.bench.unit, self.free(plain)))]
-            more = [(plain, one) for one in workshop(offers, pins=True)]
-            node = min([node, *self._fine(node, self._raced(self._tried(more, plain)))], key=lambda n: n.score)
+        for _ in range(self.policy.most_effects):
+            before = node
+            for effect in before.fit.added:
+                if source(effect.key).frame == "housing" and not self.complete(node):  # what turns was, in every race
+                    node = self._begun_anew(node, effect)
+            if node is before:
+                break
         return node
+
+    def _begun_anew(self, node: Node, effect: Effect) -> Node:
+        others = tuple(other for other in node.fit.model.effects if named(other) != named(effect))
+        plain = begun_at(self.coarse(node), replace(node.fit.model, effects=others), node.fit.declared)
+        if plain is None:  # the others stand on it
+            return node
+        offers = [(plain, one) for one in screened(plain, places(effect, plain.bench.unit, self.free(plain)))]
+        more = [(plain, one) for one in workshop(offers, pins=True)]
+        ends = distinct(self._settled(self._tried(more, plain)), 2)
+        return min([node, *self._fine(node, ends)], key=lambda n: n.score)
 
     def remarked(self, node: Node) -> Node:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
@@ -513,8 +552,22 @@ class Hunt:
         trials = [trial for trial in self.each(instead, [*exact, *others], coarse) if trial]
         far = coarse.objective + 5 * self.policy.close
         ordered = distinct(sorted((t for t in trials if t.prospect < far), key=lambda t: t.prospect), 1)
-        fits = [trial.fit for trial in self._stepped(ordered[: self.policy.rivals // 2], 8)]
-        return self._refitted([fit for fit in fits if fit.objective < coarse.objective + self.policy.close], node)
+        ordered = ordered[: self.policy.rivals // 2]
+        ends = self._stepped(ordered, 8)
+        twins = ends[: sum(trial.prospect == -math.inf for trial in ordered)]  # they are where they belong
+        gone = [coarse.added[number] for number in numbers]
+        felt_alone = len(gone) == 1 and not source(gone[0].key).at_output  # a ripple stands for nothing at the output
+        bare = begun_at(coarse.bench, rest.model, coarse.declared) if felt_alone else None
+        more = self.alike(bare) if bare else []
+        fits = [end.fit for end in (*twins, *distinct(in_order([*ends[len(twins) :], *more]), 1))]
+        near = [
+            fit for fit in fits
+            if named(fit.added[-1]) not in map(named, gone) and fit.objective < coarse.objective + self.policy.close
+        ]  # fmt: skip
+        found = dict[object, Node]()
+        for rival in sorted(self._refitted(near, node), key=lambda n: n.score):
+            found.setdefault(rival.names, rival)
+        return list(found.values())
 
     def _refitted(self, fits: Sequence[Fit], node: Node) -> list[Node]:
         """Fits over every sample of a node's runs."""
@@ -547,7 +600,11 @@ class Hunt:
                 node = self.restarted(node)
             seen.append(node)
             if self.complete(node):
-                return self.swapped(node), True
+                more = self.hidden(node) if len(node.fit.added) < self.policy.most_effects else None
+                if more is None:
+                    return self.swapped(node), True
+                waiting.insert(0, more)
+                continue
             if self.only_faults(node):
                 return node, False
             waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
@@ -650,12 +707,10 @@ def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
 
 
 def places(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Named]:
-    """The same cause, and of a pin those beside it, which carry next, where they are free."""
-    pin, found = effect.indices.get("pin"), [(effect.key, effect.indices)]
-    if isinstance(pin, int):
-        beside = [{**effect.indices, "pin": (pin + step) % unit.pins} for step in (-1, 1)]
-        found += [(effect.key, indices) for indices in beside if (effect.key, indices) in free]
-    return found
+    """The same cause, and of a pin all that is free of it and of those beside it, which carry next."""
+    pin, own = effect.indices.get("pin"), (effect.key, effect.indices)
+    near = {(pin + step) % unit.pins for step in (-1, 0, 1)} if isinstance(pin, int) else set[int]()
+    return [own, *(name for name in free if name[1].get("pin") in near and identity(name) != identity(own))]
 
 
 def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effect]:
@@ -676,6 +731,22 @@ def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effe
         signs = (1.0, -1.0) if all(p.least < 0 for p in source(key).parameters) and "pin" not in indices else (1.0,)
         found += [Effect(key, dict(indices), tuple(sign * v for v in effect.values)) for sign in signs]
     return found
+
+
+def leading_of_each(offers: Sequence[tuple[Fit, Proposal]], most: int) -> list[tuple[Fit, Proposal]]:
+    """So many offers of each source, in order."""
+    counts = Counter[str]()
+    result = []
+    for state, one in offers:
+        counts[one.name[0]] += 1
+        if counts[one.name[0]] <= most:
+            result.append((state, one))
+    return result
+
+
+def unsized(name: Named) -> Proposal:
+    """A candidate of which no linear step tells the size."""
+    return Proposal(name, math.inf, np.zeros(len(source(name[0]).parameters)), np.zeros(0))
 
 
 def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> list[Proposal]:
@@ -740,6 +811,14 @@ def onto(bench: RunSet, fit: Fit) -> Fit:
     return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
 
 
+def begun_at(bench: RunSet, model: Model, declared: Model) -> Fit | None:
+    """A model's state with declared sizes and stiffness as declared, if there is an equilibrium."""
+    try:
+        return as_declared(evaluated(bench, model, declared))
+    except NotConvergedError:
+        return None
+
+
 def as_declared(fit: Fit) -> Fit:
     """Declared sizes and stiffness back at what was declared, if they can be; what was added stays."""
     count = len(fit.declared.effects)
@@ -782,6 +861,11 @@ def stood(fit: Fit, offset: float) -> Trial | None:
     except NotConvergedError:
         return None
     return Trial(state, as_compared(state.objective - proposed(state)[1]))
+
+
+def in_order(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials as far as they got, the best first."""
+    return sorted(trials, key=lambda trial: as_compared(trial.fit.objective))
 
 
 def stepped(trial: Trial, steps: int) -> Trial:

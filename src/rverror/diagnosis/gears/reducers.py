@@ -58,7 +58,7 @@ def diagnose_reducer(
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
     candidates, late = (candidates_of(model, records, policy, late=late) for late in (False, True))
-    hunt = Hunt(candidates, policy, journal, late, jobs=jobs)
+    hunt = Hunt(candidates, policy, journal, late, jobs=jobs, patient=anywhere)
     if anywhere:
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
