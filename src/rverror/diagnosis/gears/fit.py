@@ -180,15 +180,30 @@ class Fit:
         """Effects beside the declared ones."""
         return self.model.effects[len(self.declared.effects) :]
 
-    @property
+    @cached_property
     def added_parts(self) -> list[Array]:
-        """What the added effects make of each record through the gear train, (width,), as far as they are linear.
+        """What the added effects make of each record through the gear train, (width,): the reading less that without.
 
-        What is read at the output is exact.
+        What lets contacts go makes other than its influence says.  What is read at the output is exact.
         """
-        first = sum(len(e.values) for e in self.declared.effects)
-        values = np.array([0.0 if source(e.key).at_output else v for e in self.added for v in e.values])
-        return [values @ rows[first : first + values.size] for rows in self.raw]
+        bench, first = self.bench, len(self.declared.effects)
+        within = {i for i, e in enumerate(self.model.effects) if i >= first and not source(e.key).at_output}
+        if not within:
+            return [np.zeros(sight.width) for sight in bench.sights]
+        rest = replace(self.model, effects=tuple(e for i, e in enumerate(self.model.effects) if i not in within))
+        try:
+            waves = bench.solve(rest)
+        except NotConvergedError:  # the rest stands on it: as far as it is linear
+            values = np.array([v * (i in within) for i, e in enumerate(self.model.effects) for v in e.values])
+            return [values @ rows[: values.size] for rows in self.raw]
+        apart = np.array(
+            [v * (i in within and bench.apart(e.key)) for i, e in enumerate(self.model.effects) for v in e.values]
+        )
+        offset, result = self.model.index_offset, []
+        for sight, which, rows in zip(bench.sights, bench.which, self.raw, strict=True):
+            both, less = (sight.of_wave(w[which], w[which].error[None], offset)[0] for w in (self.waves, waves))
+            result.append(both - less + apart @ rows[: apart.size])
+        return result
 
     @property
     def bound(self) -> float:
