@@ -163,6 +163,7 @@ SOURCES = (
         "displacement of one crank bore in the carrier",
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the force on the bore does",
+        false_minima=True,
     ),
     Source(
         "coupling.bearing_clearance", bearing_clearance, (), clearance(30),
@@ -184,5 +185,6 @@ SOURCES = (
         "carrier", _runout_orders, "001, table 3", "bore circle against the carrier's axis",
         equation=r"$\delta = -C(\theta)\,(x, y)$",
         hidden="the forces on all bores cancel",
+        false_minima=True,
     ),
 )  # fmt: skip

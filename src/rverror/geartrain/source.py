@@ -144,8 +144,8 @@ class Source:
     late : bool
         Whether diagnosis tries it only where all others leave lines of its frame: a rare cause of many index values.
     false_minima : bool
-        Whether pins that open and close can make it look like an error of the opposite sign: a fit from nothing that
-        stays far from the noise is then started again from sizes that a workshop makes.
+        Whether pins that open and close can make it look like an error of the opposite sign, or are all that shows it,
+        as of a carrier whose discs balance: a fit is then begun from sizes that a workshop makes too.
     in_tables : bool
         Whether diagnosis tries it in order tables although it does not in runs, where a free line says as much.
 

@@ -21,6 +21,7 @@ from rverror.diagnosis.gears.hunt import (
     Hunt,
     Node,
     as_declared,
+    begun_at,
     bent,
     distinct,
     inexact,
@@ -310,14 +311,20 @@ def test_a_cause_is_needed_however_large_it_is() -> None:
     assert [e.key for e in hunt_of(node).pruned(node).fit.added] == [CAM.key]
 
 
+def made_by_what_was_added(fit: Fit) -> list[Any]:
+    """Filtered samples of each run: what is left without what was added, less what is left with it."""
+    model = replace(fit.model, effects=fit.declared.effects)
+    without = evaluated(fit.bench, model, fit.declared)
+    return [less[0] - both[0] for less, both in zip(without.rows, fit.rows, strict=True)]
+
+
 def test_what_the_equilibrium_is_not_right_to_is_not_significant(right: Node) -> None:
     """0.01 arcsec over n samples in 0.3 of noise, a 900th of a square each, and a hundredth of what was added."""
     fit: Fit = right.fit
     n = sum(r.theta.size for r in fit.bench.records)
     assert unsure(fit, POLICY) == pytest.approx(n / 900, rel=0.1)
     hunt = hunt_of(right)
-    part = [np.array(fit.added[0].values) @ rows[1:3] for rows in fit.rows]
-    own = unsure(fit, POLICY) + 0.01**2 * sum(float(p @ p) for p in part)
+    own = unsure(fit, POLICY) + 0.01**2 * sum(float(p @ p) for p in made_by_what_was_added(fit))
     assert inexact(fit) == pytest.approx(200 * math.log1p(own / 200))
     least = inexact(fit)
     assert not hunt.significant(fit, least + 10, 2)
@@ -337,8 +344,7 @@ def test_beside_large_residuals_the_model_s_own_error_counts_as_they_do() -> Non
 def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(right: Node) -> None:
     """Squares of a share of the cam's waves, shared by all values: of 5 % they are 25 times those of 1 %."""
     fit = right.fit
-    part = [np.array(fit.added[0].values) @ rows[1:3] for rows in fit.rows]
-    squares = sum(float(p @ p) for p in part) / np.isfinite(fit.weights).sum()
+    squares = sum(float(p @ p) for p in made_by_what_was_added(fit)) / np.isfinite(fit.weights).sum()
     through = np.diag(fit.covariance @ fit.gram @ fit.covariance) / fit.scale
     for share in (0.01, 0.05):
         policy = replace(POLICY, model_error=1e-9 * ARCSEC, added_share=share)
@@ -367,6 +373,16 @@ def test_the_model_is_right_about_what_is_read_at_the_output(right: Node) -> Non
     assert bent(read, POLICY) == 0
     assert bent(both, POLICY) == pytest.approx(bent(right.fit, POLICY))
     assert bent(right.fit, POLICY) > 0
+
+
+def test_what_was_added_is_held_against_what_it_makes_not_its_influence() -> None:
+    """Where pins are thinner all alike others carry than where they are not: their influence there says too much."""
+    pins = replace(PINS, values=(-0.012,))
+    fit = evaluated(settled(Model(OTHER, (pins,))).fit.bench, Model(UNIT, (pins,)), BARE)
+    squares = sum(float(p @ p) for p in made_by_what_was_added(fit))
+    linear = sum(float(np.sum((pins.values[0] * rows[1]) ** 2)) for rows in fit.rows)
+    assert bent(fit, POLICY) == pytest.approx(1e-4 * squares, rel=1e-6)
+    assert squares < linear / 10
 
 
 def test_two_causes_give_way_to_one_that_does_as_well() -> None:
@@ -474,6 +490,28 @@ def test_a_pin_that_stands_for_the_one_beside_it_gives_way(beside: Effect) -> No
     found = hunt.restarted(node)
     assert [e.indices for e in found.fit.added] == [pin.indices]
     assert hunt.complete(found)
+
+
+RUNOUT = rverror.effect("coupling.carrier_runout", x="-3.7 um", y="3.8 um")
+
+
+def test_a_carrier_whose_discs_balance_is_found_though_no_linear_step_tells_of_it() -> None:
+    """Its forces cancel: twice the runout makes four times the error, and either sign the same."""
+    first = begin(BARE, runs_of(Model(OTHER, (RUNOUT,)), LIGHT, points=1024))
+    wave = rverror.effect("cycloid.disc_pitch", disc=1, harmonic=2, cos="-0.5 um", sin="-0.4 um")
+    node = Node(fitted(renoised(fitted(evaluated(first.bench, Model(UNIT, (wave,)), BARE))), steps=30))
+    hunt = hunt_of(node)
+    (linear,) = screened(first, [(RUNOUT.key, {})])
+    assert np.abs(linear.sizes).max() < 1e-9
+    rival = hunt.rivals(node, 0)[0]
+    assert rival.names == frozenset([named(RUNOUT)])
+    signed = math.copysign(1, rival.fit.added[0].values[1]) * np.array(rival.fit.added[0].values)
+    assert signed == pytest.approx(RUNOUT.values, abs=3e-4)
+    opposites = hunt.opposites(rival)
+    assert [np.sign(fit.added[0].values[1]) for fit in opposites] == [-np.sign(rival.fit.added[0].values[1])]
+    whole = half_widths(rival.fit, opposites)[:2]
+    assert (np.array(whole) > 2 * np.abs(rival.fit.added[0].values)).all()
+    assert hunt.opposites(node) == []  # of a wave the sign shows
 
 
 class Chained(Hunt):
@@ -689,6 +727,25 @@ def test_with_patience_a_runout_is_found_at_unknown_marks() -> None:
     assert best.fit.model.index_offset == pytest.approx(0.05, abs=0.002)
 
 
+def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
+    """Alone each is driven back to nothing: the carrier moves what is tight by little, the clearance by too much."""
+    clearance = rverror.effect("crank.bearing_clearance", clearance="7 um")
+    runout = replace(RUNOUT, values=(0.010, -0.020))
+    first = begin(BARE, runs_of(Model(OTHER, (runout, clearance)), LIGHT, points=1024))
+    hunt = Hunt(((clearance.key, {}), (runout.key, {})), POLICY, Journal(lambda text: None))
+    node = Node(fitted(renoised(fitted(first))))
+    plain = begun_at(hunt.coarse(node), BARE, BARE)
+    assert plain is not None
+    end = hunt.loosened(plain)[0]
+    assert {e.key for e in end.fit.added} == {clearance.key, runout.key}
+    assert not any(len(child.fit.added) == 2 for child in hunt.children(node))
+    best = replace(hunt, patient=True).children(node)[0]
+    assert hunt.complete(best)
+    sizes = {e.key: e.values for e in best.fit.added}
+    assert sizes[clearance.key] == pytest.approx((0.007,), abs=5e-4)
+    assert np.abs(sizes[runout.key]) == pytest.approx((0.010, 0.020), abs=2e-3)
+
+
 def test_of_each_source_the_leading_offers_are_taken(right: Node) -> None:
     offers = [(right.fit, one) for one in hunt_of(right).ranking(right.fit)]
     taken = leading_of_each(offers, 4)
@@ -847,6 +904,33 @@ def test_a_set_is_looked_beside_once_however_many_ways_lead_to_it() -> None:
     assert done
     assert best.names == frozenset("CDE")
     assert len(told) == len(set(told))
+
+
+class Misplaced(Tree):
+    """A search that ends with D, E and F, of which one has a wrong place; but for the set's size nothing shows."""
+
+    left = 0.1
+
+    def complete(self, node: Any) -> bool:
+        return node.names == frozenset("ABC")
+
+    def beside(self, node: Any, seen: list[Any]) -> list[Any]:
+        seen.append(self.set_of("D", "E", "F"))
+        seen[-1].fit.data = 1.0 + self.left
+        return []
+
+    def swapped(self, node: Any) -> Any:
+        return self.set_of("A", "B", "C")
+
+
+def test_a_search_that_ends_with_little_left_swaps_what_may_have_a_wrong_place() -> None:
+    """Where most is left a cause is missing, and no swap helps: the search that follows has the time."""
+    misplaced = Misplaced((), POLICY, Journal(lambda text: None))
+    best, done = misplaced.best([misplaced.set_of()], 42)
+    assert (best.names, done) == (frozenset("ABC"), True)
+    misplaced.left = 0.6
+    best, done = misplaced.best([misplaced.set_of()], 42)
+    assert (best.names, done) == (frozenset("DEF"), False)
 
 
 class Anew(Tree):

@@ -221,6 +221,8 @@ class Hunt:
         if self.patient and not node.fit.added and not (nodes and self.complete(nodes[0])):
             ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
+        if self.patient and len(node.fit.added) + 2 <= policy.most_effects and not (nodes and self.complete(nodes[0])):
+            nodes = sorted(nodes + self._fine(node, self.loosened(plain)), key=lambda n: n.score)
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
@@ -239,12 +241,33 @@ class Hunt:
     def alike(self, plain: Fit) -> list[Trial]:
         """What is the same at all pins and cranks, from the sizes of a workshop, each at the best place it ends at.
 
-        It makes but a ripple of the mesh, which shows by the contacts that it opens: no linear step tells its size, and
-        a race of a few steps drops it where it is about to fit.  Material that comes on all over would jam the mesh.
+        A modified profile makes but a ripple of the mesh, and of a carrier whose discs balance only what is quadratic
+        is left: both show by the contacts that open.  No linear step tells their size, and a race of a few steps drops
+        them where they are about to fit.  Material that comes on all over would jam the mesh.
         """
         names = [name for name in self.free(plain) if not name[1] and source(name[0]).false_minima]
         starts = workshop([(plain, unsized(name)) for name in names], pins=False)
         offers = [(plain, one) for one in starts if one.sizes.max() > _NOTHING]
+        return distinct(self._settled(self._tried(offers, plain)), 1)
+
+    def loosened(self, plain: Fit) -> list[Trial]:
+        """A clearance of a size that a workshop makes with one cause more: alone neither of them may show.
+
+        A carrier that is off its place by less than what its cranks' bearings yield moves little of what is tight, and
+        a clearance alone is driven back to nothing.
+        """
+        clearances = [n for n in self.free(plain) if not n[1] and all(p.least == 0 for p in source(n[0]).parameters)]
+        starts = workshop([(plain, unsized(name)) for name in clearances], pins=False)
+        bases = [trial.fit for trial in self._tried([(plain, one) for one in starts], plain)]
+        return in_order([end for base in bases for end in (*self.ends_of_each(base), *self.alike(base))])
+
+    def ends_of_each(self, plain: Fit) -> list[Trial]:
+        """The leading candidate of each source that is felt at the contacts, at the place it ends at.
+
+        Where declared sizes and stiffness have to move far a linear step ranks the true cause behind many.
+        """
+        names = [name for name in self.free(plain) if not source(name[0]).at_output]
+        offers = leading_of_each([(plain, one) for one in screened(plain, names)], 1)
         return distinct(self._settled(self._tried(offers, plain)), 1)
 
     def hidden(self, node: Node) -> Node | None:
@@ -460,6 +483,25 @@ class Hunt:
         alike = [one for one in fits if one is not best and one.objective - best.objective < chance]
         return Node(best, node.lines, node.slow), alike
 
+    def opposites(self, node: Node) -> list[Fit]:
+        """Fits at the opposite of what was added that chance does not tell from it.
+
+        Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
+        """
+        coarse, found = onto(self.coarse(node), node.fit), []
+        chance = node.fit.objective + chi_square(1 - self.policy.confidence, 1)
+        for number, effect in enumerate(coarse.model.effects):
+            if number < len(coarse.declared.effects) or not source(effect.key).false_minima:
+                continue
+            turned = replace(effect, values=tuple(-value for value in effect.values))
+            effects = (*coarse.model.effects[:number], turned, *coarse.model.effects[number + 1 :])
+            near = begun_at(coarse.bench, replace(coarse.model, effects=effects), coarse.declared, fresh=False)
+            near = fitted(near, steps=self.policy.halfway) if near else coarse
+            stays = np.dot(near.model.effects[number].values, effect.values) < 0
+            if stays and near.objective < coarse.objective + self.policy.close:
+                found += [end.fit for end in self._refitted([near], node) if end.fit.objective < chance]
+        return found
+
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""
         while True:
@@ -608,7 +650,11 @@ class Hunt:
             if self.only_faults(node):
                 return node, False
             waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
-        return min(seen, key=lambda n: n.score), False
+        best, least = min(seen, key=lambda n: n.score), min(roots, key=lambda n: len(n.names))
+        left, before = (node.fit.data - node.fit.bound for node in (best, least))
+        if left < before / 2:  # it explains most, and one of its causes may be a wrong one
+            best = self.swapped(best)
+        return best, self.complete(best)
 
     def beside(self, node: Node, seen: list[Node]) -> list[Node]:
         """Children that are better than a node by more than chance and new; all better ones are added to those seen."""
@@ -811,10 +857,11 @@ def onto(bench: RunSet, fit: Fit) -> Fit:
     return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
 
 
-def begun_at(bench: RunSet, model: Model, declared: Model) -> Fit | None:
-    """A model's state with declared sizes and stiffness as declared, if there is an equilibrium."""
+def begun_at(bench: RunSet, model: Model, declared: Model, *, fresh: bool = True) -> Fit | None:
+    """A model's state where it has an equilibrium, fresh with declared sizes and stiffness as declared."""
     try:
-        return as_declared(evaluated(bench, model, declared))
+        fit = evaluated(bench, model, declared)
+        return as_declared(fit) if fresh else fit
     except NotConvergedError:
         return None
 

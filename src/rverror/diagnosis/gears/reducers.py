@@ -83,6 +83,7 @@ def diagnose_reducer(
             hunt = hunt.with_candidates((*hunt.candidates, *hunt.late), pins=True)
             best, done = hunt.best([root, best], policy.again)
     best, beside = hunt.ripples_apart(best) if anywhere and done else (best, [])
+    beside += hunt.opposites(best) if done else []
     return account(declared, model, runs, hunt, root, best, done, notes, beside)
 
 
