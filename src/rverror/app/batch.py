@@ -19,6 +19,7 @@ from urllib.parse import quote
 
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
+from rverror.base.memory import keep_freed_memory
 from rverror.base.side_by_side import cores
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import THREADS
@@ -49,9 +50,6 @@ COLUMNS = (
 )
 
 _MOST_WORKERS = 61  # a limit of Windows
-#: An interrupt is for the parent, which then ends the workers; they would each print a traceback.
-_LEAVE_INTERRUPT = (signal.SIGINT, signal.SIG_IGN)
-
 Progress = Callable[[str], None]
 
 
@@ -502,6 +500,12 @@ def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
     return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
 
 
+def _begin_work() -> None:
+    """Begin a worker; an interrupt is for the parent, which ends the workers: each would print a traceback."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
+
+
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
     """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads.
@@ -510,7 +514,7 @@ def processes(count: int) -> Iterator[Executor]:
     """
     before = {name: os.environ.get(name) for name in THREADS}
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=signal.signal, initargs=_LEAVE_INTERRUPT)
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_work)
     try:
         os.environ.update(dict.fromkeys(THREADS, "1"))  # workers start while tasks are handed in
         yield pool

@@ -38,6 +38,7 @@ from rverror.app.terminal import (
 )
 from rverror.base import units
 from rverror.base.errors import InputError
+from rverror.base.memory import keep_freed_memory
 from rverror.base.side_by_side import cores
 from rverror.base.text import check_name, shown
 from rverror.base.version import __version__
@@ -82,6 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 2 bad input, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
+    if arguments is None:  # the process is the command's own
+        keep_freed_memory()
     if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
         sys.stdout.reconfigure(errors="backslashreplace")
     try:

@@ -89,8 +89,6 @@ class Condensed:
         The same with a trace that holds it: a step from where all pins are open then leads far away, and no farther.
     pins : ndarray, shape (n, discs, 3, pins)
         How each pin closes with x, y and angle of its disc.
-    on_pins : ndarray, shape (n, discs, 3, 3, pins)
-        What each disc feels of each pin per unit of its stiffness.
     flanks : ndarray, shape (n, flanks, size)
         Rows of the loaded flanks times their stiffness, zero for the others.
     flank_stiffness : ndarray, shape (n or 1, flanks or 1)
@@ -112,7 +110,6 @@ class Condensed:
     matrix: Array
     held: Array
     pins: Array
-    on_pins: Array
     flanks: Array
     flank_stiffness: Array
     common_closing: Array
@@ -122,8 +119,7 @@ class Condensed:
 
     def with_pins(self, rows: Array) -> Condensed:
         """The same with pins that close by other rows, (n, 3, discs, pins), with x, y and angle of their disc."""
-        pins = np.ascontiguousarray(rows.transpose(0, 2, 1, 3))
-        return replace(self, pins=pins, on_pins=pins[:, :, :, None] * pins[:, :, None])
+        return replace(self, pins=np.ascontiguousarray(rows.transpose(0, 2, 1, 3)))
 
     def settled(self, whole: System, torque: float, start: Array | None) -> tuple[Array, Steps, Flags]:
         """Pose of least energy with the loaded flanks closed, as of `energy.minimise`.
@@ -175,7 +171,6 @@ class Condensed:
         parts = (
             self.matrix,
             self.pins,
-            self.on_pins,
             *self._flanks_on_discs,
             whole.pin_error,
             whole.pin_stiffness,
@@ -185,7 +180,7 @@ class Condensed:
             self._loaded(self.flank_stiffness),
         )
         for step in range(_MOST_STEPS_BY_LAW + 1):
-            matrix, rows, on_pins, across, own, errors, stiffness, pull, apart, flank, soft = parts
+            matrix, rows, across, own, errors, stiffness, pull, apart, flank, soft = parts
             discs, added = unknown[at, :count], unknown[at, count:]
             closing = np.einsum("kdc,kdcp->kdp", discs.reshape(*rows.shape[:2], 3), rows) + errors
             carried, tangent = whole.pin_law.pressed(closing, stiffness)
@@ -204,9 +199,9 @@ class Condensed:
                 gradient, missing, tangent, of_flanks = (
                     part[moving] for part in (gradient, missing, tangent, of_flanks)
                 )
-                matrix, _, on_pins, across, own, *_, soft = parts
+                matrix, rows, across, own, *_, soft = parts
             # held by a trace: where all pins are open the train has one free motion
-            joint = _joint(_with_pins(held(matrix), on_pins, tangent), across, own, of_flanks - soft)
+            joint = _joint(_with_pins(held(matrix), rows, tangent), across, own, of_flanks - soft)
             unknown[at] += _solved(joint, np.concatenate([-gradient, -missing], axis=1))
             steps[at] += 1
         return unknown[:, :count], unknown[:, count:], steps, found
@@ -256,10 +251,10 @@ class Condensed:
         """Plain Newton steps, exact once no pin opens or closes; angles that do not settle need a line search."""
         x, at = start.copy(), np.arange(len(start))
         steps, found = np.zeros(len(x), dtype=np.intp), np.zeros(len(x), dtype=np.bool_)
-        law, parts = whole.pin_law, (self.matrix, self.held, self.pins, self.on_pins, whole.pin_error, force)
+        law, parts = whole.pin_law, (self.matrix, self.held, self.pins, whole.pin_error, force)
         stiffness = whole.pin_stiffness
         for step in range(_MOST_STEPS + 1):
-            matrix, stiff, rows, on_pins, errors, pull = parts
+            matrix, stiff, rows, errors, pull = parts
             now = x[at]
             closing = np.einsum("kdc,kdcp->kdp", now.reshape(*rows.shape[:2], 3), rows) + errors
             carried, tangent = law.pressed(closing, stiffness)
@@ -272,8 +267,8 @@ class Condensed:
             if moving.mean() < _FEW:
                 at, now, gradient, tangent = at[moving], now[moving], gradient[moving], tangent[moving]
                 stiffness = stiffness[moving]
-                parts = _, stiff, _, on_pins, _, _ = tuple(part[moving] for part in parts)
-            x[at] = now - _solved(_with_pins(stiff, on_pins, tangent), gradient)
+                parts = _, stiff, rows, _, _ = tuple(part[moving] for part in parts)
+            x[at] = now - _solved(_with_pins(stiff, rows, tangent), gradient)
             steps[at] += 1
         return x, steps, found
 
@@ -299,7 +294,7 @@ class Condensed:
 
         `more` is what stiffens each disc besides, (n, discs, 3, 3).
         """
-        matrix = _with_pins(self.matrix, self.on_pins, whole.pin_law.tangent(closed.pins, whole.pin_stiffness))
+        matrix = _with_pins(self.matrix, self.pins, whole.pin_law.tangent(closed.pins, whole.pin_stiffness))
         matrix = with_discs(matrix, more)
         if whole.flank_law.linear:
             return self._answer(matrix, force)
@@ -361,7 +356,6 @@ def condensed(stretch: Stretch) -> Condensed:
         matrix=matrix,
         held=held(matrix),
         pins=contacts.pins_by_disc,
-        on_pins=contacts.on_pins,
         flanks=flanks,
         flank_stiffness=flank_stiffness,
         common_closing=closing,
@@ -377,9 +371,9 @@ def common_flank_force(reducer: Reducer, torque: float) -> float:
     return torque / (float(reducer.exact_carrier_ratio) * reducer.cranks * lever)
 
 
-def _with_pins(matrix: Array, on_pins: Array, stiffness: Array) -> Array:
-    """Stiffness of the discs with that of each pin, (n, discs, pins)."""
-    return with_discs(matrix, np.einsum("kdabp,kdp->kdab", on_pins, stiffness))
+def _with_pins(matrix: Array, pins: Array, stiffness: Array) -> Array:
+    """Stiffness of the discs with that of each pin, (n, discs, pins), that closes by its rows, (n, discs, 3, pins)."""
+    return with_discs(matrix, (pins * stiffness[:, :, None]) @ np.swapaxes(pins, 2, 3))
 
 
 def _joint(matrix: Array, across: Array, own: Array, more: Array) -> Array:

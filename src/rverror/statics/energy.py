@@ -268,11 +268,6 @@ class Geometry:
         return np.ascontiguousarray(self.pin_rows.transpose(0, 2, 1, 3))
 
     @cached_property
-    def on_pins(self) -> Array:
-        """What each disc feels of each pin per unit of its stiffness, (n, discs, 3, 3, pins)."""
-        return self.pins_by_disc[:, :, :, None] * self.pins_by_disc[:, :, None]
-
-    @cached_property
     def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
         return {}
 
@@ -633,9 +628,13 @@ def minimise(system: System, torque: float, start: Array | None = None) -> tuple
     if start is None:
         x, steps, found = _minimise_by_neighbours(system, tolerance)
     else:
-        near = system.on_the_rim(start) if system.clearance.size else start
-        x, steps, found = _minimise(system, near, tolerance, _MAX_STEPS_NEAR)
+        x, steps, found = _minimise(system, start, tolerance, _MAX_STEPS_NEAR)
         left = np.flatnonzero(~found)
+        if left.size and system.clearance.size:
+            part = system.take(left)
+            x[left], more, found[left] = _minimise(part, part.on_the_rim(start[left]), tolerance, _MAX_STEPS_NEAR)
+            steps[left] += more
+            left = left[~found[left]]
         if left.size:
             x[left], more, found[left] = _minimise_by_neighbours(system.take(left), tolerance)
             steps[left] += more

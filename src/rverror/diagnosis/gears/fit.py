@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened
+from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source
@@ -86,7 +86,7 @@ class RunSet:
         """The same with other noise, lines or samples set aside."""
         return replace(self, records=tuple(records))
 
-    @property
+    @cached_property
     def freedom(self) -> int:
         """Independent values of all runs."""
         return sum(r.whiten.freedom for r in self.records)
@@ -110,7 +110,7 @@ class RunSet:
         assert isinstance(model.mechanism, Reducer)
         effects = self.around(model)
         starts: Sequence[Waveform | None] = near if near is not None else [None] * len(self.conditions)
-        return [c.solve(model.mechanism, effects, start) for c, start in zip(self.conditions, starts, strict=True)]
+        return solve_all(self.conditions, model.mechanism, effects, starts)
 
     def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
         """Influences of sources as each record sees them, (parameters, width), in the state of waveforms."""

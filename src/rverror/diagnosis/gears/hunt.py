@@ -238,7 +238,7 @@ class Hunt:
         offered = {identity(one.name) for _, one in offers}
         return [(plain, unsized(name)) for name in self.free(plain) if identity(name) not in offered]
 
-    def alike(self, plain: Fit) -> list[Trial]:
+    def alike(self, plain: Fit, *, below: float = math.inf) -> list[Trial]:
         """What is the same at all pins and cranks, from the sizes of a workshop, each at the best place it ends at.
 
         A modified profile makes but a ripple of the mesh, and of a carrier whose discs balance only what is quadratic
@@ -248,7 +248,7 @@ class Hunt:
         names = [name for name in self.free(plain) if not name[1] and source(name[0]).false_minima]
         starts = workshop([(plain, unsized(name)) for name in names], pins=False)
         offers = [(plain, one) for one in starts if one.sizes.max() > _NOTHING]
-        return distinct(self._settled(self._tried(offers, plain)), 1)
+        return distinct(self._settled(self._tried(offers, plain), below=below), 1)
 
     def loosened(self, plain: Fit) -> list[Trial]:
         """A clearance of a size that a workshop makes with one cause more: alone neither of them may show.
@@ -307,10 +307,13 @@ class Hunt:
         kept = self._ahead(self._stepped(kept, 2), policy.refitted, 2, "after three joint steps: may leave")
         return in_order(self._stepped(kept, 12))
 
-    def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
-        """Where trials end, the best first: a race of a few steps drops what opens contacts when it is about to fit."""
-        halfway = in_order(self._stepped(trials, self.policy.halfway))
-        return in_order(self._stepped(halfway[: self.policy.stepped], self.policy.halfway))
+    def _settled(self, trials: Sequence[Trial], *, below: float = math.inf) -> list[Trial]:
+        """Where trials end, the best first: a race of a few steps drops what opens contacts when it is about to fit.
+
+        What promises no objective below a bound after half of the steps falls.
+        """
+        halfway = in_order(self._stepped(trials, self.policy.halfway))[: self.policy.stepped]
+        return in_order(self._stepped([trial for trial in halfway if trial.prospect < below], self.policy.halfway))
 
     def _ahead(self, trials: Sequence[Trial], most: int, of_each: int, why: str) -> list[Trial]:
         """The most promising trials; it is written down why the others fell."""
@@ -600,7 +603,7 @@ class Hunt:
         gone = [coarse.added[number] for number in numbers]
         felt_alone = len(gone) == 1 and not source(gone[0].key).at_output  # a ripple stands for nothing at the output
         bare = begun_at(coarse.bench, rest.model, coarse.declared) if felt_alone else None
-        more = self.alike(bare) if bare else []
+        more = self.alike(bare, below=far) if bare else []
         fits = [end.fit for end in (*twins, *distinct(in_order([*ends[len(twins) :], *more]), 1))]
         near = [
             fit for fit in fits

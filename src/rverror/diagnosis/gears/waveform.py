@@ -24,6 +24,7 @@ from rverror.statics.prediction import turned
 Named = tuple[str, Mapping[str, IndexValue]]
 
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
+_TOGETHER = 1024  # angles of all directions that are solved as one: more take as long apart
 _DENSER = 5  # than the grid of the travel, where that is coarse
 
 
@@ -88,19 +89,27 @@ class Conditioned:
     direction: float
     torque: float | None
     turn: AngleGrid
-    _kept: dict[AngleGrid, Statics] = field(default_factory=dict, repr=False)
+    _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
 
     def repeat(self, unit: Reducer) -> AngleGrid:
         """One turn of the crank against the carrier."""
         period = 2 * math.pi / fundamental_orders(unit)["crank"]
         return whole(self.turn.start, period, min(_REPEAT_POINTS, math.ceil(_DENSER * period / self.turn.step)))
 
-    def _statics(self, unit: Reducer, grid: AngleGrid) -> Statics:
-        """Statics over a grid; geometry is made once, what the stiffness changes only where it does."""
-        made = self._kept.get(grid)
+    def grid(self, unit: Reducer, effects: Sequence[Effect]) -> AngleGrid:
+        """Where the gear train is solved: over one turn of the crank, if all errors repeat with it."""
+        alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
+        return self.repeat(unit) if alike and self.torque is not None else self.turn
+
+    def _statics(self, unit: Reducer, grid: AngleGrid, *, beside: Sequence[Conditioned] = ()) -> Statics:
+        """Statics over a grid, once in each direction; geometry is made once, what the stiffness changes only where it
+        does."""
+        name = grid, len(beside)
+        made = self._kept.get(name)
         if made is None:
-            made = statics_of(unit, Conditions(grid.theta, self.direction, self.torque))
-        self._kept[grid] = made = made.elastic(unit)
+            directions = np.repeat([self.direction, *(one.direction for one in beside)], grid.points)
+            made = statics_of(unit, Conditions(np.tile(grid.theta, 1 + len(beside)), directions, self.torque))
+        self._kept[name] = made = made.elastic(unit)
         return made
 
     def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
@@ -108,19 +117,32 @@ class Conditioned:
 
     def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
         """Waveform with these effects, all felt by the contacts; from poses near it where there are."""
+        return self.solve_with([], unit, effects, [near])[0]
+
+    def solve_with(
+        self,
+        beside: Sequence[Conditioned],
+        unit: Reducer,
+        effects: tuple[Effect, ...],
+        near: Sequence[Waveform | None],
+    ) -> list[Waveform]:
+        """Waveforms of this condition and of others that differ in their direction alone, as one system."""
+        grid = self.grid(unit, effects)
         if self.torque is None:
-            grid = self.turn
             where = self._motion(unit, grid)
-            forces = closed_form_forces(where)
-            rows = _matrix(where, forces, [(e.key, e.indices) for e in effects])
+            rows = _matrix(where, closed_form_forces(where), [(e.key, e.indices) for e in effects])
             values = np.array([v for e in effects for v in e.values])
-            return Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)
-        alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
-        grid = self.repeat(unit) if alike else self.turn
-        statics = self._statics(unit, grid)
-        start = None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
-        solved = statics.predict(effects, start)
-        return Waveform(grid, solved.transmission_error, solved.matrix, solved.softening, effects, unit, solved.poses)
+            return [Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)]
+        starts = [self._near(one, grid) for one in near]
+        poses = [start for start in starts if start is not None]
+        statics = self._statics(unit, grid, beside=beside)
+        solved = statics.predict(effects, np.concatenate(poses) if len(poses) == len(starts) else None)
+        parts = [slice(at * grid.points, (at + 1) * grid.points) for at in range(len(starts))]
+        error, rows, soft = solved.transmission_error, solved.matrix, solved.softening
+        return [Waveform(grid, error[p], rows[:, p], soft[:, p], effects, unit, solved.poses[p]) for p in parts]
+
+    def _near(self, near: Waveform | None, grid: AngleGrid) -> Array | None:
+        return None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
 
     def _carried(self, near: Waveform, grid: AngleGrid) -> Array | None:
         """Poses over one turn of the crank at the angles of another grid: after each the gear train stands as it did,
@@ -139,6 +161,28 @@ class Conditioned:
         statics = self._statics(wave.unit, self.turn)
         start = wave.poses if wave.grid == self.turn else self._carried(wave, self.turn)
         return statics.motion, statics.forces(wave.effects, start)
+
+
+def solve_all(
+    conditions: Sequence[Conditioned],
+    unit: Reducer,
+    effects: tuple[Effect, ...],
+    near: Sequence[Waveform | None],
+) -> list[Waveform]:
+    """Waveform of each condition; both directions under one torque are one system where that is not long yet.
+
+    What a step of the equilibrium costs, few angles hardly change.
+    """
+    found = dict[int, Waveform]()
+    for first, one in enumerate(conditions):
+        if first in found:
+            continue
+        alike = [i for i, other in enumerate(conditions) if (other.torque, other.turn) == (one.torque, one.turn)]
+        if one.torque is None or len(alike) * one.grid(unit, effects).points > _TOGETHER:
+            alike = [first]
+        beside = [conditions[i] for i in alike if i != first]
+        found |= zip(alike, one.solve_with(beside, unit, effects, [near[i] for i in alike]), strict=True)
+    return [found[i] for i in range(len(conditions))]
 
 
 def _matrix(where: Pose, forces: ContactForces, named: Sequence[Named]) -> Array:
