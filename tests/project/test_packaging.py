@@ -173,3 +173,15 @@ def test_releasing_names_every_extra() -> None:
     part = text(ROOT / "CONTRIBUTING.md").partition("## Releasing")[2]
     for extra in PROJECT["optional-dependencies"]:
         assert f"`{extra}`" in part or f"[{extra}]" in part, extra
+
+
+def test_the_site_brings_what_its_notebooks_import() -> None:
+    """A notebook that is run for the site has no other extras than the site's."""
+    extras = PROJECT["optional-dependencies"]
+    (own,) = (line for line in extras["docs"] if line.startswith("rverror["))
+    brought = [*PROJECT["dependencies"], *extras["docs"]]
+    brought += [line for extra in own[len("rverror[") : -1].split(",") for line in extras[extra]]
+    names = {re.split(r"[\[<>=]", line)[0].lower() for line in brought}
+    for path in (ROOT / "examples" / "notebooks").glob("*.py"):
+        for module in re.findall(r"^(?:import|from) (\w+)", text(path), flags=re.MULTILINE):
+            assert module in sys.stdlib_module_names or module in names or module == "catalogue_tables", path.name
