@@ -36,6 +36,7 @@ EXAMPLES = DOCS.parent / "examples"
 NOTEBOOK = ".nb.py"
 #: Pages with pictures that the code draws.
 WRITTEN = ("catalogue", "published", "theory/error-at-speed")
+_FUNCTION = r"\\(?:(?:arc)?(?:sin|cos|tan)|sinh|cosh|cot|ln|operatorname\{\w+\})(?![a-zA-Z])"
 _LONG = 45  # characters of a formula that may not fit into a line on a phone
 
 
@@ -46,12 +47,17 @@ def mathml(tex: str, *, block: bool) -> str:
     """Formula as MathML, which browsers show without script, by the converter that docutils brings.
 
     TeX takes one digit for each part of a fraction where the converter takes the whole number, sets functions off from
-    their neighbours, and does not stretch bars.
+    their neighbours, writes an index beside a letter with an accent, not under it, stretches no bars and brackets, and
+    draws a line over all of a mean.
     """
     tex = re.sub(r"(\\[dt]?frac)(\d)(\d)", r"\1{\2}{\3}", tex)
-    tex = re.sub(r"(?<=[\w})])(\s*)(\\(?:arc)?(?:sin|cos|tan)(?![a-zA-Z]))", r"\1\\,\2", tex)
-    tex = re.sub(r"(\\(?:arc)?(?:sin|cos|tan)(?![a-zA-Z])) *(?=\w|\\(?!bigl|Bigl|left)[a-zA-Z])", r"\1\\,", tex)
+    tex = re.sub(rf"(?<=[\w}})])(\s*)({_FUNCTION})", r"\1\\,\2", tex)
+    tex = re.sub(rf"({_FUNCTION}) *(?=\w|\\(?!bigl|Bigl|left)[a-zA-Z])", r"\1\\,", tex)
+    tex = re.sub(r"(\\(?:d?dot|hat|bar|tilde) ?(?:\\[a-zA-Z]+|\w))(?=_)", r"\1{}", tex)
     written = latex2mathml.tex2mathml(tex, as_block=block)
+    written = written.replace('<mover accent="false">', '<mrow class="mean">')
+    written = re.sub(r'<mo accent="true">_</mo>\s*</mover>', "</mrow>", written)
+    written = re.sub(r'<mo(?: class="math(?:open|close)")?>([⟨⟩‖])</mo>', r'<mo stretchy="false">\1</mo>', written)
     written = written.replace('<mo class="mathopen">|</mo>', '<mo stretchy="false" form="prefix">|</mo>')
     return re.sub(r'<mo(?: class="mathclose")?>\|</mo>', '<mo stretchy="false" form="postfix">|</mo>', written)
 

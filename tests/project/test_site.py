@@ -251,6 +251,9 @@ def test_formulas_are_written_for_browsers(pages: dict[str, Page]) -> None:
     for name, page in pages.items():
         words = re.sub(r"<(pre|code|script).*?</\1>", "", page.path.read_text(encoding="utf-8"), flags=re.DOTALL)
         assert not re.search(r"\\(?:frac|sum|lambda|theta|Theta|cdot|delta)\b", words), name
+        # an index stands beside its letter, and a mean has a line over all of it
+        assert not re.search(r"<munderover>\s*<mi[^>]*>.</mi>\s*<mi[^>]*>.</mi>\s*<mo", words), name
+        assert ">_</mo>" not in words, name
     # TeX takes one digit for each half of a fraction
     assert re.search(r"<mfrac[^>]*>\s*<mn>1</mn>\s*<mn>2</mn>", pages["theory/involute.html"].path.read_text("utf-8"))
 
