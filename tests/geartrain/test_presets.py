@@ -180,8 +180,9 @@ def written(name: str, value: object) -> str:
 
 
 def table_of(name: str) -> str:
+    origins = {key: said.replace("*", r"\*") for key, said in rverror.preset_origins(name).items()}  # no emphasis
     rows = [
-        f"| `{key}` | {written(key, value)} | {rverror.preset_origins(name)[key]} |"
+        f"| `{key}` | {written(key, value)} | {origins[key]} |"
         for key, value in preset_parameters(name).items()
         if key != "name"
     ]

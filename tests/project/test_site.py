@@ -254,6 +254,8 @@ def test_formulas_are_written_for_browsers(pages: dict[str, Page]) -> None:
         # an index stands beside its letter, and a mean has a line over all of it
         assert not re.search(r"<munderover>\s*<mi[^>]*>.</mi>\s*<mi[^>]*>.</mi>\s*<mo", words), name
         assert ">_</mo>" not in words, name
+        # a unit such as N*m, twice in a line, is no emphasis
+        assert not re.search(r"\w<em>\w|\w</em>\w", words), name
     # TeX takes one digit for each half of a fraction
     assert re.search(r"<mfrac[^>]*>\s*<mn>1</mn>\s*<mn>2</mn>", pages["theory/involute.html"].path.read_text("utf-8"))
 
