@@ -22,6 +22,7 @@ from rverror.model.catalogue import CATALOGUE
 
 for needed in ("sphinx", "furo", "numpydoc", "myst_nb", "jupytext", "matplotlib"):
     pytest.importorskip(needed)
+image = pytest.importorskip("matplotlib.image")
 
 DOCS = ROOT / "docs"
 NOTEBOOKS = sorted(path.stem for path in (ROOT / "examples" / "notebooks").glob("*.py"))
@@ -159,6 +160,19 @@ def test_pictures_have_words(pages: dict[str, Page]) -> None:
     for name, page in pages.items():
         # a notebook's figures come from its cells, whose text says what they show
         assert not page.unnamed or name.startswith("notebooks/"), f"{name}: {page.unnamed[:3]}"
+
+
+def test_pictures_bring_their_ground() -> None:
+    """Drawn dark on nothing they would be lost on a dark page."""
+    for path in DOCS.rglob("*.svg"):
+        words = re.sub(r"<defs>.*?</defs>", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        width, height = re.findall(r'viewBox="0 0 (\d+) (\d+)"', words)[0]
+        first = re.findall(r"<(?:rect|line|path|circle|text|g)\b[^>]*", words)[0]
+        assert first.startswith("<rect"), path.name
+        assert f'width="{width}" height="{height}"' in first, path.name
+    for path in DOCS.rglob("*.png"):
+        shape = image.imread(path)
+        assert shape.shape[-1] == 3 or shape[..., 3].min() == 1, path.name
 
 
 def test_every_source_is_pictured(pages: dict[str, Page]) -> None:
