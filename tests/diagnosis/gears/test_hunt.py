@@ -31,6 +31,7 @@ from rverror.diagnosis.gears.hunt import (
     mirrored,
     named,
     nearly_noise,
+    onto,
     outlook,
     strained,
     tried,
@@ -566,6 +567,18 @@ def test_a_profile_is_fitted_to_the_end_from_sizes_that_a_workshop_makes(ground_
     assert trial is not None
     assert fitted(trial.fit, steps=30).objective > found.fit.objective + 100
     assert hunt.hidden(found) is None  # once
+
+
+def test_what_promises_nothing_near_is_not_followed_to_its_end(ground_off: Node) -> None:
+    """The profile that is there ends where it would without a bound that it comes below; below half of it none stays."""
+    hunt = hunt_of(ground_off)
+    plain = as_declared(onto(hunt.coarse(ground_off), ground_off.fit))
+    ends = hunt.alike(plain)
+    best = ends[0].fit
+    bounded = hunt.alike(plain, below=best.objective + 1)
+    assert [trial.fit.added for trial in bounded] == [best.added]
+    assert len(ends) > 1
+    assert not hunt.alike(plain, below=best.objective / 2)
 
 
 LOBE = rverror.effect("cycloid.disc_lobe", disc=0, lobe=3, deviation="5 um")
