@@ -570,7 +570,7 @@ def test_a_profile_is_fitted_to_the_end_from_sizes_that_a_workshop_makes(ground_
 
 
 def test_what_promises_nothing_near_is_not_followed_to_its_end(ground_off: Node) -> None:
-    """The profile that is there ends where it would without a bound that it comes below; below half of it none stays."""
+    """The profile that is there ends where it did without a bound that it comes below; below half of it none stays."""
     hunt = hunt_of(ground_off)
     plain = as_declared(onto(hunt.coarse(ground_off), ground_off.fit))
     ends = hunt.alike(plain)
