@@ -42,8 +42,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
     """Private numbers beside an algorithm are its steps and grids; chances and limits are the policy's."""
     allowed = {
         "_TURN", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN", "_LISTED",
-        "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_TOGETHER", "_DENSER",
-        "_TRUE",  # of the grids
+        "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_TOGETHER", "_DENSER", "_TRUE",  # of the grids
         "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_CALM_ENDS",
         "_MOST_PEAKS", "_BY_NOISE",  # of noise
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",  # of what a run and a contact may be

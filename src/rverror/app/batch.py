@@ -50,6 +50,7 @@ COLUMNS = (
 )
 
 _MOST_WORKERS = 61  # a limit of Windows
+
 Progress = Callable[[str], None]
 
 
