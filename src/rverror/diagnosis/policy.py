@@ -120,11 +120,12 @@ class Policy:
     # --- reducers: how long it is searched ----------------------------------------------------------------------------
 
     #: Sets of causes that are looked beside in the first search; in a wider one, where that found no set that leaves
-    #: nothing: what was declared, three sets of one cause, and three beside each; and, once the noise is known better,
-    #: in each later one.  How many later ones; and sets that wait.  Chosen for time: one cause needs one, three need
-    #: three.
+    #: nothing: what was declared, three sets of one cause, which go before any of two, and three beside each; and, once
+    #: the noise is known better, in each later one.  How many later ones; and sets that wait.  Chosen for time: one
+    #: cause needs one, three need three.
     expansions: int = 5
     wider_expansions: int = 13
+    breadth: int = 3
     again: int = 2
     looks: int = 3
     branches: int = 9

@@ -24,6 +24,7 @@ from rverror.diagnosis.gears.hunt import (
     begun_at,
     bent,
     distinct,
+    explains_most,
     inexact,
     leading_of_each,
     lifted,
@@ -527,11 +528,11 @@ class Chained(Hunt):
         key = effect.key.split(".")[1]
         self.journal.tell(key)
         other = self.ways.get((node.names, key))
-        return self.set_of(other) if other else node
+        return self.set_of(other, last=effect.key) if other else node
 
     @staticmethod
-    def set_of(names: str) -> Any:
-        keys = ("cycloid.pin_circle", "cycloid.pin_position", "crank.eccentricity")
+    def set_of(names: str, *, last: str = "") -> Any:
+        keys = sorted(("cycloid.pin_circle", "cycloid.pin_position", "crank.eccentricity"), key=last.__eq__)
         return SimpleNamespace(names=names, fit=SimpleNamespace(added=[SimpleNamespace(key=key) for key in keys]))
 
 
@@ -541,8 +542,51 @@ def test_what_one_cause_has_found_lets_another_go_on() -> None:
     hunt = Chained((), POLICY, Journal(told.append))
     assert hunt.restarted(Chained.set_of("XY")).names == "AB"
     assert told == ["pin_circle", "pin_position", "pin_circle", "pin_position"]
+    told.clear()
     other = Chained.set_of("Q")
     assert hunt.restarted(other) is other
+    assert told == ["pin_circle", "pin_position"]
+    told.clear()
+    assert hunt.restarted(Chained.set_of("AZ")).names == "AB"
+    assert told == ["pin_circle", "pin_position"]
+
+
+def test_a_cause_beside_which_nothing_has_moved_is_not_begun_again() -> None:
+    """The wave moves, the pin does not follow: from the same others the wave would end where it is."""
+    told: list[str] = []
+    hunt = Chained((), POLICY, Journal(told.append))
+    hunt.ways = {("XY", "pin_circle"): "AY"}  # type: ignore[misc]
+    assert hunt.restarted(Chained.set_of("XY")).names == "AY"
+    assert told == ["pin_circle", "pin_position"]
+
+
+def test_causes_that_hold_one_another_in_a_wrong_place_change_it_together() -> None:
+    """On the other disc, all opposite, both look alike but for the contacts; one of them alone cannot follow."""
+    here = [
+        rverror.effect("cycloid.disc_profile", disc=1, harmonic=1, cos="2.6 um", sin="2.5 um"),
+        rverror.effect("coupling.carrier_bore_position", crank=1, radial="3.5 um", tangential="15.6 um"),
+    ]
+    there = [replace(here[0], indices={"disc": 0, "harmonic": 1}), here[1]]
+    known = (
+        rverror.effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="0.8 um", sin="-5 um"),
+        rverror.effect("cycloid.disc_pitch", disc=1, harmonic=1, cos="-1 um", sin="-0.2 um"),
+        rverror.effect("crank.eccentricity", crank=0, disc=1, radial="-1.4 um", tangential="-1.4 um"),
+    )
+    declared = Model(UNIT, tuple(replace(effect, uncertainty=3e-4) for effect in known))
+    first = begin(declared, runs_of(Model(OTHER, (*known, *here)), LIGHT, points=1024))
+    noise = renoised(fitted(evaluated(first.bench, replace(declared, effects=(*declared.effects, *here)), declared)))
+    opposite = [replace(effect, values=tuple(-value for value in effect.values)) for effect in there]
+    start = replace(declared, effects=(*declared.effects, *opposite))
+    node = Node(fitted(evaluated(noise.bench, start, declared), steps=30))
+    hunt = hunt_of(node)
+    assert not hunt.complete(node)
+    found = hunt.transposed(node)
+    assert hunt.complete(found)
+    assert found.names == frozenset(map(named, here))
+    for effect, true in zip(found.fit.added, here, strict=True):
+        assert effect.values == pytest.approx(true.values, abs=1e-3)
+    assert all(rival.score > found.score + 100 for at in (0, 1) for rival in hunt.rivals(node, at))
+    assert hunt.transposed(found) is found
 
 
 @pytest.fixture(scope="module")
@@ -749,14 +793,32 @@ def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
     node = Node(fitted(renoised(fitted(first))))
     plain = begun_at(hunt.coarse(node), BARE, BARE)
     assert plain is not None
-    end = hunt.loosened(plain)[0]
-    assert {e.key for e in end.fit.added} == {clearance.key, runout.key}
-    assert not any(len(child.fit.added) == 2 for child in hunt.children(node))
-    best = replace(hunt, patient=True).children(node)[0]
+    for patient in (False, True):
+        end = replace(hunt, patient=patient).loosened(plain)[0]
+        assert {e.key for e in end.fit.added} == {clearance.key, runout.key}
+    alone = (hunt.with_candidates((name,)).children(node) for name in hunt.candidates)
+    assert not any(hunt.complete(child) for children in alone for child in children)
+    best = hunt.children(node)[0]
     assert hunt.complete(best)
     sizes = {e.key: e.values for e in best.fit.added}
     assert sizes[clearance.key] == pytest.approx((0.007,), abs=5e-4)
     assert np.abs(sizes[runout.key]) == pytest.approx((0.010, 0.020), abs=2e-3)
+
+
+def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_together() -> None:
+    """Neither takes off half of what both make; with the profile at any size of a workshop the pin leads."""
+    profile = rverror.effect("cycloid.profile_modification", equidistant="20 um", shift="10 um")
+    pin = rverror.effect("cycloid.pin_radius", pin=5, deviation="6.5 um")
+    node = settled(Model(OTHER, (profile, pin)))
+    hunt = hunt_of(node)
+    for alone in (profile, pin):
+        one = fitted(evaluated(node.fit.bench, Model(UNIT, (alone,)), BARE), steps=30)
+        assert not explains_most(one, node.fit)
+    best = hunt.children(node)[0]
+    assert best.names == frozenset(map(named, (profile, pin)))
+    assert best.fit.data < best.fit.bound
+    sizes = {e.key: e.values for e in best.fit.added}
+    assert sizes[pin.key] == pytest.approx(pin.values, abs=5e-4)
 
 
 def test_of_each_source_the_leading_offers_are_taken(right: Node) -> None:
@@ -917,6 +979,21 @@ def test_a_set_is_looked_beside_once_however_many_ways_lead_to_it() -> None:
     assert done
     assert best.names == frozenset("CDE")
     assert len(told) == len(set(told))
+
+
+def test_in_a_wider_search_single_causes_go_before_pairs_that_leave_more_than_noise() -> None:
+    tree = Tree((), POLICY, Journal(lambda text: None))
+    pair, single, fits = tree.set_of("A", "B"), tree.set_of("A"), tree.set_of("E", "F")
+    fits.fit.data = fits.fit.bound
+    sets = [single, fits, pair]
+
+    def first(patient: bool, looked: int) -> list[Any]:
+        names = [tree.set_of(letter).names for letter in "ABCDEF"[:looked]]
+        return replace(tree, patient=patient)._in_turn(sets, names)
+
+    assert first(False, 0) == [pair, fits, single]
+    assert first(True, 0) == [fits, single, pair]
+    assert first(True, POLICY.breadth) == [pair, fits, single]
 
 
 class Misplaced(Tree):

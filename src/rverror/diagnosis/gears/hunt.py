@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Sequence
+import operator
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, product, takewhile
@@ -221,17 +222,24 @@ class Hunt:
         if self.patient and not node.fit.added and not (nodes and self.complete(nodes[0])):
             ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
-        if self.patient and len(node.fit.added) + 2 <= policy.most_effects and not (nodes and self.complete(nodes[0])):
+        bare, regular = not node.fit.added, self._regular(node)
+        least = min((child.fit for child in (*nodes, *regular)), key=lambda fit: fit.data, default=node.fit)
+        lost = bare and not nearly_noise(node.fit) and not explains_most(least, node.fit)
+        if (lost or (bare and self.patient)) and not (nodes and self.complete(nodes[0])):
             nodes = sorted(nodes + self._fine(node, self.loosened(plain)), key=lambda n: n.score)
         if not nodes or not self.complete(nodes[0]):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
-            pins = offers[: policy.evaluated] if self.pins else [o for o in offers if identity(o[1].name) in found]
-            more = workshop(offers + self._barred(plain, offers), pins=False) + workshop(pins, pins=True)
+            every = offers + self._barred(plain, offers)
+            pins = [
+                offer for offer in every
+                if identity(offer[1].name) in found or ((lost or self.patient) and "pin" not in offer[1].name[1])
+            ]  # fmt: skip
+            more = workshop(every, pins=False) + workshop(offers[: policy.evaluated] if self.pins else pins, pins=True)
             more += mirrored(nodes, offers)
             ends = self._raced(self._tried([(plain, one) for one in more], plain)) + self.alike(plain)
             nodes += self._fine(node, distinct(in_order(ends), 2))
-        return sorted(nodes + self._regular(node), key=lambda n: n.score)
+        return sorted(nodes + regular, key=lambda n: n.score)
 
     def _barred(self, plain: Fit, offers: Sequence[tuple[Fit, Proposal]]) -> list[tuple[Fit, Proposal]]:
         """Candidates of which a linear step makes less than nothing, as a clearance: far from it they may do well."""
@@ -245,30 +253,34 @@ class Hunt:
         is left: both show by the contacts that open.  No linear step tells their size, and a race of a few steps drops
         them where they are about to fit.  Material that comes on all over would jam the mesh.
         """
-        names = [name for name in self.free(plain) if not name[1] and source(name[0]).false_minima]
+        names = [name for name in self.free(plain) if self._everywhere(name)]
         starts = workshop([(plain, unsized(name)) for name in names], pins=False)
         offers = [(plain, one) for one in starts if one.sizes.max() > _NOTHING]
         return distinct(self._settled(self._tried(offers, plain), below=below), 1)
 
     def loosened(self, plain: Fit) -> list[Trial]:
-        """A clearance of a size that a workshop makes with one cause more: alone neither of them may show.
+        """What opens contacts everywhere, of sizes that a workshop makes, with one cause more: alone neither may show.
 
-        A carrier that is off its place by less than what its cranks' bearings yield moves little of what is tight, and
-        a clearance alone is driven back to nothing.
+        A profile that was ground off or a clearance leaves a pin to carry what several would; without it the pin's fit
+        ends elsewhere, and alone a clearance is driven back to nothing.  Of a carrier's runout no linear step tells, so
+        that is for patience.
         """
-        clearances = [n for n in self.free(plain) if not n[1] and all(p.least == 0 for p in source(n[0]).parameters)]
-        starts = workshop([(plain, unsized(name)) for name in clearances], pins=False)
+        clearances = [name for name in self.free(plain) if all(p.least == 0 for p in source(name[0]).parameters)]
+        names = clearances + [name for name in self.free(plain) if self._everywhere(name)]
+        starts = workshop([(plain, unsized(name)) for name in names], pins=False)
         bases = [trial.fit for trial in self._tried([(plain, one) for one in starts], plain)]
-        return in_order([end for base in bases for end in (*self.ends_of_each(base), *self.alike(base))])
+        offers = [(base, one) for base in bases for one in screened(base, self.free(base))]
+        offers.sort(key=lambda offer: offer[1].objective)
+        ends = self._raced(self._tried(offers[: self.policy.evaluated], plain))
+        if self.patient:
+            cleared = [base for base in bases if (base.added[-1].key, base.added[-1].indices) in clearances]
+            ends += [end for base in cleared for end in self.alike(base, below=plain.objective)]
+        return in_order(ends)
 
-    def ends_of_each(self, plain: Fit) -> list[Trial]:
-        """The leading candidate of each source that is felt at the contacts, at the place it ends at.
-
-        Where declared sizes and stiffness have to move far a linear step ranks the true cause behind many.
-        """
-        names = [name for name in self.free(plain) if not source(name[0]).at_output]
-        offers = leading_of_each([(plain, one) for one in screened(plain, names)], 1)
-        return distinct(self._settled(self._tried(offers, plain)), 1)
+    @staticmethod
+    def _everywhere(name: Named) -> bool:
+        """Tell whether a cause is the same at all pins and cranks and lets contacts go."""
+        return not name[1] and source(name[0]).false_minima
 
     def hidden(self, node: Node) -> Node | None:
         """A complete node with what is the same at all pins and cranks, where it stands behind what was fitted."""
@@ -338,10 +350,12 @@ class Hunt:
             return Node(fitted(onto(node.fit.bench, trial.fit), steps=steps, enough=0.3), node.lines, node.slow)
 
         policy = self.policy
-        near = list(takewhile(lambda trial: trial.fit.objective - raced[0].fit.objective <= policy.close, raced))
-        nodes = self.each(fine, near, node.fit)
-        for trial in raced[len(near) : policy.finest]:
-            if any(map(self.complete, nodes)):
+        behind = [trial.fit.objective - raced[0].fit.objective for trial in raced]
+        near = len(list(takewhile(lambda more: more <= policy.close, behind)))
+        nodes = self.each(fine, raced[:near], node.fit)
+        for trial, more in list(zip(raced, behind, strict=True))[near : policy.finest]:
+            fits = any(node.fit.data <= node.fit.bound for node in nodes)
+            if any(map(self.complete, nodes)) or (fits and more > 5 * policy.close):
                 break
             nodes.append(fine(trial))
         return sorted(nodes, key=lambda n: n.score)
@@ -417,7 +431,7 @@ class Hunt:
             better = [one for one in others if one.score < node.score - 1]
             if not better:
                 return node
-            node = min(better, key=lambda n: n.score)
+            node = self.pruned(min(better, key=lambda n: n.score))  # in its place others may be needless
         return node
 
     def restarted(self, node: Node) -> Node:
@@ -426,13 +440,15 @@ class Hunt:
         Beside what another cause had spoilt they may have come to where they are, and contacts that open keep them.  So
         does a pin that stands for the one beside it.  What one of them has found lets another go on.
         """
-        for _ in range(self.policy.most_effects):
-            before = node
-            for effect in before.fit.added:
-                if source(effect.key).frame == "housing" and not self.complete(node):  # what turns was, in every race
-                    node = self._begun_anew(node, effect)
-            if node is before:
+        waiting = deque(e for e in node.fit.added if source(e.key).frame == "housing")  # what turns was, in every race
+        idle = 0
+        for _ in range(self.policy.most_effects * len(waiting)):
+            if idle == len(waiting) or self.complete(node):  # no other one has moved since each was begun
                 break
+            effect, before = waiting.popleft(), node
+            node = self._begun_anew(node, effect)
+            idle = idle + 1 if node is before else 1
+            waiting.append(effect if node is before else node.fit.added[-1])
         return node
 
     def _begun_anew(self, node: Node, effect: Effect) -> Node:
@@ -442,8 +458,38 @@ class Hunt:
             return node
         offers = [(plain, one) for one in screened(plain, places(effect, plain.bench.unit, self.free(plain)))]
         more = [(plain, one) for one in workshop(offers, pins=True)]
-        ends = distinct(self._settled(self._tried(more, plain)), 2)
-        return min([node, *self._fine(node, ends)], key=lambda n: n.score)
+        below = fitted(onto(self.coarse(node), node.fit)).objective - 1
+        settled = [end for end in self._settled(self._tried(more, plain), below=below) if end.fit.objective < below]
+        found = min(self._fine(node, distinct(settled, 2)), key=lambda n: n.score, default=node)
+        return found if found.score < node.score - 1 else node
+
+    def transposed(self, node: Node) -> Node:
+        """The node with its causes on other discs and cranks or the opposite, all at once, if they do better there.
+
+        Contacts alone tell such places apart.  Of causes that were found beside one another the first holds the next in
+        a wrong place with it: neither does better there alone.
+        """
+        if len(node.fit.added) < 2 or self.complete(node):
+            return node
+        fit = as_declared(onto(self.coarse(node), node.fit))
+        unit, kept = fit.bench.unit, fit.model.effects[: len(fit.declared.effects)]
+        others = [elsewhere(e, unit, [*self.free(fit), (e.key, e.indices)]) for e in fit.added]
+        sets = [one for one in product(*others) if len(set(map(named, one))) == len(one) and one != fit.added]
+        sets.sort(key=lambda one: sum(map(operator.ne, one, fit.added)))
+
+        def there(effects: tuple[Effect, ...]) -> Trial | None:
+            model = replace(fit.model, effects=(*kept, *effects))
+            try:
+                state = evaluated(fit.bench, model, fit.declared, fit.waves)
+            except NotConvergedError:
+                return None
+            return Trial(state, as_compared(state.objective - proposed(state)[1]))
+
+        trials = [trial for trial in self.each(there, sets[: 2 * self.policy.evaluated], fit) if trial]
+        trials = sorted(trials, key=lambda trial: trial.prospect)[: self.policy.stepped]
+        ends = in_order(self._stepped(trials, self.policy.halfway))[:2]
+        found = min(self._fine(node, ends), key=lambda n: n.score, default=node)
+        return found if found.score < node.score - 1 else node
 
     def remarked(self, node: Node) -> Node:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
@@ -605,9 +651,11 @@ class Hunt:
         bare = begun_at(coarse.bench, rest.model, coarse.declared) if felt_alone else None
         more = self.alike(bare, below=far) if bare else []
         fits = [end.fit for end in (*twins, *distinct(in_order([*ends[len(twins) :], *more]), 1))]
+        least = min((fit.objective for fit in fits), default=math.inf)
         near = [
             fit for fit in fits
-            if named(fit.added[-1]) not in map(named, gone) and fit.objective < coarse.objective + self.policy.close
+            if named(fit.added[-1]) not in map(named, gone)
+            and fit.objective < min(coarse.objective, least) + self.policy.close
         ]  # fmt: skip
         found = dict[object, Node]()
         for rival in sorted(self._refitted(near, node), key=lambda n: n.score):
@@ -635,14 +683,18 @@ class Hunt:
                 # what strains or leaves a little may be one cause of a kind that is tried last, before it is two
                 bare = min(roots, key=lambda n: len(n.names))
                 waiting = sorted([*waiting, node, *last.beside(bare, seen)], key=outlook)
-                node, last = self.pruned(waiting.pop(0)), None
-            if len(node.fit.added) == self.policy.most_effects and node.fit.data <= node.fit.bound:
-                node = self.swapped(node)  # what fits, but only by what it strains, has a cause in a wrong place
+                first, last = waiting.pop(0), None
+                node = node if first is node else self.pruned(first)
+            if node.fit.data <= node.fit.bound:  # what fits, but only by what it strains, has a cause in a wrong place
+                node = self.transposed(node)
             if node.score > looked.get(node.names, math.inf) - 1:
                 continue  # several ways lead to one set
             looked[node.names] = node.score
             if not self.complete(node):
                 node = self.restarted(node)
+            full = len(node.fit.added) == self.policy.most_effects and node.fit.data <= node.fit.bound
+            if full and not self.complete(node):
+                node = self.swapped(node)
             seen.append(node)
             if self.complete(node):
                 more = self.hidden(node) if len(node.fit.added) < self.policy.most_effects else None
@@ -652,12 +704,23 @@ class Hunt:
                 continue
             if self.only_faults(node):
                 return node, False
-            waiting = sorted([*waiting, *self.beside(node, seen)], key=outlook)[: self.policy.branches]
+            waiting = self._in_turn([*waiting, *self.beside(node, seen)], looked)[: self.policy.branches]
         best, least = min(seen, key=lambda n: n.score), min(roots, key=lambda n: len(n.names))
-        left, before = (node.fit.data - node.fit.bound for node in (best, least))
-        if left < before / 2:  # it explains most, and one of its causes may be a wrong one
+        if explains_most(best.fit, least.fit):  # one of its causes may be a wrong one
             best = self.swapped(best)
         return best, self.complete(best)
+
+    def _in_turn(self, waiting: Sequence[Node], looked: Collection[frozenset[object]]) -> list[Node]:
+        """Sets in the order in which they are looked beside: the most promising first, but where a search is patient.
+
+        There several single causes go before any pair: the wrong one and a second nearly always beat the right one.
+        """
+        few = self.patient and sum(len(names) == 1 for names in looked) < self.policy.breadth
+
+        def turn(node: Node) -> tuple[bool, tuple[bool, float]]:
+            return few and len(node.names) > 1 and node.fit.data > node.fit.bound, outlook(node)
+
+        return sorted(waiting, key=turn)
 
     def beside(self, node: Node, seen: list[Node]) -> list[Node]:
         """Children that are better than a node by more than chance and new; all better ones are added to those seen."""
@@ -690,6 +753,11 @@ def strained(fit: Fit) -> bool:
     weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
     off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
     return float(weights @ off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+
+
+def explains_most(fit: Fit, before: Fit) -> bool:
+    """Tell whether a fit takes off more than half of what another leaves beyond noise."""
+    return fit.data - fit.bound < (before.data - before.bound) / 2
 
 
 def nearly_noise(fit: Fit) -> bool:
