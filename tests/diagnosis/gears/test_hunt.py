@@ -20,6 +20,7 @@ from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, p
 from rverror.diagnosis.gears.hunt import (
     Hunt,
     Node,
+    Trial,
     as_declared,
     begun_at,
     bent,
@@ -796,8 +797,9 @@ def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
     for patient in (False, True):
         end = replace(hunt, patient=patient).loosened(plain)[0]
         assert {e.key for e in end.fit.added} == {clearance.key, runout.key}
-    alone = (hunt.with_candidates((name,)).children(node) for name in hunt.candidates)
-    assert not any(hunt.complete(child) for children in alone for child in children)
+    for cause in (clearance, runout):
+        one = fitted(evaluated(node.fit.bench, Model(UNIT, (cause,)), BARE), steps=30)
+        assert not explains_most(one, node.fit)
     best = hunt.children(node)[0]
     assert hunt.complete(best)
     sizes = {e.key: e.values for e in best.fit.added}
@@ -820,6 +822,44 @@ def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_t
     assert best.fit.data < best.fit.bound
     sizes = {e.key: e.values for e in best.fit.added}
     assert sizes[pin.key] == pytest.approx(pin.values, abs=5e-4)
+
+
+def test_a_wave_of_the_pins_starts_from_workshop_sizes_where_nothing_explains_most() -> None:
+    """A linear step from nothing ranks it behind waves of other orders, and a race drops it."""
+    wave = rverror.effect(
+        "cycloid.pin_circle", harmonic=1, radial_cos="-1.7 um", radial_sin="-4 um", tangential_cos="-6.3 um",
+        tangential_sin="-2.3 um",
+    )  # fmt: skip
+    first = begin(BARE, runs_of(Model(OTHER, (wave,)), LIGHT, points=1024))
+    node = Node(fitted(renoised(fitted(first)), steps=30))
+    names = tuple(c for c in hunt_of(node).candidates if c[0] in (wave.key, "cycloid.disc_profile"))
+    best = Hunt(names, POLICY, Journal(lambda text: None)).children(node)[0]
+    assert best.names == frozenset([named(wave)])
+    assert best.fit.data < best.fit.bound
+    sign = np.sign(best.fit.added[0].values[0] * wave.values[0])  # half a turn on the other disc meets its opposite
+    assert sign * np.array(best.fit.added[0].values) == pytest.approx(wave.values, abs=5e-4)
+
+
+@pytest.mark.parametrize(("far", "noise", "count"), [(4.0, 1.0, 2), (6.0, 1.0, 1), (6.0, 0.2, 2)])
+def test_what_lies_far_behind_a_set_that_leaves_noise_is_not_fitted(far: float, noise: float, count: int) -> None:
+    """Five times `close` behind: were it to leave as little, few angles would not put it so far."""
+    known = renoised(settled(Model(OTHER, (CAM,)), CAM).fit)
+    records = [
+        replace(r, noise=RunNoise(r.noise.coefficients, noise * r.noise.sigma)) for r in known.bench.records if r.noise
+    ]
+    node = Node(evaluated(known.bench.with_records(records), BARE, BARE))
+    ahead = Trial.of(evaluated(node.fit.bench, Model(UNIT, (CAM,)), BARE))
+    behind = Trial.of(evaluated(node.fit.bench, Model(UNIT, (replace(CAM, values=(0.0, 0.0)),)), BARE))
+    close = (behind.fit.objective - ahead.fit.objective) / far
+    hunt = Restless((), replace(POLICY, close=close), Journal(lambda text: None))
+    assert len(hunt._fine(node, [ahead, behind])) == count
+
+
+class Restless(Hunt):
+    """A search to which nothing is complete."""
+
+    def complete(self, node: Node) -> bool:
+        return False
 
 
 def test_of_each_source_the_leading_offers_are_taken(right: Node) -> None:
@@ -995,6 +1035,33 @@ def test_in_a_wider_search_single_causes_go_before_pairs_that_leave_more_than_no
     assert first(False, 0) == [pair, fits, single]
     assert first(True, 0) == [fits, single, pair]
     assert first(True, POLICY.breadth) == [pair, fits, single]
+
+
+class Needless(Hunt):
+    """A search in which B in the place of A leaves nothing to C."""
+
+    def _refitted(self, fits: Any, node: Any) -> Any:
+        return [node]
+
+    def remarked(self, node: Any) -> Any:
+        return node
+
+    def rivals(self, node: Any, *numbers: int) -> Any:
+        return [self.set_of("BC", 10.0)] if (node.names, numbers) == ("AC", (0,)) else []
+
+    def pruned(self, node: Any) -> Any:
+        return self.set_of("B", 9.0) if node.names == "BC" else node
+
+    @staticmethod
+    def set_of(names: str, score: float) -> Any:
+        return SimpleNamespace(names=names, score=score, fit=SimpleNamespace(added=list(names)))
+
+
+def test_what_a_swap_makes_needless_is_taken_out() -> None:
+    hunt = Needless((), POLICY, Journal(lambda text: None))
+    assert hunt.swapped(Needless.set_of("AC", 50.0)).names == "B"
+    kept = Needless.set_of("AC", 10.5)  # as good, but for where fits have settled
+    assert hunt.swapped(kept) is kept
 
 
 class Misplaced(Tree):

@@ -201,7 +201,7 @@ class Hunt:
         """The node with one cause more, for the leading ones, refitted, the best first."""
         policy = self.policy
         nodes = self._direct(node)
-        if nodes and self.complete(nodes[0]):
+        if self._found(nodes):
             return nodes
         settled = onto(self.coarse(node), node.fit)
         plain = as_declared(settled)
@@ -219,15 +219,15 @@ class Hunt:
         nodes = sorted(nodes + self._fine(node, self._raced(trials)), key=lambda n: n.score)
         if nodes and not self.complete(nodes[0]):
             nodes[0] = self.remarked(nodes[0])
-        if self.patient and not node.fit.added and not (nodes and self.complete(nodes[0])):
+        bare, regular = not node.fit.added, self._regular(node)
+        if self.patient and bare and not self._found(nodes):
             ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
-        bare, regular = not node.fit.added, self._regular(node)
-        least = min((child.fit for child in (*nodes, *regular)), key=lambda fit: fit.data, default=node.fit)
-        lost = bare and not nearly_noise(node.fit) and not explains_most(least, node.fit)
-        if (lost or (bare and self.patient)) and not (nodes and self.complete(nodes[0])):
+        lost = bare and not nearly_noise(node.fit)
+        lost = lost and not any(explains_most(child.fit, node.fit) for child in (*nodes, *regular))
+        if (lost or (self.patient and bare)) and not self._found(nodes):
             nodes = sorted(nodes + self._fine(node, self.loosened(plain)), key=lambda n: n.score)
-        if not nodes or not self.complete(nodes[0]):
+        if not self._found(nodes):
             plain = min(plains, key=lambda p: p.objective)
             found = {named(n.fit.added[-1]) for n in nodes}
             every = offers + self._barred(plain, offers)
@@ -240,6 +240,10 @@ class Hunt:
             ends = self._raced(self._tried([(plain, one) for one in more], plain)) + self.alike(plain)
             nodes += self._fine(node, distinct(in_order(ends), 2))
         return sorted(nodes + regular, key=lambda n: n.score)
+
+    def _found(self, nodes: Sequence[Node]) -> bool:
+        """Tell whether the best of nodes is complete."""
+        return bool(nodes) and self.complete(nodes[0])
 
     def _barred(self, plain: Fit, offers: Sequence[tuple[Fit, Proposal]]) -> list[tuple[Fit, Proposal]]:
         """Candidates of which a linear step makes less than nothing, as a clearance: far from it they may do well."""
@@ -425,13 +429,13 @@ class Hunt:
         for _ in range(self.policy.most_effects):
             count = range(len(node.fit.added))
             others = [rival for at in count for rival in self.rivals(node, at)]
-            if all(one.score >= node.score - 1 for one in others):
+            if improved(node, others) is node:
                 others += [one for pair in combinations(count, 2) for one in self.rivals(node, *pair)]
                 others.append(self.remarked(node))
-            better = [one for one in others if one.score < node.score - 1]
-            if not better:
+            better = improved(node, others)
+            if better is node:
                 return node
-            node = self.pruned(min(better, key=lambda n: n.score))  # in its place others may be needless
+            node = self.pruned(better)  # with it others may be needless
         return node
 
     def restarted(self, node: Node) -> Node:
@@ -460,8 +464,7 @@ class Hunt:
         more = [(plain, one) for one in workshop(offers, pins=True)]
         below = fitted(onto(self.coarse(node), node.fit)).objective - 1
         settled = [end for end in self._settled(self._tried(more, plain), below=below) if end.fit.objective < below]
-        found = min(self._fine(node, distinct(settled, 2)), key=lambda n: n.score, default=node)
-        return found if found.score < node.score - 1 else node
+        return improved(node, self._fine(node, distinct(settled, 2)))
 
     def transposed(self, node: Node) -> Node:
         """The node with its causes on other discs and cranks or the opposite, all at once, if they do better there.
@@ -476,20 +479,11 @@ class Hunt:
         others = [elsewhere(e, unit, [*self.free(fit), (e.key, e.indices)]) for e in fit.added]
         sets = [one for one in product(*others) if len(set(map(named, one))) == len(one) and one != fit.added]
         sets.sort(key=lambda one: sum(map(operator.ne, one, fit.added)))
-
-        def there(effects: tuple[Effect, ...]) -> Trial | None:
-            model = replace(fit.model, effects=(*kept, *effects))
-            try:
-                state = evaluated(fit.bench, model, fit.declared, fit.waves)
-            except NotConvergedError:
-                return None
-            return Trial(state, as_compared(state.objective - proposed(state)[1]))
-
-        trials = [trial for trial in self.each(there, sets[: 2 * self.policy.evaluated], fit) if trial]
+        # three causes, each on two discs or cranks with either sign, are 63 such sets: nearly all are tried
+        models = [replace(fit.model, effects=(*kept, *one)) for one in sets[: 2 * self.policy.evaluated]]
+        trials = [trial for trial in self.each(partial(trial_of, fit), models, fit) if trial]
         trials = sorted(trials, key=lambda trial: trial.prospect)[: self.policy.stepped]
-        ends = in_order(self._stepped(trials, self.policy.halfway))[:2]
-        found = min(self._fine(node, ends), key=lambda n: n.score, default=node)
-        return found if found.score < node.score - 1 else node
+        return improved(node, self._fine(node, in_order(self._stepped(trials, self.policy.halfway))[:2]))
 
     def remarked(self, node: Node) -> Node:
         """The node with the gear's marks elsewhere, if they are not known and its one cause does better then.
@@ -633,12 +627,8 @@ class Hunt:
             others += [Effect(one.name[0], dict(one.name[1]), tuple(map(float, one.sizes))) for one in leading]
 
         def instead(other: Effect) -> Trial | None:
-            model = replace(rest.model, effects=(*rest.model.effects, other))
-            try:
-                state = evaluated(coarse.bench, model, coarse.declared, coarse.waves)
-            except NotConvergedError:
-                return None
-            return Trial(state, -math.inf if other in exact else as_compared(state.objective - proposed(state)[1]))
+            trial = trial_of(coarse, replace(rest.model, effects=(*rest.model.effects, other)))
+            return replace(trial, prospect=-math.inf) if trial and other in exact else trial
 
         trials = [trial for trial in self.each(instead, [*exact, *others], coarse) if trial]
         far = coarse.objective + 5 * self.policy.close
@@ -736,6 +726,12 @@ class Hunt:
                     found.append(child)
                 seen.append(child)
         return found
+
+
+def improved(node: Node, others: Sequence[Node]) -> Node:
+    """The best of other nodes, if it is better than one by more than fits that have settled differ; else that one."""
+    best = min(others, key=lambda n: n.score, default=node)
+    return best if best.score < node.score - 1 else node
 
 
 def outlook(node: Node) -> tuple[bool, float]:
@@ -958,6 +954,19 @@ class Trial:
     fit: Fit
     prospect: float
 
+    @staticmethod
+    def of(fit: Fit) -> Trial:
+        """A state, and what its next step promises."""
+        return Trial(fit, as_compared(fit.objective - proposed(fit)[1]))
+
+
+def trial_of(fit: Fit, model: Model) -> Trial | None:
+    """Another model's sizes in place of a fit's, where there is an equilibrium."""
+    try:
+        return Trial.of(evaluated(fit.bench, model, fit.declared, fit.waves))
+    except NotConvergedError:
+        return None
+
 
 def tried(fit: Fit, one: Proposal) -> Trial | None:
     """The candidate at the size that it would take, everything else held."""
@@ -965,20 +974,12 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
     most = np.array([0.7 * p.plausible for p in parameters])
     sizes = one.sizes / max(1.0, float((np.abs(one.sizes) / most).max()))
     effect = Effect(one.name[0], dict(one.name[1]), tuple(map(float, sizes)))
-    try:
-        state = evaluated(fit.bench, replace(fit.model, effects=(*fit.model.effects, effect)), fit.declared, fit.waves)
-    except NotConvergedError:
-        return None
-    return Trial(state, as_compared(state.objective - proposed(state)[1]))
+    return trial_of(fit, replace(fit.model, effects=(*fit.model.effects, effect)))
 
 
 def stood(fit: Fit, offset: float) -> Trial | None:
     """The same sizes with the marks at an offset."""
-    try:
-        state = turned_to(fit, offset)
-    except NotConvergedError:
-        return None
-    return Trial(state, as_compared(state.objective - proposed(state)[1]))
+    return trial_of(fit, marked(fit.model, offset))
 
 
 def in_order(trials: Sequence[Trial]) -> list[Trial]:
@@ -988,5 +989,4 @@ def in_order(trials: Sequence[Trial]) -> list[Trial]:
 
 def stepped(trial: Trial, steps: int) -> Trial:
     """So many joint steps more."""
-    fit = fitted(trial.fit, steps=steps, enough=0.5)
-    return Trial(fit, as_compared(fit.objective - proposed(fit)[1]))
+    return Trial.of(fitted(trial.fit, steps=steps, enough=0.5))
