@@ -26,6 +26,7 @@ import rverror
 from oracle import Errors, put
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
+from rverror.model.effects import Effect
 from rverror.statics.loaded_state import Equilibrium, NotConvergedError
 from strategies import reducers, variant
 
@@ -314,11 +315,12 @@ def random_effects(rng: np.random.Generator, unit: rverror.Reducer, *, count: in
                 if isinstance(chosen := allowed[rng.integers(len(allowed))], int) and index.name == "harmonic"
                 else chosen
             )  # the oracle knows harmonics up to 3
-        values = {
-            p.name: rng.uniform(max(p.least, -1), 1) * (size / unit.eccentricity if p.dimension == "angle" else size)
+        values = [
+            rng.uniform(max(p.least, -1), 1) * (size / unit.eccentricity if p.dimension == "angle" else size)
             for p in entry.parameters
-        }
-        effects.append(rverror.effect(str(key), **indices, **values))
+        ]
+        # not as a user types it: at a small eccentricity such arcs are angles of which `rverror.effect` warns
+        effects.append(Effect(str(key), indices, tuple(values)))
     return effects
 
 
