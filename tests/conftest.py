@@ -9,6 +9,10 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # 
 
 from hypothesis import HealthCheck, settings  # noqa: E402
 
+from rverror.base.memory import keep_freed_memory  # noqa: E402
+
+keep_freed_memory()  # as the command does: one second in thirty
+
 # speed is no test: a busy machine is no failure
 _ANY_SPEED = [HealthCheck.too_slow]
 settings.register_profile("rverror", deadline=None, max_examples=25, suppress_health_check=_ANY_SPEED)
