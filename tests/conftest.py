@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # small products wait on each other
@@ -20,3 +21,11 @@ settings.register_profile(
     "ci", deadline=None, max_examples=25, derandomize=True, database=None, suppress_health_check=_ANY_SPEED
 )
 settings.load_profile("ci" if os.environ.get("CI") else "rverror")
+
+gc.disable()  # while ten thousand tests are collected: they are no garbage
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, and leave the tests out of it."""
+    gc.freeze()
+    gc.enable()

@@ -180,15 +180,20 @@ class Hunt:
     def proposals(self, settled: Fit, plains: Sequence[Fit]) -> list[tuple[Fit, Proposal]]:
         """Candidates by what a linear step promises, the best first: from the sizes as declared, and from the fitted.
 
-        Fitted sizes are of use only where they fit: elsewhere they have moved to make up for what is missing.
+        Fitted sizes are of use only where they fit: elsewhere they have moved to make up for what is missing.  They may
+        have where they fit, too, and hide it: there a step is also made with everything held as declared, and what is
+        tried last is among the candidates.
         """
-        offers = self.each(lambda state: screened(state, self.free(settled)), plains, settled)
+        fits = settled.data < settled.bound
+        free = self.free(settled, late=fits)
+        offers = self.each(lambda state: screened(state, free), plains, settled)
         pairs = [(state, one) for state, found in zip(plains, offers, strict=True) for one in found]
         pairs.sort(key=lambda pair: pair[1].objective)
-        if settled.data >= settled.bound:
+        if not fits:
             return pairs
-        near = [(settled, one) for one in screened(settled, self.free(settled))]
-        return [pair for both in zip(pairs, near, strict=False) for pair in both]
+        near = [(settled, one) for one in screened(settled, free)]
+        held = [(plains[0], one) for one in screened(plains[0], free, hold=True)]
+        return [pair for three in zip(pairs, near, held, strict=False) for pair in three]
 
     def significant(self, fit: Fit, fall: float, parameters: int) -> bool:
         """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
@@ -219,7 +224,8 @@ class Hunt:
         nodes = sorted(nodes + self._fine(node, self._raced(trials)), key=lambda n: n.score)
         if nodes and not self.complete(nodes[0]):
             nodes[0] = self.remarked(nodes[0])
-        bare, regular = not node.fit.added, self._regular(node)
+        # what is added at the output alone opens no contact: beside it all is as beside nothing
+        bare, regular = all(source(e.key).at_output for e in node.fit.added), self._regular(node)
         if self.patient and bare and not self._found(nodes):
             ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
