@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # small products wait on each other
     os.environ.setdefault(_name, "1")
 
+import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 
 from rverror.base.memory import keep_freed_memory  # noqa: E402
@@ -22,10 +24,13 @@ settings.register_profile(
 )
 settings.load_profile("ci" if os.environ.get("CI") else "rverror")
 
-gc.disable()  # while ten thousand tests are collected: they are no garbage
 
-
-def pytest_collection_finish() -> None:
-    """Collect garbage again, and leave the tests out of it."""
-    gc.freeze()
-    gc.enable()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect ten thousand tests without looking for garbage among them, then or later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()

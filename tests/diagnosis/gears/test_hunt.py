@@ -797,8 +797,7 @@ def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
     runout = replace(RUNOUT, values=(0.010, -0.020))
     first = begin(BARE, runs_of(Model(OTHER, (ellipticity, runout, clearance)), LIGHT, points=1024))
     hunt = Hunt(((clearance.key, {}), (runout.key, {}), (ellipticity.key, {})), POLICY, Journal(lambda text: None))
-    begun = evaluated(renoised(fitted(first)).bench, Model(UNIT, (ellipticity,)), BARE)
-    node = Node(fitted(begun))
+    node = Node(fitted(evaluated(renoised(fitted(first)).bench, Model(UNIT, (ellipticity,)), BARE)))
     plain = begun_at(hunt.coarse(node), node.fit.model, BARE)
     assert plain is not None
     for patient in (False, True):
