@@ -32,6 +32,7 @@ import os  # noqa: E402
 import shutil  # noqa: E402
 import subprocess  # noqa: E402
 import tempfile  # noqa: E402
+from concurrent.futures import ThreadPoolExecutor  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 USAGE = """usage: python run.py demo [arguments of `rverror demo`]
@@ -242,14 +243,14 @@ def environment(command: str, root: Path = ROOT) -> Path:
     return python
 
 
-def checks(python: str, arguments: list[str]) -> list[tuple[str, list[str]]]:
-    """The steps of `test` by name, pytest last."""
-    return [
-        ("ruff check", [python, "-m", "ruff", "check", "."]),
-        ("ruff format", [python, "-m", "ruff", "format", "--check", "."]),
-        ("mypy", [python, "-m", "mypy"]),
-        ("pytest", [python, "-m", "pytest", *IN_PARALLEL, *arguments]),
-    ]
+def checks(python: str, arguments: list[str]) -> dict[str, list[str]]:
+    """The steps of `test` by name."""
+    return {
+        "ruff check": [python, "-m", "ruff", "check", "."],
+        "ruff format": [python, "-m", "ruff", "format", "--check", "."],
+        "mypy": [python, "-m", "mypy"],
+        "pytest": [python, "-m", "pytest", *IN_PARALLEL, *arguments],
+    }
 
 
 def summary(codes: dict[str, int]) -> str:
@@ -263,15 +264,22 @@ def last_failure(codes: dict[str, int]) -> int:
 
 
 def run_checks(python: Path, arguments: list[str], root: Path = ROOT) -> int:
-    """Run every step, also after one that failed; pytest's closing line is the last, unless an earlier step failed."""
-    codes: dict[str, int] = {}
-    for name, command in checks(str(python), arguments):
-        if name == "pytest":
-            say(summary(codes))
-        say(name)
-        codes[name] = run(command, cwd=root)
-    codes_before = {name: code for name, code in codes.items() if name != "pytest"}
-    if any(codes_before.values()):
+    """Run every step, also after one that failed; pytest's closing line is the last, unless another step failed.
+
+    mypy works on one core only, half a minute the first time: it runs beside the others, and its words come last.
+    """
+    steps = checks(str(python), arguments)
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        say("mypy, beside what follows; silent where it finds nothing")
+        mypy = beside.submit(run_quietly, steps["mypy"], cwd=root)
+        codes = dict.fromkeys(steps, 0)
+        for name in ("ruff check", "ruff format", "pytest"):
+            say(name)
+            codes[name] = run(steps[name], cwd=root)
+        codes["mypy"], found = mypy.result()
+    if codes["mypy"]:
+        print(f"run.py: mypy\n{found.rstrip()}", flush=True)
+    if any(code for name, code in codes.items() if name != "pytest"):
         sys.stdout.flush()
         print(f"run.py: {summary(codes)}", file=sys.stderr)
     return last_failure(codes)

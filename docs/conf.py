@@ -5,12 +5,16 @@ Nothing is fetched to build the site, and nothing to look at it.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import sys
 from pathlib import Path
 
 import rverror
+
+# a page in hand is millions of nodes and no garbage: looked for as often as by default, it takes a seventh of the time
+gc.set_threshold(20_000)
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))

@@ -268,23 +268,27 @@ def test_setup_error_ends_with_2_and_one_line(runner, monkeypatch, capsys):
 
 @pytest.mark.parametrize(
     ("codes", "result"),
-    [((0, 0, 0, 0), 0), ((1, 0, 0, 0), 1), ((1, 0, 2, 0), 2), ((1, 2, 3, 5), 5)],
+    [((0, 0, 0, 0), 0), ((1, 0, 0, 0), 1), ((1, 0, 2, 0), 2), ((0, 0, 2, 0), 2), ((1, 2, 3, 5), 5)],
 )
 def test_every_step_runs_and_the_last_failure_counts(runner, monkeypatch, capsys, codes, result):
-    left, seen = list(codes), []
+    left, seen = dict(zip(("check", "format", "mypy", "pytest"), codes, strict=True)), []
 
     def note(command, *, cwd=None):
         seen.append(command)
-        return left.pop(0)
+        return next(left.pop(word) for word in command[2:] if word in left)
 
     monkeypatch.setattr(runner, "run", note)
+    monkeypatch.setattr(runner, "run_quietly", lambda command, *, cwd: (note(command), "what mypy said"))
     assert runner.run_checks(Path("python"), ["-k", "x"]) == result
-    assert [command[2] for command in seen] == ["ruff", "ruff", "mypy", "pytest"]
+    assert not left
     assert seen[-1][-2:] == ["-k", "x"]  # the last word is the user's
     assert "-n" in seen[-1]
     output = capsys.readouterr()
-    assert output.out.splitlines()[-1] == "run.py: pytest"  # nothing of run.py's after pytest's own lines
+    assert ("what mypy said" in output.out) is (codes[2] != 0)
+    if not codes[2]:
+        assert output.out.splitlines()[-1] == "run.py: pytest"  # nothing of run.py's after pytest's own lines
     assert ("ruff check FAILED (exit 1)" in output.err) is (codes[0] == 1)
+    assert ("mypy FAILED (exit 2)" in output.err) is (codes[2] == 2)
     assert bool(output.err) is any(codes[:3])
 
 
