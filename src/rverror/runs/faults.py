@@ -449,7 +449,7 @@ def _check(found: Faults, bounds: FaultBounds, spikes: int = 0) -> None:
     if slips > bounds.most_slips:
         raise ValueError(
             f"the reading slips {slips} times, at most {bounds.most_slips} times may be borne; check the coupling of "
-            "the encoder and its counter, and measure again"
+            "the encoder and its counter, or where the load is light take a larger one, and measure again"
         )
 
 

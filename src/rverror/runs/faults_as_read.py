@@ -88,6 +88,7 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
             last += 1
         return any(away.get(at, 0.0) > _LARGER * abs(step.size) for at in range(first, last + 1))
 
+    read, rises = values.copy(), _rises(sides, values)
     steps: list[LevelStep] = []
     for _ in range(ROUNDS):
         further = [step for step in _steps(sides, values, floor) if not is_made_up(step)]
@@ -96,20 +97,26 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         steps += further
         if not further:
             break
-    return FoundFaults(found, tuple(_set_apart(steps, bounds)))
+    apart_from_gear = [step for step in steps if not repeats(theta, rises, step.first)]
+    return FoundFaults(found, tuple(_set_apart(apart_from_gear, read, bounds)))
 
 
-def _set_apart(steps: list[LevelStep], bounds: FaultBounds) -> list[LevelStep]:
-    """Steps that are certain, and so much larger than all others that no gear error makes them.
+def _set_apart(steps: list[LevelStep], read: Array, bounds: FaultBounds) -> list[LevelStep]:
+    """Steps that are certain and last, and are so much larger than all others that no gear error makes them.
 
-    At light load a gear train jumps from contact to contact, by sizes that go down gradually.
+    At light load a gear train jumps from contact to contact, by sizes that go down gradually, and what lies between
+    takes the jumps back: without them the reading would range farther.  (In less than two turns none comes again.)
     """
     steps = sorted(steps, key=lambda step: -abs(step.size))
     sizes = [*(abs(step.size) for step in steps), 0.0]
-    sure = [abs(step.size) > bounds.certain * step.spread for step in steps]
-    return max(
-        (steps[:i] for i in range(len(steps) + 1) if all(sure[:i]) and (i == 0 or sizes[i - 1] > 2 * sizes[i])), key=len
-    )
+    level, taken, least = read.copy(), 0, float(np.ptp(read))
+    for i, step in enumerate(steps):
+        if abs(step.size) <= bounds.certain * step.spread:
+            break
+        level[step.last :] -= step.size
+        if sizes[i] > 2 * sizes[i + 1] and (i == 0 or np.ptp(level) <= least):
+            taken, least = i + 1, float(np.ptp(level))
+    return steps[:taken]
 
 
 def far_off(error: Array, floor: float, bounds: FaultBounds) -> int:
@@ -272,6 +279,16 @@ def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
         width, this = step_at[first]
         found.append(LevelStep(first, first + width, this, abs(this) / float(best[first])))
     return found
+
+
+def _rises(sides: _Sides, values: Array) -> Array:
+    """Step between the parabolas of both sides in front of every sample; 0 at the ends."""
+    before, after = sides.fitted(values)
+    k = np.arange(NEAR, sides.size - NEAR + 1)
+    x = 0.5 * (sides.at[k - 1] + sides.at[k])
+    rises = np.zeros(sides.size)
+    rises[k] = sides.along(after, k, x) - sides.along(before, k, x)
+    return rises
 
 
 def _score(size: Array, usual: Array, able: Mask, floor: float, bound: float) -> Array:
