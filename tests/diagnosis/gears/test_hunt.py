@@ -476,6 +476,23 @@ def test_a_wave_of_the_pins_is_begun_anew_where_its_fit_ended_elsewhere(sizes_um
     assert signs * np.array(found.fit.added[0].values) == pytest.approx(true.values, abs=3e-4)
 
 
+@pytest.mark.parametrize(("turns", "harmonic"), [(0.4, 3), (1.0, 2)])
+def test_over_a_part_of_a_turn_a_wave_of_the_pins_gives_way_to_one_of_another_harmonic(
+    turns: float, harmonic: int
+) -> None:
+    """There they look alike; a whole turn tells them apart, and what leads then is no other start of the same wave."""
+    sizes = {"radial_cos": "3.8 um", "radial_sin": "7.3 um", "tangential_cos": "2.6 um", "tangential_sin": "-3.1 um"}
+    true = rverror.effect("cycloid.pin_circle", harmonic=3, **sizes)
+    first = begin(BARE, runs_of(Model(OTHER, (true,)), LIGHT, points=1024, turns=turns))
+    other = rverror.effect("cycloid.pin_circle", harmonic=2, **sizes)
+    node = Node(fitted(renoised(fitted(evaluated(first.bench, Model(UNIT, (other,)), BARE))), steps=30))
+    hunt = hunt_of(node)
+    assert not hunt.complete(node)
+    found = hunt.restarted(node)
+    assert [e.indices["harmonic"] for e in found.fit.added] == [harmonic]
+    assert hunt.complete(found) == (harmonic == 3)
+
+
 @pytest.mark.parametrize(
     "beside",
     [

@@ -466,7 +466,9 @@ class Hunt:
         plain = begun_at(self.coarse(node), replace(node.fit.model, effects=others), node.fit.declared)
         if plain is None:  # the others stand on it
             return node
-        offers = [(plain, one) for one in screened(plain, places(effect, plain.bench.unit, self.free(plain)))]
+        whole_turn = any(record.turns >= 1 for record in plain.bench.records)
+        where = places(effect, plain.bench.unit, self.free(plain), whole_turn=whole_turn)
+        offers = [(plain, one) for one in screened(plain, where)]
         more = [(plain, one) for one in workshop(offers, pins=True)]
         below = fitted(onto(self.coarse(node), node.fit)).objective - 1
         settled = [end for end in self._settled(self._tried(more, plain), below=below) if end.fit.objective < below]
@@ -825,11 +827,18 @@ def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
     return kept
 
 
-def places(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Named]:
-    """The same cause, and of a pin all that is free of it and of those beside it, which carry next."""
+def places(effect: Effect, unit: Reducer, free: Sequence[Named], *, whole_turn: bool) -> list[Named]:
+    """The same cause, and of a pin all that is free of it and of those beside it, which carry next.
+
+    Of a wave of the pins also those of other harmonics, where no run goes round: over a part of a turn they look alike.
+    """
     pin, own = effect.indices.get("pin"), (effect.key, effect.indices)
     near = {(pin + step) % unit.pins for step in (-1, 0, 1)} if isinstance(pin, int) else set[int]()
-    return [own, *(name for name in free if name[1].get("pin") in near and identity(name) != identity(own))]
+    others = [
+        (key, indices) for key, indices in free
+        if indices.get("pin") in near or (key == effect.key and "harmonic" in indices and not whole_turn)
+    ]  # fmt: skip
+    return [own, *(name for name in others if identity(name) != identity(own))]
 
 
 def elsewhere(effect: Effect, unit: Reducer, free: Sequence[Named]) -> list[Effect]:
