@@ -123,7 +123,27 @@ def test_nothing_is_complete_without_the_cause_and_all_is_with_it(right: Node) -
     assert not hunt_of(without).complete(without)
 
 
-def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said_to_be_left() -> None:
+@pytest.mark.parametrize("gained", [0.0, 1e4])
+def test_nothing_counts_that_only_moved_jumps_have_gained(
+    right: Node, gained: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cause is needed, looked beside and missed where its fall counts, and nowhere else."""
+    asked: list[tuple[Fit, Fit]] = []
+
+    def fall(before: Fit, after: Fit) -> float:
+        asked.append((before, after))
+        return gained
+
+    monkeypatch.setattr("rverror.diagnosis.gears.hunt.fall", fall)
+    bare = Node(fitted(evaluated(right.fit.bench, BARE, BARE)))
+    assert bool(hunt_of(right).pruned(right).fit.added) == (gained > 0)
+    assert bool(hunt_of(right).beside(bare, [])) == (gained > 0)
+    assert all(before.objective > after.objective for before, after in asked)
+
+
+def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said_to_be_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A pin that is pushed in takes load from others: fitted it lowers the objective by more than a step promises."""
     pin = rverror.effect("cycloid.pin_position", pin=5, radial="0.6 um")
     node = settled(Model(OTHER, (pin,)))
@@ -138,7 +158,13 @@ def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said
     for share, complete in ((-0.5, False), (0.5, False), (1.5, True)):  # below the promise, between, above the fall
         asked = promised + share * (fallen - promised) - inexact(node.fit)
         policy = replace(POLICY, false_alarm=len(others) * math.exp(-asked / 2))  # chi-square of two sizes
-        assert replace(hunt, candidates=others, policy=policy, _ranked={}, _completed={}).complete(node) == complete
+        asking = replace(hunt, candidates=others, policy=policy)
+        for gains in (not complete, False):
+            with monkeypatch.context() as patch:
+                if not gains:  # as where only a jump has moved
+                    patch.setattr("rverror.diagnosis.gears.hunt.fall", lambda before, after: 0.0)
+                now = replace(asking, _ranked={}, _completed={}).complete(node)
+            assert now == (not gains if share > 0 else complete)
 
 
 def test_a_strained_fit_is_never_complete() -> None:

@@ -28,6 +28,7 @@ from rverror.diagnosis.gears.fit import (
     onto_samples,
     proposed,
 )
+from rverror.diagnosis.gears.jumps import fall
 from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.twins import Gaps
@@ -195,10 +196,10 @@ class Hunt:
         held = [(plains[0], one) for one in screened(plains[0], free, hold=True)]
         return [pair for three in zip(pairs, near, held, strict=False) for pair in three]
 
-    def significant(self, fit: Fit, fall: float, parameters: int) -> bool:
+    def significant(self, fit: Fit, gain: float, parameters: int) -> bool:
         """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
         chance = chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
-        return fall > chance + inexact(fit)
+        return gain > chance + inexact(fit)
 
     # --- refit at the load --------------------------------------------------------------------------------------------
 
@@ -299,8 +300,7 @@ class Hunt:
         if not ends or not self.significant(coarse, coarse.objective - ends[0].fit.objective, 1):
             return None
         (found,) = self._fine(node, ends)
-        fall = node.fit.objective - found.fit.objective
-        return found if self.significant(node.fit, fall, self._sizes(found, node)) else None
+        return found if self.significant(node.fit, fall(node.fit, found.fit), self._sizes(found, node)) else None
 
     def _direct(self, node: Node) -> list[Node]:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
@@ -410,8 +410,7 @@ class Hunt:
             if fit.objective - one.objective > chi_square(self.policy.false_alarm, one.sizes.size)
         ]  # fmt: skip
         return not any(
-            self.significant(fit, fit.objective - more.objective, len(more.added[-1].values))
-            for more in self._each_fitted(fit, near)
+            self.significant(fit, fall(fit, more), len(more.added[-1].values)) for more in self._each_fitted(fit, near)
         )
 
     def only_faults(self, node: Node) -> bool:
@@ -561,7 +560,7 @@ class Hunt:
             less += [self.without_drift(node)] if node.slow else []
             needless = [
                 one for one in less
-                if not self.significant(node.fit, one.fit.objective - node.fit.objective, self._sizes(node, one))
+                if not self.significant(node.fit, fall(one.fit, node.fit), self._sizes(node, one))
             ]  # fmt: skip
             if not needless:
                 return node
@@ -729,7 +728,7 @@ class Hunt:
         found = []
         most = len(node.fit.added) == self.policy.most_effects
         for child in self._regular(node) if most else self.children(node):
-            if self.significant(node.fit, node.fit.objective - child.fit.objective, self._sizes(child, node)):
+            if self.significant(node.fit, fall(node.fit, child.fit), self._sizes(child, node)):
                 if all(child.names != other.names for other in seen):
                     found.append(child)
                 seen.append(child)

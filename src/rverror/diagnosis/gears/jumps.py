@@ -1,0 +1,78 @@
+"""Jumps of a lightly loaded gear train, whose angle no model tells to a sample.
+
+At light load pins and flanks change sides, and the output jumps by some arcsec from one equilibrium to another.  The
+equilibrium has the jump, but exact poses have it some tenths of a degree earlier or later, and the samples between are
+off by all of it: what moves one jump by one sample takes off as much as a cause does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rverror.diagnosis.gears.fit import Fit
+from rverror.diagnosis.gears.noise import Flags
+from rverror.diagnosis.gears.waveform import Waveform
+
+_SEEN = 4.0  # times the noise: noise alone is as large now and then
+_REACH = 2  # angles of the grid, 0.35 deg of 2048 a turn: beside exact poses a jump was out of place by one or two
+_FEW = 0.05  # of the samples: jumps that moved are few, and what differs in more is no jump
+
+
+def jumps(wave: Waveform, least: float) -> Flags:
+    """Angles beside which a waveform jumps.
+
+    Parameters
+    ----------
+    wave : Waveform
+    least : float
+        By more than this between two angles of the grid, beyond what it changes by to either side, rad.
+
+    Returns
+    -------
+    ndarray of bool, shape (points,)
+        The angles of the grid from two before a jump to two after it.
+    """
+    change = np.roll(wave.error, -1) - wave.error
+    beside = np.sort([np.roll(change, step) for step in (-2, -1, 1, 2)], axis=0)
+    found = np.abs(change - (beside[1] + beside[2]) / 2) > least
+    if not wave.grid.closed:
+        found[-3:] = found[:2] = False
+    return np.asarray(np.any([np.roll(found, step) for step in range(1 - _REACH, 1 + _REACH)], axis=0))
+
+
+def fall(before: Fit, after: Fit) -> float:
+    """How much lower the objective is after than before, with what moved jumps alone give left out.
+
+    Samples beside a jump of either fit, at which they differ by more than noise, are taken as unknown.
+
+    Parameters
+    ----------
+    before, after : Fit
+        Of the same runs; where not every sample is looked at, nothing is left out.
+    """
+    whole, scale = before.objective - after.objective, max(before.scale, after.scale)
+    if before.bench.few or before.bench.records != after.bench.records:
+        return whole
+    for number, record in enumerate(before.bench.records):
+        at = _moved(before, after, number)
+        if at.any() and at.mean() < _FEW:
+            units = np.zeros((int(at.sum()), at.size))
+            units[np.arange(len(units)), np.flatnonzero(at)] = 1
+            basis = np.linalg.qr(record.whiten(units).T)[0].T
+            there = [float(np.sum((basis @ fit.rows[number][0]) ** 2)) for fit in (before, after)]
+            whole -= (there[0] - there[1]) / scale
+    return whole
+
+
+def _moved(before: Fit, after: Fit, number: int) -> Flags:
+    """Samples of a run over which a jump moved from one fit to another."""
+    record, which = before.bench.records[number], before.bench.which[number]
+    assert record.noise is not None
+    least = _SEEN * record.noise.rms
+    differ = np.abs(record.without_nuisance(after.residual[number] - before.residual[number])) > least
+    beside = np.zeros_like(differ)
+    for fit in (before, after):
+        grid = fit.waves[which].grid
+        place = np.rint((record.theta + fit.model.index_offset - grid.start) / grid.step).astype(np.intp)
+        beside |= jumps(fit.waves[which], least)[place % grid.points]
+    return np.asarray(differ & beside & record.kept)
