@@ -308,3 +308,23 @@ def test_no_step_goes_farther_than_half_of_what_a_workshop_makes() -> None:
     assert np.max(np.diff(sizes)) <= 0.5 + 1e-9
     assert sizes[1] == pytest.approx(0.5, abs=0.01)
     assert sizes[-1] == pytest.approx(3, rel=0.01)
+
+
+def test_where_grids_begin_at_a_sample_under_the_marks_a_contact_that_opens_is_followed() -> None:
+    """Against the equilibrium at the samples; splines go through angles between which pins begin to carry."""
+    pin, ahead = rverror.effect("cycloid.pin_radius", pin=5, deviation="5 um"), 0.1317
+    model = rverror.Model(UNIT, (pin,)).with_effects(rverror.effect("sensor.index_offset", offset=f"{ahead} rad"))
+    run = runs_of(rverror.Model(UNIT, (pin,)), ((1.0, 20e3),), marks=ahead)[0]
+    records, _ = records_of(model, [replace(run, index="unknown")], POLICY)
+    records = [replace(r, noise=RunNoise(np.zeros(0), ARCSEC)) for r in records]
+    bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=True)
+    exact = rverror.equilibrium(
+        rverror.Model(UNIT, (pin,)), records[0].theta + ahead, torque=20e3, direction=1.0
+    ).transmission_error
+    off = []
+    for one in (bench, bench.anchored(ahead)):
+        fit = evaluated(one, model, model)
+        off.append(float(np.abs(records[0].error - fit.residual[0] - exact).max()) / ARCSEC)
+    assert off[0] > 0.01
+    assert off[1] < 1e-4
+    assert replace(bench, anywhere=False).anchored(ahead).conditions == bench.conditions

@@ -198,8 +198,16 @@ class Hunt:
 
     def significant(self, fit: Fit, gain: float, parameters: int) -> bool:
         """Tell whether neither chance nor what the model is not right to lowers the objective as much."""
-        chance = chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
-        return gain > chance + inexact(fit)
+        return gain > self._chance(parameters) + inexact(fit)
+
+    def _chance(self, parameters: int) -> float:
+        """What chance alone hardly lowers the objective by."""
+        return chi_square(self.policy.false_alarm / max(len(self.candidates), 1), parameters)
+
+    def _better(self, less: Node, more: Node, judged: Fit) -> bool:
+        """Tell whether a set with more in it is significantly better; the model's error at a fit never settles."""
+        own = 0.0 if more.slow > less.slow else inexact(judged)
+        return fall(less.fit, more.fit) > self._chance(self._sizes(more, less)) + own
 
     # --- refit at the load --------------------------------------------------------------------------------------------
 
@@ -209,6 +217,9 @@ class Hunt:
         nodes = self._direct(node)
         if self._found(nodes):
             return nodes
+        regular = self._regular(node)
+        if node.fit.data <= node.fit.bound and any(map(self.complete, regular)):
+            return sorted(nodes + regular, key=lambda n: n.score)
         settled = onto(self.coarse(node), node.fit)
         plain = as_declared(settled)
         # what is missing decides where the marks are as much as what was declared
@@ -226,7 +237,7 @@ class Hunt:
         if nodes and not self.complete(nodes[0]):
             nodes[0] = self.remarked(nodes[0])
         # what is added at the output alone opens no contact: beside it all is as beside nothing
-        bare, regular = all(source(e.key).at_output for e in node.fit.added), self._regular(node)
+        bare = all(source(e.key).at_output for e in node.fit.added)
         if self.patient and bare and not self._found(nodes):
             ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
@@ -300,7 +311,7 @@ class Hunt:
         if not ends or not self.significant(coarse, coarse.objective - ends[0].fit.objective, 1):
             return None
         (found,) = self._fine(node, ends)
-        return found if self.significant(node.fit, fall(node.fit, found.fit), self._sizes(found, node)) else None
+        return found if self._better(node, found, node.fit) else None
 
     def _direct(self, node: Node) -> list[Node]:
         """The node with what leads over every sample, refitted: few angles are too few where it fits."""
@@ -374,17 +385,22 @@ class Hunt:
         """The node with what is regular and no part's: the strongest free line, or runs that drift and settle."""
         found = []
         records = node.fit.bench.records
-        if not node.slow and all(r.turns > self.policy.settles for r in records):
-            slow = [r.settling for r in records]
-            power, _ = explained(records, onto_samples(node.fit), slow)
-            if self.significant(node.fit, power, sum(map(len, slow))):
-                bench = node.fit.bench.with_records([replace(r, slow=True) for r in records])
-                found.append(Node(fitted(onto(bench, node.fit)), node.lines, slow=True))
+        if self._settles(node):
+            bench = node.fit.bench.with_records([replace(r, slow=True) for r in records])
+            found.append(Node(fitted(onto(bench, node.fit)), node.lines, slow=True))
         for line in best_lines(node.fit, self.policy, outside=True)[:1]:
             lined = [replace(r, orders=(*r.orders, line.order)) for r in records]
             fit = onto(node.fit.bench.with_records(lined), node.fit)
             found.append(Node(fitted(fit), (*node.lines, line.order), node.slow))
         return found
+
+    def _settles(self, node: Node) -> bool:
+        """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
+        records = node.fit.bench.records
+        if node.slow or any(r.turns <= self.policy.settles for r in records):
+            return False
+        slow = [r.settling for r in records]
+        return explained(records, onto_samples(node.fit), slow)[0] > self._chance(sum(map(len, slow)))
 
     # --- compare ------------------------------------------------------------------------------------------------------
 
@@ -399,7 +415,7 @@ class Hunt:
 
     def _nothing_left(self, node: Node) -> bool:
         fit = node.fit
-        if strained(fit) or self._line_left(fit):
+        if strained(fit) or self._line_left(fit) or self._settles(node):
             return False
         leading = self.ranking(fit)[:5]
         if any(self.significant(fit, fit.objective - one.objective, one.sizes.size) for one in leading):
@@ -503,10 +519,10 @@ class Hunt:
         if not self.offsets or len(fit.added) != 1:
             return node
         key = fit.added[0].key
+        alike = [one for one in self.candidates if one[0] == key]
         if key not in self._turned or self._turned[key].fit.bench is not fit.bench:
             coarse = evaluated(self.coarse(node), fit.declared, fit.declared)
             own = as_declared(onto(self.coarse(node), fit))
-            alike = [one for one in self.candidates if one[0] == key]
 
             def at(offset: float) -> list[Trial]:
                 state = turned_to(coarse, offset)
@@ -515,7 +531,27 @@ class Hunt:
 
             trials = [trial for found in self.each(at, self.offsets, coarse) for trial in found]
             self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
-        return min(node, self._turned[key], key=lambda n: n.score)
+        found = min(node, self._turned[key], key=lambda n: n.score)
+        return found if self.complete(found) else self._rippled(found, alike)
+
+    def _rippled(self, node: Node, alike: Sequence[Named]) -> Node:
+        """The node with its cause, if it is fixed in the housing, some ripples of the marks apart, in its place there.
+
+        As pins begin and cease to carry the error ripples, and few angles do not tell one ripple from another.
+        """
+        fit = node.fit
+        if source(fit.added[0].key).frame != "housing":
+            return node
+        less = replace(fit.model, effects=fit.model.effects[:-1])
+
+        def at(angle: float) -> Node | None:
+            offset = fit.model.index_offset + angle
+            state = evaluated(fit.bench.anchored(offset), marked(less, offset), fit.declared)
+            trials = [trial for one in screened(state, alike)[:1] if (trial := tried(state, one))]
+            return Node(fitted(trials[0].fit, steps=30, enough=0.3), node.lines, node.slow) if trials else None
+
+        others = [at(angle) for angle in (0.0, *ripples(fit.bench.unit))]
+        return improved(node, [other for other in others if other])
 
     def ripples_apart(self, node: Node) -> tuple[Node, list[Fit]]:
         """The node at the best of marks that are ripples of the cycloid mesh apart, and fits that chance does not tell.
@@ -524,9 +560,7 @@ class Hunt:
         declared and found turns with the marks, within what is known of it.
         """
         fit = node.fit
-        ripple = 2 * math.pi / fundamental_orders(fit.bench.unit)["cycloid mesh"]
-        apart = [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1) if step]
-        found = self.each(partial(turned_by, fit), apart, fit)
+        found = self.each(partial(turned_by, fit), ripples(fit.bench.unit), fit)
         fits = [fit, *(one for one in found if one)]
         best = min(fits, key=lambda one: as_compared(one.objective))
         chance = chi_square(1 - self.policy.confidence, 1)
@@ -558,10 +592,7 @@ class Hunt:
             less = self.each(partial(self.without, node), range(len(node.fit.added)), node.fit)
             less += [self.without_line(node, order) for order in node.lines]
             less += [self.without_drift(node)] if node.slow else []
-            needless = [
-                one for one in less
-                if not self.significant(node.fit, fall(one.fit, node.fit), self._sizes(node, one))
-            ]  # fmt: skip
+            needless = [one for one in less if not self._better(one, node, node.fit)]
             if not needless:
                 return node
             node = min(needless, key=lambda n: n.score)
@@ -728,7 +759,7 @@ class Hunt:
         found = []
         most = len(node.fit.added) == self.policy.most_effects
         for child in self._regular(node) if most else self.children(node):
-            if self.significant(node.fit, fall(node.fit, child.fit), self._sizes(child, node)):
+            if self._better(node, child, node.fit):
                 if all(child.names != other.names for other in seen):
                     found.append(child)
                 seen.append(child)
@@ -926,8 +957,9 @@ def turned_to(fit: Fit, offset: float) -> Fit:
 
 def turned_by(fit: Fit, angle: float) -> Fit | None:
     """A fit from the same sizes with the marks turned, if there is an equilibrium."""
+    offset = fit.model.index_offset + angle
     try:
-        return fitted(turned_to(fit, fit.model.index_offset + angle), steps=30)
+        return fitted(evaluated(fit.bench.anchored(offset), marked(fit.model, offset), fit.declared), steps=30)
     except NotConvergedError:
         return None
 
@@ -989,6 +1021,12 @@ def tried(fit: Fit, one: Proposal) -> Trial | None:
     sizes = one.sizes / max(1.0, float((np.abs(one.sizes) / most).max()))
     effect = Effect(one.name[0], dict(one.name[1]), tuple(map(float, sizes)))
     return trial_of(fit, replace(fit.model, effects=(*fit.model.effects, effect)))
+
+
+def ripples(unit: Reducer) -> list[float]:
+    """Angles to the next ripples of the cycloid mesh, rad."""
+    ripple = 2 * math.pi / fundamental_orders(unit)["cycloid mesh"]
+    return [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1) if step]
 
 
 def stood(fit: Fit, offset: float) -> Trial | None:

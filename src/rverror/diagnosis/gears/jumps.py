@@ -13,9 +13,8 @@ from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.noise import Flags
 from rverror.diagnosis.gears.waveform import Waveform
 
-_SEEN = 4.0  # times the noise: noise alone is as large now and then
+_BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _REACH = 2  # angles of the grid, 0.35 deg of 2048 a turn: beside exact poses a jump was out of place by one or two
-_FEW = 0.05  # of the samples: jumps that moved are few, and what differs in more is no jump
 
 
 def jumps(wave: Waveform, least: float) -> Flags:
@@ -55,7 +54,7 @@ def fall(before: Fit, after: Fit) -> float:
         return whole
     for number, record in enumerate(before.bench.records):
         at = _moved(before, after, number)
-        if at.any() and at.mean() < _FEW:
+        if at.any() and at.mean() < before.bench.policy.jumped:
             units = np.zeros((int(at.sum()), at.size))
             units[np.arange(len(units)), np.flatnonzero(at)] = 1
             basis = np.linalg.qr(record.whiten(units).T)[0].T
@@ -68,7 +67,7 @@ def _moved(before: Fit, after: Fit, number: int) -> Flags:
     """Samples of a run over which a jump moved from one fit to another."""
     record, which = before.bench.records[number], before.bench.which[number]
     assert record.noise is not None
-    least = _SEEN * record.noise.rms
+    least = _BY_NOISE * record.noise.rms
     differ = np.abs(record.without_nuisance(after.residual[number] - before.residual[number])) > least
     beside = np.zeros_like(differ)
     for fit in (before, after):

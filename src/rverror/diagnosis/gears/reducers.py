@@ -68,7 +68,7 @@ def diagnose_reducer(
         other, done = hunt.widened().best([root], policy.wider_expansions)
         best = other if done else min(best, other, key=lambda node: node.score)
     for _ in range(policy.looks):
-        fit = best.fit
+        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if anywhere else best.fit
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
