@@ -37,6 +37,7 @@ from rverror.diagnosis.gears.hunt import (
     nearly_noise,
     onto,
     outlook,
+    places,
     strained,
     tried,
     unsure,
@@ -502,21 +503,26 @@ def test_a_wave_of_the_pins_is_begun_anew_where_its_fit_ended_elsewhere(sizes_um
     assert signs * np.array(found.fit.added[0].values) == pytest.approx(true.values, abs=3e-4)
 
 
-@pytest.mark.parametrize(("turns", "harmonic"), [(0.4, 3), (1.0, 2)])
-def test_over_a_part_of_a_turn_a_wave_of_the_pins_gives_way_to_one_of_another_harmonic(
-    turns: float, harmonic: int
-) -> None:
-    """There they look alike; a whole turn tells them apart, and what leads then is no other start of the same wave."""
+def test_over_a_part_of_a_turn_a_wave_of_the_pins_gives_way_to_one_of_another_harmonic() -> None:
+    """There they look alike."""
     sizes = {"radial_cos": "3.8 um", "radial_sin": "7.3 um", "tangential_cos": "2.6 um", "tangential_sin": "-3.1 um"}
-    true = rverror.effect("cycloid.pin_circle", harmonic=3, **sizes)
-    first = begin(BARE, runs_of(Model(OTHER, (true,)), LIGHT, points=1024, turns=turns))
-    other = rverror.effect("cycloid.pin_circle", harmonic=2, **sizes)
+    true, other = (rverror.effect("cycloid.pin_circle", harmonic=harmonic, **sizes) for harmonic in (3, 2))
+    first = begin(BARE, runs_of(Model(OTHER, (true,)), LIGHT, points=1024, turns=0.4))
     node = Node(fitted(renoised(fitted(evaluated(first.bench, Model(UNIT, (other,)), BARE))), steps=30))
-    hunt = hunt_of(node)
+    waves = [(true.key, {"harmonic": harmonic}) for harmonic in (2, 3, 5)]
+    hunt = Hunt(tuple(waves), POLICY, Journal(lambda text: None))
     assert not hunt.complete(node)
     found = hunt.restarted(node)
-    assert [e.indices["harmonic"] for e in found.fit.added] == [harmonic]
-    assert hunt.complete(found) == (harmonic == 3)
+    assert [e.indices for e in found.fit.added] == [true.indices]
+    assert hunt.complete(found)
+
+
+def test_over_a_whole_turn_a_wave_of_the_pins_begins_anew_as_itself() -> None:
+    wave = rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos="5 um")
+    pin = ("cycloid.pin_position", {"pin": 3})
+    free = [(wave.key, {"harmonic": 3}), ("cycloid.disc_pitch", {"disc": 0, "harmonic": 3}), pin]
+    assert places(wave, UNIT, free, whole_turn=True) == [(wave.key, wave.indices)]
+    assert places(wave, UNIT, free, whole_turn=False) == [(wave.key, wave.indices), free[0]]
 
 
 @pytest.mark.parametrize(
@@ -785,7 +791,8 @@ def test_a_pin_is_tried_with_the_next_marks_that_fit_in_the_place_that_it_then_h
     wrong = marked(replace(model, effects=(*model.effects, beside)), ahead + ripple)
     node = Node(fitted(evaluated(known.bench, wrong, model), steps=30))
     assert node.fit.model.index_offset == pytest.approx(ahead + ripple, abs=0.1 * ripple)
-    hunt = Hunt(candidates_of(model, records, POLICY), POLICY, Journal(lambda text: None), offsets=(ahead + ripple,))
+    pins = tuple((pin.key, {"pin": number}) for number in range(UNIT.pins))
+    hunt = Hunt(pins, POLICY, Journal(lambda text: None), offsets=(ahead + ripple,))
     assert not hunt.complete(node)
     found = hunt.remarked(node)
     assert hunt.complete(found)
