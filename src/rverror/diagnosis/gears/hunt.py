@@ -546,9 +546,10 @@ class Hunt:
 
         def at(angle: float) -> Node | None:
             offset = fit.model.index_offset + angle
-            state = evaluated(fit.bench.anchored(offset), marked(less, offset), fit.declared)
-            trials = [trial for one in screened(state, alike)[:1] if (trial := tried(state, one))]
-            return Node(fitted(trials[0].fit, steps=30, enough=0.3), node.lines, node.slow) if trials else None
+            state = begun_at(fit.bench.anchored(offset), marked(less, offset), fit.declared, fresh=False)
+            leading = screened(state, alike)[:1] if state else []
+            trial = tried(state, leading[0]) if state and leading else None
+            return Node(fitted(trial.fit, steps=30, enough=0.3), node.lines, node.slow) if trial else None
 
         others = [at(angle) for angle in (0.0, *ripples(fit.bench.unit))]
         return improved(node, [other for other in others if other])
