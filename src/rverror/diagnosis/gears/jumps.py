@@ -47,12 +47,13 @@ def fall(before: Fit, after: Fit) -> float:
     Parameters
     ----------
     before, after : Fit
-        Of the same runs; where not every sample is looked at, nothing is left out.
+        Of the same runs; where not every sample is looked at, as in a table of orders, nothing is left out.
     """
     whole, scale = before.objective - after.objective, max(before.scale, after.scale)
-    if before.bench.few or before.bench.records != after.bench.records:
+    records = before.bench.records
+    if before.bench.few or records != after.bench.records or any(record.noise is None for record in records):
         return whole
-    for number, record in enumerate(before.bench.records):
+    for number, record in enumerate(records):
         at = _moved(before, after, number)
         if at.any() and at.mean() < before.bench.policy.jumped:
             units = np.zeros((int(at.sum()), at.size))

@@ -27,6 +27,9 @@ class TableHunt(Hunt):
     def _regular(self, node: Node) -> list[Node]:
         return []
 
+    def _settles(self, node: Node) -> bool:
+        return False
+
     def _line_left(self, fit: Fit) -> bool:
         return False
 
