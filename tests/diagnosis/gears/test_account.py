@@ -13,9 +13,19 @@ import rverror
 from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.account import elastic_within, half_widths, left_out, reach, spread, told_lines
-from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, evaluated, fitted
+from rverror.diagnosis.gears.account import (
+    _offset_note,
+    elastic_within,
+    half_widths,
+    left_out,
+    reach,
+    spread,
+    told_lines,
+)
+from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, begun, evaluated, fitted
 from rverror.diagnosis.gears.noise import RunNoise
+from rverror.diagnosis.gears.record import records_of
+from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.model.effects import Model
@@ -171,3 +181,18 @@ def test_runs_that_are_all_noise_leave_stiffness_what_was_known_before() -> None
     exponent = soft["pin_exponent"]
     assert exponent.high - 1 == pytest.approx(1.96 * 0.1, rel=0.05)
     assert exponent.low == 1
+
+
+@pytest.mark.parametrize(("fixed", "again"), [(False, True), (True, False)])
+def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fixed: bool, again: bool) -> None:
+    """After one the gear train stands as before, turned with the carrier: a cam is alike then, a pin is not."""
+    cam = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um", uncertainty="0.3 um")
+    pin = rverror.effect("cycloid.pin_position", pin=5, radial="-9 um", uncertainty="0.3 um")
+    declared = Model(UNIT, (cam, pin) if fixed else (cam,))
+    runs = [replace(run, index="unknown") for run in runs_of(declared, points=512)]
+    model, anywhere = with_marks(declared, runs)
+    records, _ = records_of(model, runs, POLICY)
+    fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
+    note = _offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
+    assert "the gear's marks are " in note
+    assert ("or whole turns of the crank, 22.5 deg, from there" in note) == again

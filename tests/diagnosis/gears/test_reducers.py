@@ -130,7 +130,7 @@ def unmarked() -> Diagnosis:
 def test_a_cause_is_named_though_the_marks_are_unknown(unmarked: Diagnosis) -> None:
     (names,) = sets(unmarked)
     assert {key for key, _ in names} == {"cycloid.pin_position"}
-    assert any("the gear's marks are" in note for note in unmarked.notes)
+    assert any("whole turns of the crank, 22.5 deg, from there" in note for note in unmarked.notes)
     assert unmarked.after.heldout_rms < 1.15 * 0.3 * ARCSEC
 
 

@@ -390,9 +390,15 @@ def _offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
     half = math.degrees(halves[sum(len(e.values) for e in declared.effects)])
+    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.unit)["crank"])
+    known = [(e.key, e.indices) for e in declared.effects if not source(e.key).at_output]
+    again = all(source(key).repeats_with_crank(fit.bench.unit, indices) for key, indices in known)
+    turns = (
+        f", or whole turns of the crank, {turn:.4g} deg, from there, and pins are counted from there" if again else ""
+    )
     return (
         f"index unknown: the gear's marks are {math.degrees(value):.4g} +- {half:.2g} deg "
-        "ahead of the bench's zero, fitted together with all sizes; all runs are taken to have the same zero"
+        f"ahead of the bench's zero{turns}, fitted together with all sizes; all runs are taken to have the same zero"
     )
 
 
