@@ -14,10 +14,10 @@ from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import (
-    _offset_note,
     elastic_within,
     half_widths,
     left_out,
+    offset_note,
     reach,
     spread,
     told_lines,
@@ -193,6 +193,6 @@ def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fix
     model, anywhere = with_marks(declared, runs)
     records, _ = records_of(model, runs, POLICY)
     fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
-    note = _offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
+    note = offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
     assert "the gear's marks are " in note
     assert ("or whole turns of the crank, 22.5 deg, from there" in note) == again

@@ -85,7 +85,7 @@ def account(
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
     result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
     if len(model.effects) > len(declared.effects):
-        notes.append(_offset_note(fit, declared, halves))
+        notes.append(offset_note(fit, declared, halves))
     return Diagnosis(
         verdict="unexplained" if lines or unclear else settled,
         noise_rms=noise_rms(fit),
@@ -385,7 +385,8 @@ def _placed(fit: Fit, declared: Model) -> float:
     return math.sqrt(variance) if variance < fit.bench.policy.marks_placed**2 else math.inf
 
 
-def _offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
+def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
+    """Where unknown marks are, in words, from half of the interval of every value."""
     if not math.isfinite(_placed(fit, declared)):
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
