@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import rverror
 from gear_runs import TURN, UNIT, begin, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
@@ -56,6 +57,30 @@ def seen(fit: Fit, measured: Array, predicted: Array) -> Fit:
     white = record.whiten(rest[None])
     waves = (replace(fit.waves[0], error=predicted[: fit.waves[0].grid.points]),)
     return replace(fit, waves=waves, residual=(rest,), rows=(white,), data=float(np.sum(white**2)))
+
+
+def test_beyond_noise_a_jump_is_taken_off_as_it_counts() -> None:
+    """There squares count as their logarithm: with all of them taken off, moving a jump to its place would lose."""
+    first = started(1.0)
+    (record,) = first.bench.records
+    jump = 30 * ARCSEC * np.exp(-np.arange(POINTS) / 1000)
+    late, right = (np.where(np.arange(POINTS) >= at, jump, 0.0) for at in (1001, 1000))
+    before, after = (seen(first, record.error + right, one) for one in (late, right))
+    assert before.data > 2 * before.bound
+    assert 0 < fall(before, after) < before.objective - after.objective
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.4])
+def test_a_jump_is_looked_for_where_the_marks_put_it(ahead: float) -> None:
+    marks = rverror.effect("sensor.index_offset", offset=f"{ahead} rad")
+    first = started(1.0)
+    (record,) = first.bench.records
+    grid = replace(first.waves[0].grid, start=ahead)
+    first = replace(first, model=Model(UNIT, (marks,)), waves=(replace(first.waves[0], grid=grid),))
+    jump = 4 * ARCSEC * np.exp(-np.arange(POINTS) / 1000)
+    late, right = (np.where(np.arange(POINTS) >= at, jump, 0.0) for at in (1001, 1000))
+    before, after = (seen(first, record.error + right, one) for one in (late, right))
+    assert fall(before, after) < 0.1 * (before.objective - after.objective)
 
 
 @pytest.mark.parametrize("turns", [1.0, 2.0])
