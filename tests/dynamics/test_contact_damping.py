@@ -75,7 +75,7 @@ def contact_rates(train: Train, tangent: Tangent, rates: np.ndarray) -> dict[str
     for k in range(reducer.discs):
         disc = rates[list(train.place(f"disc {k}"))]
         for pin in range(reducer.pins):
-            closing = (tangent.contacts.pin_rows[:, :, k, pin].T * disc).sum(axis=0)
+            closing = (tangent.contacts.pin_rows[:, k, :, pin].T * disc).sum(axis=0)
             lost["pin_contact"] = lost["pin_contact"] + times["pin_contact"] * tangent.pin[:, k, pin] * closing**2
     flanks = np.einsum("nfc,cn->fn", train.flank_rows(tangent), rates)
     lost["gear_mesh"] = times["gear_mesh"] * (tangent.flank.T * flanks**2).sum(axis=0)

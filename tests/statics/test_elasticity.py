@@ -13,9 +13,8 @@ from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import REFERENCE_FORCE, ContactLaw, Reducer
 from rverror.model.effects import Effect, effect
-from rverror.statics.condensation import Stretch, common_flank_force
-from rverror.statics.elasticity import PowerLaw
-from rverror.statics.energy import error_closing, geometry, loaded_system, minimise, refined, with_discs
+from rverror.statics.energy import solve
+from rverror.statics.kernel import pressed
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
 from rverror.statics.prediction import Predictor
 
@@ -73,8 +72,6 @@ def test_softening_is_the_derivative(
     effects = errors(np.random.default_rng(7), clearance=clearance)
     torque = 100e3
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)  # differences are small
-    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
-    monkeypatch.setattr("rverror.statics.loaded_state._MOST_TURNS", 12)
     here = statics(unit, direction, torque)
     rows = here.predict(effects).softening
     assert rows.shape == (len(SOFTENING), THETA.size)
@@ -102,66 +99,34 @@ def test_softening_is_the_derivative(
 
 def test_a_single_contact_closes_by_its_law() -> None:
     """By hand: 200 N on 2e5 N/mm at 100 N, exponent 10/9."""
-    law, stiffness = PowerLaw(10 / 9), np.array(2e5)
-    closing = law.closing(200.0, stiffness)
-    assert closing == pytest.approx(100 / 2e5 * 2**0.9, rel=1e-14)
-    assert law.closing(REFERENCE_FORCE, stiffness) == pytest.approx(REFERENCE_FORCE / 2e5, rel=1e-14)
-    force, tangent = law.pressed(np.array([closing, -1.0]), stiffness)
-    np.testing.assert_allclose(force, [200.0, 0.0], rtol=1e-14)
-    np.testing.assert_allclose(tangent, [10 / 9 * 200 / closing, 0.0], rtol=1e-14)
-    step = 1e-6
-    ends = [PowerLaw(10 / 9 + sign * step).closing(200.0, stiffness) for sign in (1, -1)]
-    slope = (ends[0] - ends[1]) / (2 * step)
-    assert law.change_with_exponent(np.array([closing]), stiffness)[0] == pytest.approx(slope, rel=1e-8)
+    closing = REFERENCE_FORCE / 2e5 * 2**0.9
+    force, tangent = pressed(closing, 2e5, 10 / 9, REFERENCE_FORCE)
+    assert force == pytest.approx(200.0, rel=1e-14)
+    assert tangent == pytest.approx(10 / 9 * 200 / closing, rel=1e-14)
+    assert pressed(REFERENCE_FORCE / 2e5, 2e5, 10 / 9, REFERENCE_FORCE)[0] == pytest.approx(REFERENCE_FORCE, rel=1e-14)
+    assert pressed(-1.0, 2e5, 10 / 9, REFERENCE_FORCE) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("share", [0.0, 1.0])
 @pytest.mark.parametrize("exponent", [1.0, 10 / 9, 1.5])
-def test_force_and_stiffness_are_slopes_of_the_energy(exponent: float) -> None:
-    unit = rverror.reducer("RV-40E", contact_law=ContactLaw(pin_exponent=exponent, flank_exponent=exponent))
-    motion = pose(unit, THETA, direction=1.0, torque=100e3)
-    contacts, rng = geometry(motion), np.random.default_rng(3)
-    stretch = Stretch(contacts, unit, 100e3)
-    system = loaded_system(stretch, error_closing(contacts, errors(rng, size=20e-3)), 100e3)
-    x = minimise(system, 100e3)[0]
-    x = x + rng.normal(0, 1e-3, x.shape)
+def test_force_and_stiffness_are_slopes_of_the_energy(exponent: float, share: float) -> None:
+    law = ContactLaw(pin_exponent=exponent, flank_exponent=exponent, profile_curvature=share)
+    unit, rng = rverror.reducer("RV-40E", contact_law=law), np.random.default_rng(3)
+    (settled,) = statics(unit, 1.0, 100e3).solutions(errors(rng, size=20e-3))
+    x = settled.x + rng.normal(0, 1e-3, settled.x.shape)
     way = rng.normal(0, 1e-3, x.shape)
     step = 1e-4
-    ends = [system.state(x + sign * step * way) for sign in (1, -1)]
-    here = system.state(x)
-    slope = (ends[0].energy - ends[1].energy) / (2 * step)
-    np.testing.assert_allclose(slope, (here.gradient * way).sum(axis=1), rtol=1e-6)
-    matrix = system.newton_matrix(here)
-    assert np.array_equal(matrix, np.swapaxes(matrix, 1, 2)) or np.allclose(matrix, np.swapaxes(matrix, 1, 2), 1e-14)
-    bent = (ends[0].gradient - ends[1].gradient) / (2 * step)
-    near = (np.abs(here.pins) < 1e-4).any(axis=(1, 2))  # of a kink
+    ends = [solve(settled.problem, given=x + sign * step * way, forces=True) for sign in (1, -1)]
+    here = solve(settled.problem, given=x, forces=True)
+    slope = (ends[0].forces.energy - ends[1].forces.energy) / (2 * step)
+    np.testing.assert_allclose(slope, (here.forces.gradient * way).sum(axis=1), rtol=1e-6)
+    matrix = here.forces.matrix
+    assert np.array_equal(matrix, np.swapaxes(matrix, 1, 2))
+    bent = (ends[0].forces.gradient - ends[1].forces.gradient) / (2 * step)
+    near = (np.abs(here.closings.pins) < 1e-4).any(axis=(1, 2))  # of a kink
     assert (~near).sum() > 5
     scale = np.abs(bent).max()
     np.testing.assert_allclose(bent[~near], (matrix @ way[..., None])[..., 0][~near], rtol=0, atol=2e-5 * scale)
-
-
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize("law", LAWS[1:], ids=str)
-def test_discs_and_flanks_of_a_law_take_the_pose_that_all_parts_take(law: ContactLaw, direction: float) -> None:
-    unit = rverror.reducer("RV-40E", contact_law=law)
-    motion = pose(unit, THETA, direction=direction, torque=60e3)
-    contacts, rng = geometry(motion), np.random.default_rng(5)
-    stretch = Stretch(contacts, unit, 60e3)
-    system = loaded_system(stretch, error_closing(contacts, errors(rng)), 60e3)
-    full, _, found = minimise(system, 60e3)
-    state = system.state(full)
-    same = found & ((state.flanks > 0) == system.driving_flanks).all(axis=1)
-    assert same.sum() > 12
-    cold, _, settled = stretch.condensed.settled(system, 60e3, None)
-    warm, _, again = stretch.condensed.settled(system, 60e3, full + rng.normal(0, 1e-4, full.shape))
-    for x, ok in ((cold, settled), (warm, again)):
-        good = ok & same  # the others are left to the energy of all parts
-        assert good.sum() > 0.75 * same.sum()
-        np.testing.assert_allclose(x[good], full[good], rtol=0, atol=1e-7 * np.abs(full).max())
-    force = rng.normal(0, 1e3, full.shape)
-    more = rng.normal(0, 1e3, (len(full), system.reducer.discs, 3, 3)) + 1e4 * np.eye(3)
-    expected = refined(with_discs(system.newton_matrix(state), more, system.first_disc), force)
-    answer = stretch.condensed.answer(system, state, force, more)
-    np.testing.assert_allclose(answer[same], expected[same], rtol=0, atol=1e-8 * np.abs(expected).max())
 
 
 def test_a_nearly_linear_law_is_the_linear_one() -> None:
@@ -207,8 +172,6 @@ def test_compliances_and_backlash_make_all_that_a_perfect_unit_turns(name: str, 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_influences_are_the_derivatives_by_any_law(monkeypatch: pytest.MonkeyPatch, law: ContactLaw) -> None:
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)
-    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
-    monkeypatch.setattr("rverror.statics.loaded_state._MOST_TURNS", 12)
     unit = rverror.reducer("RV-40E", contact_law=law)
     effects = errors(np.random.default_rng(2))
     where, step = statics(unit, -1.0, 200e3), 1e-7
@@ -268,13 +231,6 @@ def test_another_geometry_is_refused() -> None:
     drive = rverror.Drive(ratio=14.0)
     with pytest.raises(ValueError, match="only the stiffness of a reducer"):
         Predictor(drive, Conditions(THETA, 1.0)).elastic(unit)
-
-
-def test_the_common_force_of_the_flanks_is_that_of_the_equilibrium() -> None:
-    unit = rverror.reducer("RV-40E")
-    state = rverror.equilibrium(rverror.Model(unit), [0.1], torque=100e3, direction=1)
-    forces = np.linalg.norm(state.contact_forces["mesh"], axis=2)[:, 0, 0]
-    np.testing.assert_allclose(forces, common_flank_force(unit, 100e3), rtol=0.02)
 
 
 @pytest.mark.parametrize("exponent", [0.99, 1.51, True, "10/9", math.nan])

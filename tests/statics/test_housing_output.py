@@ -15,7 +15,7 @@ from rverror import Conditions, Model, Reducer, Stiffness, effect
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.contacts import motion
 from rverror.model.catalogue import CATALOGUE
-from rverror.statics.energy import Layout, joint_rows
+from rverror.statics.energy import Geometry, Layout
 from rverror.statics.loaded_state import statics_of
 from rverror.statics.prediction import Predictor, turned
 from strategies import angles, reducers
@@ -263,7 +263,7 @@ def test_the_suns_support_stands_on_what_is_held() -> None:
         assert isinstance(where, Contacts)
         layout, aside = Layout(unit), np.zeros(Layout(unit).size)
         aside[[0, *layout.disc, *layout.crank, layout.sun]] = 1.0  # all but the housing, along x
-        *bearings, main, support = (joint_rows(where)[0] @ aside)[:, 0]
+        *bearings, main, support = (Geometry(where).joint_rows[0] @ aside)[:, 0]
         np.testing.assert_allclose(bearings, 0, atol=1e-12)
         assert (main, support) == (1.0, stretched)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import rverror
 from rverror import BearingPreload, Conditions, Model, Reducer, Stiffness, effect
 from rverror.base.errors import InputError
-from rverror.statics.energy import System
+from rverror.statics.kernel import bearing
 from rverror.statics.loaded_state import SOFTENING, statics_of
 
 UNIT = rverror.reducer("RV-40E")
@@ -60,25 +60,20 @@ def test_a_bearing_is_two_springs_that_face_each_other(share: float, force: floa
     """F = k (d + p) less k (p - d) while the far side is pressed; its work is its energy, its slope its stiffness."""
     k, p = 3e5, share * force / 3e5
     displacement = force / (2 * k) if force / (2 * k) < p else force / k - p
-    system = one_journal(k, -p)
-    where = displacement * np.array([[[np.cos(angle), np.sin(angle)]]])
-    _, found = system.journal_forces(where)
-    assert np.hypot(*found[0, 0]) == pytest.approx(force, rel=1e-9)
-    matrix, step = system.journal_matrices(where)[0, 0], 1e-7 * max(displacement, 1e-6)
+    where = displacement * np.array([np.cos(angle), np.sin(angle)])
+
+    def pushed(at: np.ndarray) -> np.ndarray:
+        return bearing(*at, k, -p)[0] * at
+
+    assert np.hypot(*pushed(where)) == pytest.approx(force, rel=1e-9)
+    _, _, xx, xy, yy = bearing(*where, k, -p)
+    matrix, step = np.array([[xx, xy], [xy, yy]]), 1e-7 * max(displacement, 1e-6)
     for way in np.eye(2):
-        before, after = (system.journal_forces(where + s * step * way)[1][0, 0] for s in (-1, 1))
+        before, after = (pushed(where + s * step * way) for s in (-1, 1))
         if abs(displacement - p) > 10 * step:  # not across the bend
             np.testing.assert_allclose((after - before) / (2 * step), matrix @ way, rtol=1e-4, atol=1e-4 * k)
-        energy = [float(0.5 * k * system.journal_forces(where + s * step * way)[0].sum()) for s in (-1, 1)]
-        assert (energy[1] - energy[0]) / (2 * step) == pytest.approx(float(found[0, 0] @ way), abs=1e-3 * force)
-
-
-def one_journal(stiffness: float, clearance: float) -> System:
-    """A system whose one journal alone is asked."""
-    made = object.__new__(System)
-    object.__setattr__(made, "journal_stiffness", np.array([[stiffness]]))
-    object.__setattr__(made, "clearance", np.array([[clearance]]))
-    return made
+        energy = [bearing(*(where + s * step * way), k, -p)[1] for s in (-1, 1)]
+        assert (energy[1] - energy[0]) / (2 * step) == pytest.approx(float(pushed(where) @ way), abs=1e-3 * force)
 
 
 @pytest.mark.parametrize("sizes", [(0.003, 0.0), (0.0, 0.002), (0.05, 0.05)])

@@ -81,13 +81,17 @@ def test_forces_along_the_turned_normals_hold_each_disc() -> None:
 
 
 @pytest.mark.parametrize("torque", [5e3, 20e3, 412e3])
-def test_a_few_turns_settle_the_normals(monkeypatch: pytest.MonkeyPatch, torque: float) -> None:
-    """As many turns as there may be move nothing that counts, at light load and at the rated one."""
-    model, theta = rverror.Model(rverror.reducer("RV-40E", contact_law=CURVED), ERRORS), np.linspace(0, 1, 60)
-    found = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
-    monkeypatch.setattr("rverror.statics.turned_pins._SETTLED", 0.0)
-    most = rverror.equilibrium(model, theta, torque=torque, direction=1).transmission_error
-    assert np.sqrt(np.mean((found - most) ** 2)) < 0.003 * ARCSEC
+def test_each_pin_closes_with_the_normal_of_the_place_that_it_has_moved_to(torque: float) -> None:
+    """p - kappa s^2 / 2, from the rows of straight normals and the pose that was found."""
+    unit = rverror.reducer("RV-40E", contact_law=CURVED)
+    (found,) = statics_of(unit, Conditions(np.linspace(0, 1, 60), 1.0, torque)).solutions(ERRORS, forces=True)
+    rows, where = found.contacts.pin_rows, found.x[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
+    across = np.stack([-rows[:, :, 1], rows[:, :, 0], found.contacts.profile_lever], axis=2)
+    into, along = (np.einsum("nkc,nkcp->nkp", where, one) for one in (rows, across))
+    slid = along + found.errors.along
+    expected = into + found.errors.pin - found.contacts.curvature * slid**2 / 2
+    np.testing.assert_allclose(found.solution.closings.pins, expected, rtol=0, atol=1e-12)
+    assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
 
 
 def test_next_to_no_curvature_is_first_order() -> None:

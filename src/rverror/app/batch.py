@@ -20,9 +20,8 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
-from rverror.base.side_by_side import cores
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
-from rverror.base.threads import THREADS
+from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.model.model_file import load_model
@@ -509,15 +508,16 @@ def _begin_work() -> None:
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Fresh processes that inherit one BLAS thread: forked ones would have numpy loaded with all its threads.
+    """Fresh processes that inherit one thread: forked ones would have numpy loaded with all its threads.
 
     Workers that each take all cores slow one another down.
     """
-    before = {name: os.environ.get(name) for name in THREADS}
+    names = (*BLAS_THREADS, KERNEL_THREADS)
+    before = {name: os.environ.get(name) for name in names}
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_work)
     try:
-        os.environ.update(dict.fromkeys(THREADS, "1"))  # workers start while tasks are handed in
+        os.environ.update(dict.fromkeys(names, "1"))  # workers start while tasks are handed in
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)

@@ -39,7 +39,7 @@ from rverror.app.terminal import (
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
-from rverror.base.side_by_side import cores
+from rverror.base.threads import cores
 from rverror.base.text import check_name, shown
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose

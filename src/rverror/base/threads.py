@@ -1,21 +1,38 @@
-"""Threads of the BLAS libraries, which read their number from the environment as numpy is imported."""
+"""Threads: how many there are, those of the BLAS libraries, and independent work on several of them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, MutableMapping, Sequence
+import os
+import threading
+from collections.abc import Callable, Collection, MutableMapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
-#: What the BLAS libraries read.
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+T = TypeVar("T")
+R = TypeVar("R")
+
+#: What the BLAS libraries read as numpy is imported.
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+#: What says how many threads compiled loops take.
+KERNEL_THREADS = "NUMBA_NUM_THREADS"
+
+_MOST = 16  # threads: more wait for the interpreter between two equilibria
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def one_for_a_diagnosis(
     environment: MutableMapping[str, str], arguments: Sequence[str], loaded: Collection[str]
 ) -> None:
-    """Let `rverror diagnose` and `rverror demo` calculate on one thread, unless their user has said how many.
+    """Let `rverror diagnose` and `rverror demo` multiply matrices on one thread, unless their user has said how many.
 
-    A diagnosis makes many small products: two threads take twice the processor's time for them and are done no sooner,
-    where two processes are (`side_by_side`).  A program that imports rverror keeps what it has.
+    A diagnosis makes many small products: two threads take twice the processor's time for them and are done no sooner.
+    Its equilibria run on all cores.  A program that imports rverror keeps what it has.
 
     Parameters
     ----------
@@ -27,6 +44,74 @@ def one_for_a_diagnosis(
         Modules that are; after numpy it is too late.
     """
     program, command = [*(Path(word).stem for word in arguments[1:] if not word.startswith("-")), "", ""][:2]
-    said = any(name in environment for name in THREADS)
+    said = any(name in environment for name in BLAS_THREADS)
     if program == "rverror" and command in ("diagnose", "demo") and not said and "numpy" not in loaded:
-        environment.update(dict.fromkeys(THREADS, "1"))
+        environment.update(dict.fromkeys(BLAS_THREADS, "1"))
+
+
+def threads() -> int:
+    """Threads for compiled loops: as many as ``NUMBA_NUM_THREADS`` says, or as there are cores.
+
+    Returns
+    -------
+    int
+        1 on a thread that is one of several already.
+    """
+    if getattr(_HERE, "busy", False):
+        return 1
+    said = os.environ.get(KERNEL_THREADS, "")
+    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST)
+
+
+def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Results of a function for every item, in their order, on several threads where there are.
+
+    It pays where the function spends its time in what releases the interpreter's lock: compiled loops, large arrays.
+
+    Parameters
+    ----------
+    function : callable
+        Changes nothing that another item needs.
+    items : sequence
+
+    Returns
+    -------
+    list
+    """
+    count = min(threads(), len(items))
+    if count < 2:
+        return [function(item) for item in items]
+    return list(_pool(threads()).map(function, items))
+
+
+def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
+    """Call a function for every part of a range, on several threads where it is long.
+
+    Parameters
+    ----------
+    function : callable
+    size : int
+        Of the range.
+    block : int
+        Each part but the last has whole blocks.
+    """
+    blocks = -(-size // block)
+    count = max(min(threads(), blocks), 1)
+    ends = [min(block * (blocks * number // count), size) for number in range(count + 1)]
+    each(function, [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)])
+
+
+_HERE = threading.local()
+
+
+def _begin() -> None:
+    _HERE.busy = True
+
+
+@cache
+def _pool(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, "rverror", initializer=_begin)
+
+
+if hasattr(os, "register_at_fork"):  # a copy of this process has none of its threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)

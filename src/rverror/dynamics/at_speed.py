@@ -411,7 +411,7 @@ class _Pulling:
             rows = np.zeros((*pressed.shape, train.size))
             for k in range(pressed.shape[1]):
                 first = train.place(f"disc {k}")[0]
-                rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, :, k], 1, 2)
+                rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2)
             rows *= pressed[..., None]
             flanks = (tangent.flank[..., None] * train.flank_rows(tangent))[::_EVERY]
             parts = (rows, tangent.pin_force[::_EVERY], flanks, tangent.flank_force[::_EVERY])

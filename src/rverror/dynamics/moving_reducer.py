@@ -152,9 +152,11 @@ def moving_reducer(
         stand(model, pose(unit, angle, torque=size, direction=direction)) for angle in (theta, theta + theta[1] / 2)
     )
     train = Train(unit, model.bench)
-    solutions, halfway = (list(statics_of(unit, one.gears).solutions(model.effects)) for one in (where, between))
+    solutions, halfway = (
+        list(statics_of(unit, one.gears).solutions(model.effects, forces=True)) for one in (where, between)
+    )
     tangents = [one.tangent() for one in solutions]
-    poses = np.concatenate([one.tangent().x for one in halfway])
+    poses = np.concatenate([one.x + one.unloading for one in halfway])
     whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period, poses)
     frequency, on_support = whole.mean_modes()
     if kept is None:

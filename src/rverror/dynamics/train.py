@@ -239,7 +239,7 @@ class Train:
         where, reducer, floating = tangent.contacts, self.reducer, Layout(self.reducer)
         n, cams = len(tangent.x), reducer.discs * reducer.cranks
         pins = np.zeros((n, self.size, self.size))
-        blocks = np.einsum("nbki,ncki->nkbc", tangent.pin[:, None] * where.pin_rows, where.pin_rows)
+        blocks = (tangent.pin[:, :, None] * where.pin_rows) @ np.swapaxes(where.pin_rows, 2, 3)
         for k, at in enumerate(floating.disc):
             pins[:, at : at + 3, at : at + 3] = blocks[:, k]
         flanks = self.flank_rows(tangent)

@@ -28,7 +28,7 @@ from rverror.geartrain.kinematics import Conditions, frame_orders
 from rverror.geartrain.mechanism import Friction, Reducer
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
-from rverror.statics.energy import Layout, minimise, refined, samples_first, with_discs
+from rverror.statics.energy import Layout, part_of, refined, samples_first, solve, with_discs
 from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import on_its_branch, row_of_torques
 
@@ -301,13 +301,14 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     read = pose(unit, theta, torque=abs(torque), direction=-math.copysign(1.0, torque))
     under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
     found = []
-    for settled in statics_of(unit, under).solutions(felt(model.effects)):
-        rows, system = _rows(settled.contacts.motion), settled.energy
+    for settled in statics_of(unit, under).solutions(felt(model.effects), forces=True):
+        rows = _rows(settled.contacts.motion)
         push = np.zeros_like(settled.x)
         push[:, 2] = along * unit.output_turn
-        yields = refined(system.newton_matrix(settled.closed), push)
+        yields = refined(settled.forces.matrix, push)
+        discs = yields[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
         sliding = Sliding(
-            pin=(rows.pin * system.discs(yields)).sum(axis=1),
+            pin=np.einsum("nkc,nkcp->nkp", discs, rows.pin),
             joint=yields @ rows.joint.T,
             flank=yields @ rows.flank.T,
         )
@@ -340,7 +341,7 @@ class _Rows:
 
     Attributes
     ----------
-    pin : ndarray, shape (n, 3, discs, pins)
+    pin : ndarray, shape (n, discs, 3, pins)
         How far the disc slides on each pin, a quarter turn ahead of the normal, with its x, y and angle.
     joint : ndarray, shape (joints, size)
         Turn of each crank in its disc and in the carrier; none for what supports carrier and sun.
@@ -370,7 +371,7 @@ def _rows(contacts: Contacts) -> _Rows:
     pins, _ = radial_and_tangential(pin_positions(reducer)[:, None])
     eccentric, _ = radial_and_tangential(contacts.eccentric)
     arm = reducer.pin_circle_radius * pins + reducer.pin_radius * normal - reducer.eccentricity * eccentric[:, None]
-    pin = samples_first(np.stack([tangent[:, :, 0], tangent[:, :, 1], cross(arm, tangent)]))
+    pin = samples_first(np.stack([tangent[:, :, 0], tangent[:, :, 1], cross(arm, tangent)], axis=1))
     pairs = [(crank, disc) for disc in layout.disc for crank in layout.crank] + [(crank, 0) for crank in layout.crank]
     joint = np.zeros((len(pairs) + 2, layout.size))
     for row, (crank, other) in zip(joint, pairs, strict=False):
@@ -511,7 +512,7 @@ def _in_equilibrium(
     statics = statics_of(_straight(model).mechanism, under)
     found: list[tuple[Array, dict[str, Array], Array]] = []
     first = 0
-    for settled in statics.solutions(felt(model.effects)):
+    for settled in statics.solutions(felt(model.effects), forces=True):
         n = len(settled.x)
         along = direction[first : first + n]
         first += n
@@ -519,7 +520,7 @@ def _in_equilibrium(
         slid = _slid(settled, by, sliding)
         lost = _losses(unit, by, sliding, pin=slid.pin_force, joint=slid.joint_pressed, flank=slid.flank_force)
         at_sun = _sun_torque(unit, by, sliding, slid) * settled.contacts.motion.sense
-        trace = 0.0 if under.torque else settled.stretch.torque / abs(unit.exact_carrier_ratio)
+        trace = 0.0 if under.torque else settled.torque / abs(unit.exact_carrier_ratio)
         found.append((at_sun - trace, lost, unit.output_turn * (slid.x - settled.x)[:, 2]))
     joined = {part: np.concatenate([one[1][part] for one in found]) for part in found[0][1]}
     return np.concatenate([one[0] for one in found]), joined, np.concatenate([one[2] for one in found])
@@ -537,19 +538,19 @@ def _friction(rows: _Rows, by: _Coefficients, sliding: Sliding, slid: Tangent) -
     contacts = slid.contacts
     first = Layout(contacts.motion.reducer).disc[0]
     n = len(slid.x)
-    on_pin = -by.pin * np.sign(sliding.pin)[:, None] * rows.pin  # per unit of the pin's force
+    on_pin = -by.pin * np.sign(sliding.pin)[:, :, None] * rows.pin  # per unit of the pin's force
     on_joint = -(by.joint * np.sign(sliding.joint))[..., None] * rows.joint
     on_flank = -(by.flank * np.sign(sliding.flank))[..., None] * rows.flank
     size = np.sqrt((slid.joint_force**2).sum(axis=-1))
     along = slid.joint_force / np.where(size > 0, size, 1.0)[..., None]
     along[slid.joint_pressed > size] = 0.0  # what one side of a preloaded bearing gains the other loses
     force = (slid.joint_pressed[:, None] @ on_joint + slid.flank_force[:, None] @ on_flank)[:, 0]
-    on_discs = np.einsum("nki,ncki->nkc", slid.pin_force, on_pin)
+    on_discs = np.einsum("nki,nkci->nkc", slid.pin_force, on_pin)
     force[:, first : first + on_discs[0].size] += on_discs.reshape(n, -1)
     by_joint = np.einsum("nqa,nqab,nqbd->nqd", along, slid.joint, contacts.joint_rows)
     change = np.swapaxes(on_joint, 1, 2) @ by_joint
     change += np.swapaxes(on_flank, 1, 2) @ (slid.flank[..., None] * contacts.flank_rows)
-    blocks = np.einsum("nki,nbki,ncki->nkbc", slid.pin, on_pin, contacts.pin_rows)
+    blocks = np.einsum("nki,nkbi,nkci->nkbc", slid.pin, on_pin, contacts.pin_rows)
     return force, with_discs(change, blocks, first)
 
 
@@ -559,20 +560,19 @@ def _slid(settled: Settled, by: _Coefficients, sliding: Sliding) -> Tangent:
     Where a bearing slides along the rim of its clearance, or flanks change sides, these may go astray; there friction
     is a load of the last pose until it changes no more.
     """
-    contacts, system, reducer = settled.contacts, settled.energy, settled.stretch.reducer
+    contacts, problem, reducer = settled.contacts, settled.problem, settled.reducer
     rows, sense = _rows(contacts.motion), contacts.motion.sense
-    tolerance = system.tolerance(settled.stretch.torque)
-    own = np.abs(system.load[:, 2])
+    own = np.abs(problem.load[:, 2])
 
     def balance(x: Array) -> tuple[Tangent, Array, Array, Array]:
         """State, what is out of balance, its change with the pose, and what may be left."""
-        state = system.state(x)
-        slid = replace(settled, x=x, closed=state, unloading=0.0).tangent()
+        state = settled.at(x)
+        slid, forces = state.tangent(), state.forces
         force, change = _friction(rows, by, sliding, slid)
         if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
             force[:, 2] += sense * own / float(reducer.exact_carrier_ratio) - _sun_torque(reducer, by, sliding, slid)
-        left = state.gradient - force
-        return slid, left, system.newton_matrix(state) - change, np.maximum(tolerance, state.unbalanced)
+        left = forces.gradient - force
+        return slid, left, forces.matrix - change, np.maximum(problem.tolerance, forces.unbalanced)
 
     x, found = settled.x, balance(settled.x)
     worst = np.abs(found[1]).max(axis=1)
@@ -593,9 +593,9 @@ def _slid(settled: Settled, by: _Coefficients, sliding: Sliding) -> Tangent:
         if not far.size:
             break
         # what is out of balance beside the energy's slope is friction: as a load it leaves a pose of least energy
-        loads = system.load[far] + system.state(x).gradient[far] - found[1][far]
+        loads = problem.load[far] + settled.at(x).forces.gradient[far] - found[1][far]
         x = x.copy()
-        x[far], _, _ = minimise(replace(system.take(far), load=loads), settled.stretch.torque, x[far])
+        x[far] = solve(part_of(problem, far)._replace(load=loads), near=x[far]).x
         found = balance(x)
         worst = np.abs(found[1]).max(axis=1)
     bad = worst > found[3]

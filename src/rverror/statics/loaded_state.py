@@ -1,10 +1,10 @@
 """Statics of the whole gear train under load: floating parts on elastic contacts, pins and gear flanks that can open.
 
-The pose of least energy is found in `energy`; here are the questions that users ask of it.
+The pose of least energy is found by `kernel`; here are the questions that users ask of it.
 
 Kinematics about the nominal pose is of first order in errors and displacements.  What that leaves out grows with their
 square, some 0.1 arcsec rms for a dozen errors of 5 um: it comes from pins near a lobe's root, where the profile is
-sharply curved.  `ContactLaw.profile_curvature` lets pins follow it: `turned_pins`.
+sharply curved.  `ContactLaw.profile_curvature` lets pins follow it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array, unit_vectors
@@ -28,31 +27,27 @@ from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.asked import Equilibrium
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
-from rverror.statics.condensation import Condensed, Stretch
 from rverror.statics.energy import (
     GRADIENT_TOLERANCE,
-    Closed,
     Errors,
+    Flags,
     Geometry,
-    State,
-    Steps,
-    System,
+    Solution,
+    by_contact,
     error_closing,
     flank_lever,
-    geometry,
-    held,
-    loaded_system,
-    minimise,
+    loaded_problem,
     preloaded,
     refined,
     samples_first,
     samples_last,
-    with_discs,
+    solve,
 )
-from rverror.statics.turned_pins import moved, turned
+
+if TYPE_CHECKING:
+    from rverror.statics.kernel import Forces, Problem, Response
 
 _AT_ONCE = 1024  # angles solved together: bounds the memory
-_MOST_TURNS = 4  # of pins' normals: each leaves less than a tenth of what the last one left
 _MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
@@ -322,16 +317,11 @@ class Travel:
             part = slice(first, first + _AT_ONCE)
             where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
             assert isinstance(where, Contacts)
-            yield geometry(where)
-
-    @property
-    def short(self) -> bool:
-        """Whether what belongs to its angles is few enough to be kept."""
-        return self.motion.theta.size <= _MOST_KEPT
+            yield Geometry(where)
 
     def geometries(self) -> Iterable[Geometry]:
         """Geometry of one stretch of angles after another; that of few angles is kept."""
-        return self._kept if self.short else self._made()
+        return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
 
 
 @dataclass(frozen=True)
@@ -382,62 +372,69 @@ class Statics:
         check_same_geometry(self.reducer, reducer)
         return replace(self, reducer=reducer)
 
-    @cached_property
-    def _kept(self) -> tuple[Stretch, ...]:
-        return tuple(self._made())
-
-    def _made(self) -> Iterator[Stretch]:
-        on_carrier = abs(self.reducer.output_turn) * self.torque
-        return (Stretch(where, self.reducer, on_carrier or _trace(self.reducer)) for where in self.travel.geometries())
-
-    def stretches(self) -> Iterable[Stretch]:
-        """One stretch of angles after another; few are kept with what they condense to for the next errors."""
-        return self._kept if self.travel.short else self._made()
-
     def solutions(
-        self, effects: tuple[Effect, ...], start: Array | None = None, *, quick: bool = False
+        self, effects: tuple[Effect, ...], start: Array | None = None, *, forces: bool = False, response: bool = False
     ) -> Iterator[Settled]:
-        """Settled poses of one stretch after another; `start` holds poses of the same angles that are likely near.
+        """Settled poses of one stretch of angles after another.
 
-        Quickly, what is condensed is trusted wherever the loaded flanks, and no others, carry.
+        Parameters
+        ----------
+        effects : tuple of Effect
+        start : ndarray, shape (n, unknowns), optional
+            Poses at all angles that are likely near.
+        forces, response : bool
+            Whether these are wanted: found later they take longer.
+
+        Yields
+        ------
+        Settled
+
+        Raises
+        ------
+        NotConvergedError
+            If the equilibrium was not found at some angle.
         """
-        first = 0
-        for stretch in self.stretches():
-            last = first + stretch.contacts.motion.theta.size
+        first, felt_effects, idle = 0, felt(effects), not self.torque
+        torque = abs(self.reducer.output_turn) * self.torque or _trace(self.reducer)
+        for contacts in self.travel.geometries():
+            errors = preloaded(error_closing(contacts, felt_effects), self.reducer)
+            try:
+                problem = loaded_problem(contacts, self.reducer, errors, torque)
+            except ValueError as error:
+                raise NotConvergedError(str(error)) from error
+            last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            solution = _settle(stretch, felt(effects), near, quick=quick)
-            yield solution if self.torque else solution.unloaded()
+            solution = solve(problem, near=near, forces=forces, response=response or idle)
+            _check_found(solution, contacts.motion.theta, idle=idle)
+            settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
+            yield settled.unloaded() if idle else settled
             first = last
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Solved:
         """Turn of the output and its changes with all parameters, from one solution."""
         parts = [
             Solved(part.transmission_error, part.influences(effects), part.softening(), part.x)
-            for part in self.solutions(effects, start, quick=True)
+            for part in self.solutions(effects, start, response=True)
         ]
         return parts[0] if len(parts) == 1 else Solved.joined(parts)
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
-        """Change of the contact forces per unit of output torque, to some 1e-10 of the largest influence."""
-        return _side_by_side(
-            [part.forces_per_torque(quick=True) for part in self.solutions(effects, start, quick=True)]
-        )
+        """Change of the contact forces per unit of output torque."""
+        return _side_by_side([part.forces_per_torque() for part in self.solutions(effects, start, response=True)])
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
+        return self._read([part.equilibrium() for part in self.solutions(effects, forces=True)], effects)
 
     def tangents(self, effects: tuple[Effect, ...]) -> Iterator[Tangent]:
         """Loaded state and stiffness of every contact, one stretch of angles after another."""
-        return (part.tangent() for part in self.solutions(effects))
+        return (part.tangent() for part in self.solutions(effects, forces=True))
 
     def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
         """`linearise` for these errors."""
-        solved, forces = [], []
-        for part in self.solutions(effects):
-            solved.append(part.equilibrium())
-            forces.append(part.forces_per_torque())
-        return Linearisation(self._read(solved, effects), self.motion, _side_by_side(forces))
+        parts = list(self.solutions(effects, forces=True, response=True))
+        state = self._read([part.equilibrium() for part in parts], effects)
+        return Linearisation(state, self.motion, _side_by_side([part.forces_per_torque() for part in parts]))
 
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
@@ -487,115 +484,86 @@ def _trace(reducer: Reducer) -> float:
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
 
 
-def _settle(stretch: Stretch, effects: tuple[Effect, ...], start: Array | None, *, quick: bool) -> Settled:
-    errors = preloaded(error_closing(stretch.contacts, effects), stretch.reducer)
-    try:
-        stretch = stretch.softer(errors.compliance)
-        stretch.elasticity  # noqa: B018 - refuses what is stiffer than rigid
-    except ValueError as error:
-        raise NotConvergedError(str(error)) from error
-    contacts, nominal = stretch.contacts, loaded_system(stretch, errors, stretch.torque)
-    share = stretch.reducer.contact_law.profile_curvature
-    condensed = None if nominal.clearance.size else stretch.condensed
-    if not share:
-        return Settled(stretch, errors, nominal, condensed, *_least(stretch, nominal, condensed, start, quick=quick))
-    steps = np.zeros(contacts.motion.theta.size, dtype=np.intp)
-    pins = turned(contacts, nominal, errors, np.zeros_like(nominal.load) if start is None else start, share)
-    for _ in range(_MOST_TURNS):
-        held = None if condensed is None else condensed.with_pins(pins.system.pin_rows)
-        x, closed, more = _least(stretch, pins.system, held, start, quick=quick)
-        start, steps = x, steps + more
-        last, pins = pins, turned(contacts, nominal, errors, x, share)
-        if last.same(pins, closed.pins):
-            break
-    return Settled(stretch, errors, last.system, held, x, closed, steps)
-
-
-def _least(
-    stretch: Stretch, energy: System, condensed: Condensed | None, start: Array | None, *, quick: bool
-) -> tuple[Array, Closed, Steps]:
-    """Pose of least energy, its contacts, and Newton steps."""
-    theta, torque = stretch.contacts.motion.theta, stretch.torque
-    steps, found = np.zeros(theta.size, dtype=np.intp), np.zeros(theta.size, dtype=np.bool_)
-    if condensed is not None:
-        start, steps, found = condensed.settled(energy, torque, start)
-        closed = energy.closed(start) if quick else energy.state(start)
-        # final where the loaded flanks, and no others, carry
-        if isinstance(closed, State):
-            found &= closed.imbalance <= np.maximum(energy.tolerance(torque), closed.unbalanced)
-        else:
-            found &= ((closed.flanks > 0) == energy.driving_flanks).all(axis=1)
-        if found.all():
-            return start, closed, steps
-    x, more, found = minimise(energy, torque, start)
-    steps = steps + more
-    if not found.all():
-        where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[~found][:5])
-        loaded = ", or take a greater load" if torque > _trace(stretch.reducer) else ""
+def _check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
+    lost = ~solution.found
+    if lost.any():
+        where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[lost][:5])
+        loaded = "" if idle else ", or take a greater load"
         raise NotConvergedError(
-            f"no equilibrium after {steps[~found].min()} steps at {(~found).sum()} of {found.size} angles (theta = "
+            f"no equilibrium after {solution.steps[lost].min()} steps at {lost.sum()} of {lost.size} angles (theta = "
             f"{where} deg ...); check for errors and clearances far above 0.1 mm{loaded}"
         )
-    return x, energy.state(x), steps
 
 
 @dataclass(frozen=True)
 class Settled:
-    """Settled pose of one stretch of angles, its contacts, and what it was found with."""
+    """Settled pose of one stretch of angles, its contacts, and what it was found with.
 
-    stretch: Stretch
+    Attributes
+    ----------
+    contacts : Geometry
+    reducer : Reducer
+    torque : float
+        Size of the load on the carrier, N*mm.
+    errors : Errors
+    problem : kernel.Problem
+    solution : Solution
+    unloading : ndarray, shape (n, unknowns), or 0
+        What taking the load off adds to the pose.
+    """
+
+    contacts: Geometry
+    reducer: Reducer
+    torque: float
     errors: Errors
-    energy: System
-    condensed: Condensed | None
-    x: Array
-    closed: Closed
-    steps: Steps
-    unloading: Array | float = 0.0  # what taking the load off adds to the pose
+    problem: Problem
+    solution: Solution
+    unloading: Array | float = 0.0
 
     @property
-    def contacts(self) -> Geometry:
-        """Geometry of the contacts."""
-        return self.stretch.contacts
+    def x(self) -> Array:
+        """Pose under the load, (n, unknowns)."""
+        return self.solution.x
+
+    @cached_property
+    def forces(self) -> Forces:
+        """What the contacts carry, how stiff they are, and what is out of balance."""
+        known = self.solution.forces
+        return known if len(known.energy) else solve(self.problem, given=self.x, forces=True).forces
+
+    @cached_property
+    def response(self) -> Response:
+        """Changes per unit of output torque."""
+        known = self.solution.response
+        return known if len(known.pose) else solve(self.problem, given=self.x, response=True).response
+
+    @cached_property
+    def closed_pins(self) -> Flags:
+        """Pins that carry, (n, discs, pins)."""
+        return np.asarray(self.solution.closings.pins > 0)
+
+    def at(self, x: Array) -> Settled:
+        """The same in other poses, whether or not forces balance there."""
+        return replace(self, solution=solve(self.problem, given=x, forces=True), unloading=0.0)
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        return replace(self, unloading=-self._answer(self.energy.load))
-
-    def _answer(self, force: Array, *, quick: bool = False) -> Array:
-        """Change of the pose with a force, the closed contacts held closed; quickly, to some 1e-10 of the largest."""
-        system, closed = self.energy, self.closed
-        if quick and self.condensed is not None and ((closed.flanks > 0) == system.driving_flanks).all():
-            return self.condensed.answer(system, closed, force, self._turning)
-        return refined(with_discs(system.newton_matrix(closed), self._turning, system.first_disc), force)
-
-    @cached_property
-    def _pressed(self) -> Array:
-        """Force of each pin, (n, discs, pins)."""
-        return np.asarray(self.energy.pin_law.force(self.closed.pins, self.energy.pin_stiffness))
-
-    @cached_property
-    def _turn(self) -> Array:
-        """How far the force of each pin turns for what it moves along the profile, N/mm, (n, discs, pins)."""
-        return np.asarray(self.stretch.reducer.contact_law.profile_curvature * self.contacts.curvature * self._pressed)
-
-    @cached_property
-    def _turning(self) -> Array:
-        """Stiffness that each disc has by the turn of its pins' forces, (n, discs, 3, 3)."""
-        rows = self.contacts.profile_rows
-        return np.asarray(-np.einsum("nbki,ncki->nkbc", self._turn[:, None] * rows, rows))
+        per_torque = self.problem.load[:, 2:3] / self.reducer.output_turn
+        return replace(self, unloading=per_torque * self.response.pose)
 
     @property
     def transmission_error(self) -> Array:
         """Turn of the output."""
-        return np.asarray(self.stretch.reducer.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
+        return np.asarray(self.reducer.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
 
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
-        reducer, n = self.contacts.motion.reducer, len(self.x)
+        reducer, n = self.reducer, len(self.x)
         parts = samples_last(self.x + self.unloading)
         bodies = parts[3:-2].reshape(-1, 3, n)
-        state = self.closed if isinstance(self.closed, State) else self.energy.state(self.x)
-        residual = GRADIENT_TOLERANCE * state.imbalance / self.energy.tolerance(self.stretch.torque)
+        forces, normal = self.forces, self.contacts.motion.pin_normal
+        if self.problem.share:
+            normal = normal - samples_last(self._turn)[:, :, None] * self.contacts.profile_tangent
         return Equilibrium(
             transmission_error=self.transmission_error,
             pose={
@@ -604,85 +572,52 @@ class Settled:
                 "crank": bodies[reducer.discs :],
                 "sun": parts[-2:],
             },
-            contact_forces=self._contact_forces(),
-            loaded_pins=(self.closed.pins > 0).sum(axis=2).T,
-            steps=self.steps,
-            residual=residual,
+            contact_forces={
+                **self._vectors(forces.flanks, self.solution.closings.joint_force),
+                "pin": samples_last(forces.pins)[:, :, None] * normal,
+            },
+            loaded_pins=self.closed_pins.sum(axis=2).T,
+            steps=self.solution.steps,
+            residual=GRADIENT_TOLERANCE * np.abs(forces.gradient).max(axis=1) / self.problem.tolerance,
             theta=self.contacts.motion.theta,
         )
 
+    @property
+    def _turn(self) -> Array:
+        """How far the normal of each pin has turned, (n, discs, pins)."""
+        return np.asarray(self.problem.share * self.contacts.curvature * self.solution.closings.slides)
+
     def tangent(self) -> Tangent:
         """Stiffness of every contact."""
-        system, closed, where = self.energy, self.closed, self._journals()
-        n, force = len(self.x), self._joint_forces()
-        stiffness = np.broadcast_to(self.stretch.elasticity.joint, (n, where.size))
-        joint, pressed = stiffness[..., None, None] * np.eye(2), np.sqrt((force**2).sum(axis=-1))
-        if where.any():
-            joint[:, where] = system.journal_matrices(closed.journals)
-            pressed[:, where] += 2 * system.journal_stiffness * system.behind(closed.journals)
+        forces, closings = self.forces, self.solution.closings
+        stiffness, far = self.problem.joint_stiffness, np.sqrt((closings.joints**2).sum(axis=-1))
+        pressed = np.sqrt((closings.joint_force**2).sum(axis=-1))
+        pressed += 2 * stiffness * np.maximum(-self.errors.clearance - far, 0.0)  # by the rollers behind
         return Tangent(
             contacts=self.contacts,
             x=self.x + self.unloading,
-            pin=system.pin_law.tangent(closed.pins, system.pin_stiffness),
-            flank=system.flank_law.tangent(closed.flanks, system.flank_stiffness),
-            joint=joint,
-            pin_force=self._pressed,
-            flank_force=system.flank_law.force(closed.flanks, system.flank_stiffness),
-            joint_force=force,
+            pin=forces.pin_tangent,
+            flank=forces.flank_tangent,
+            joint=forces.joint_tangent[..., [[0, 1], [1, 2]]],
+            pin_force=forces.pins,
+            flank_force=forces.flanks,
+            joint_force=closings.joint_force,
             joint_pressed=pressed,
         )
 
-    def _journals(self) -> npt.NDArray[np.bool_]:
-        return np.asarray(self.errors.clearance != 0)
-
-    def _joints(self) -> Array:
-        """Closing of each bearing, (n, joints, 2)."""
-        return np.asarray(np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, self.x) + self.errors.joint)
-
-    def _joint_forces(self) -> Array:
-        """Force of each bearing, (n, joints, 2)."""
-        force = self.stretch.elasticity.joint[..., None] * self._joints()
-        if self._journals().any():
-            force[:, self._journals()] = self.energy.journal_forces(self.closed.journals)[1]
-        return np.asarray(force, dtype=np.float64)
-
-    def _contact_forces(self) -> dict[str, Array]:
-        system = self.energy
-        return self._by_contact(
-            pins=self._pressed,
-            flanks=system.flank_law.force(self.closed.flanks, system.flank_stiffness),
-            joints=self._joint_forces(),
-        )
-
-    def _carried(self) -> dict[str, Array]:
-        """Forces under which contacts give way: by a power law those that press a linear contact in as far."""
-        system = self.energy
-        carried = self._by_contact(
-            pins=system.pin_stiffness * np.maximum(self.closed.pins, 0.0),
-            flanks=system.flank_stiffness * np.maximum(self.closed.flanks, 0.0),
-            joints=self._joint_forces(),
-        )
-        return {f"{key} carried": carried[key] for key in YIELDING}
-
-    def _by_contact(self, *, pins: Array, flanks: Array, joints: Array) -> dict[str, Array]:
-        """Sizes of forces, samples first, as vectors of the driving on the driven part, samples last."""
-        reducer, n = self.contacts.motion.reducer, len(self.x)
+    def _vectors(self, flanks: Array, joints: Array) -> dict[str, Array]:
+        """Vectors of the driving on the driven part, samples last, from sizes on flanks and vectors of bearings."""
+        reducer, n = self.reducer, len(self.x)
         flank = samples_last(flanks.reshape(n, reducer.cranks, 2))
         return {
-            "pin": samples_last(pins)[..., None, :] * self._pin_normal,
             **self._bearings(joints),
             "mesh": flank[..., None, :] * self.contacts.motion.mesh_normal,
             "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
         }
 
-    @property
-    def _pin_normal(self) -> Array:
-        """From the pins into the discs, (discs, pins, 2, n), by first order in how far it has turned."""
-        return -np.moveaxis(self.energy.pin_rows[:, :2], (0, 1), (-1, -2))
-
     def _bearings(self, joints: Array) -> dict[str, Array]:
         """Vectors of cams and carrier bores, samples last, from those of all joints, samples first."""
-        reducer, vectors = self.contacts.motion.reducer, samples_last(joints)
+        reducer, vectors = self.reducer, samples_last(joints)
         cams = reducer.discs * reducer.cranks
         return {
             "cam": vectors[:cams].reshape(reducer.discs, reducer.cranks, 2, -1),
@@ -691,10 +626,17 @@ class Settled:
 
     def _directions(self) -> dict[str, Array]:
         """Unit vectors along which bearings carry; 0 where rollers on both sides do, and a clearance moves nothing."""
-        joints, floats = self._joints(), self._journals()
-        if floats.any():
-            joints[:, floats] *= ~self.energy.pressed_around(self.closed.journals)[..., None]
-        return {f"{key} direction": unit_vectors(carried) for key, carried in self._bearings(joints).items()}
+        joints = self.solution.closings.joints
+        around = np.sqrt((joints**2).sum(axis=-1)) < -self.errors.clearance
+        return {key: unit_vectors(one) for key, one in self._bearings(joints * ~around[..., None]).items()}
+
+    def _pressed_in(self) -> tuple[Array, Array]:
+        """Forces that would press linear pins and flanks in as far as they are."""
+        closings, problem = self.solution.closings, self.problem
+        return (
+            problem.pin_stiffness * np.maximum(closings.pins, 0.0),
+            problem.flank_stiffness * np.maximum(closings.flanks, 0.0),
+        )
 
     def pose_changes(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the pose per parameter (n, unknowns, parameters), the closed contacts held closed.
@@ -706,124 +648,85 @@ class Settled:
             for unit in np.eye(len(effect.values)):
                 one = felt((replace(effect, values=tuple(unit)),))
                 pressed.append(self._pressing(error_closing(self.contacts, one))[..., None])
-        force = -np.concatenate(pressed, axis=2)
-        matrix, inverse = self._stiffness_and_inverse
-        first = inverse @ force
-        return np.asarray(first + inverse @ (force - matrix @ first), dtype=np.float64)
-
-    @cached_property
-    def _stiffness_and_inverse(self) -> tuple[Array, Array]:
-        matrix = with_discs(self.energy.newton_matrix(self.closed), self._turning, self.energy.first_disc)
-        return matrix, np.asarray(np.linalg.inv(held(matrix)), dtype=np.float64)
+        return refined(self.forces.matrix, -np.concatenate(pressed, axis=2))
 
     def _pressing(self, errors: Errors) -> Array:
         """Force of errors on the pose, (n, unknowns), the closed contacts held closed."""
-        system, tangent, n = self.energy, self.tangent(), len(self.x)
-        carried, more = self._joint_forces(), errors.compliance
-        flanks, joints = errors.flank.copy(), errors.joint.copy()
-        # a normal that has turned sees a little of what goes along the profile
-        tilt = samples_first((self._pin_normal * self.contacts.profile_tangent).sum(axis=2))
-        pins = errors.pin + tilt * errors.along
+        contacts, forces, n = self.contacts, self.forces, len(self.x)
+        pressed_pins, pressed_flanks = self._pressed_in()
+        joints, turn = errors.joint.copy(), self._turn
+        pins, flanks = errors.pin - turn * errors.along, errors.flank
         # what gives way opens by as much
-        if "pin" in more:
-            pins -= more["pin"] * system.pin_stiffness * np.maximum(self.closed.pins, 0.0)
-        if "mesh" in more:
-            flanks -= more["mesh"] * system.flank_stiffness * np.maximum(self.closed.flanks, 0.0)
-        cams = self.stretch.reducer.discs * self.stretch.reducer.cranks
+        if "pin" in errors.compliance:
+            pins = pins - errors.compliance["pin"] * pressed_pins
+        if "mesh" in errors.compliance:
+            flanks = flanks - errors.compliance["mesh"] * pressed_flanks
+        cams = self.reducer.discs * self.reducer.cranks
         for contact, at in (("cam", slice(0, cams)), ("carrier", slice(cams, -2))):
-            if contact in more:
-                joints[:, at] -= more[contact][..., None] * carried[:, at]
+            if contact in errors.compliance:
+                joints[:, at] -= errors.compliance[contact][..., None] * self.solution.closings.joint_force[:, at]
         if errors.clearance.any():
-            joints -= errors.clearance[:, None] * samples_first(unit_vectors(samples_last(self._joints())))
-        force = np.einsum("nqd,nq->nd", system.flank_rows, tangent.flank * flanks)
-        force += np.einsum("nqcd,nqc->nd", self.contacts.joint_rows, (tangent.joint @ joints[..., None])[..., 0])
-        on_discs = np.einsum("nki,ncki->nkc", tangent.pin * pins, system.pin_rows)
-        on_discs -= np.einsum("nki,ncki->nkc", self._turn * errors.along, self.contacts.profile_rows)
+            along = unit_vectors(samples_last(self.solution.closings.joints))
+            joints -= errors.clearance[:, None] * samples_first(along)
+        stiff = forces.joint_tangent[..., [[0, 1], [1, 2]]]
+        force = np.einsum("nqd,nq->nd", contacts.flank_rows, forces.flank_tangent * flanks)
+        force += np.einsum("nqcd,nqc->nd", contacts.joint_rows, (stiff @ joints[..., None])[..., 0])
+        profile = np.stack([-contacts.pin_rows[:, :, 1], contacts.pin_rows[:, :, 0], contacts.profile_lever], axis=2)
+        into = forces.pin_tangent * pins
+        along_profile = -turn * into
+        if self.problem.share:
+            along_profile = along_profile - self.problem.share * contacts.curvature * forces.pins * errors.along
+        on_discs = np.einsum("nki,nkci->nkc", into, contacts.pin_rows)
+        on_discs += np.einsum("nki,nkci->nkc", along_profile, profile)
         force[:, 3 : 3 + on_discs[0].size] += on_discs.reshape(n, -1)
         return np.asarray(force)
 
-    @cached_property
-    def _quick_per_torque(self) -> tuple[Array, Array, Array, Array]:
-        return self._per_torque(quick=True)
-
-    def _per_torque(self, *, quick: bool) -> tuple[Array, Array, Array, Array]:
-        """Change per unit of output torque, samples first: of the force of pins, flanks, joints, and along profiles."""
-        closed, system = self.closed, self.energy
-        unit = np.zeros_like(self.x)
-        unit[:, 2] = self.stretch.reducer.output_turn  # on the carrier
-        answer = -self._answer(unit, quick=quick)
-        pins = (system.pin_rows * system.discs(answer)).sum(axis=1)
-        flanks = (system.flank_rows @ answer[..., None])[..., 0]
-        joints = np.einsum("nqcd,nd->nqc", self.contacts.joint_rows, answer)
-        change = self.stretch.elasticity.joint[..., None] * joints
-        where = self._journals()
-        if where.any():
-            matrices = system.journal_matrices(closed.journals)
-            change[:, where] = (matrices @ joints[:, where][..., None])[..., 0]
-        return (
-            system.pin_law.tangent(closed.pins, system.pin_stiffness) * pins,
-            system.flank_law.tangent(closed.flanks, system.flank_stiffness) * flanks,
-            np.asarray(change, dtype=np.float64),
-            np.asarray((self.contacts.profile_rows * system.discs(answer)).sum(axis=1)),
-        )
-
     def softening(self) -> Array:
-        """Change of the output angle per unit of each of `SOFTENING`, (10, n).
+        """Change of the output angle per unit of each of `SOFTENING`, (10, n)."""
+        return np.ascontiguousarray(self.response.softening.T)
 
-        A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
-        lambda the change of its force per unit of output torque.  What turns with a profile's curvature besides is the
-        pins' force.
-        """
-        pins, flanks, joints, turning = self._quick_per_torque
-        system, closed, reducer = self.energy, self.closed, self.stretch.reducer
-        stiffness, cams = reducer.stiffness, reducer.discs * reducer.cranks
-        forces, floats = self._joint_forces(), self._journals()
-        if floats.any():  # rollers on both sides give way half as far
-            forces[:, floats] /= 1 + system.pressed_around(closed.journals)[..., None]
-        work = (joints * forces).sum(axis=2)
-        yielded = pins * np.maximum(closed.pins, 0.0) * system.pin_stiffness
-        shut = flanks * np.maximum(closed.flanks, 0.0) * system.flank_stiffness
-        by_pin_exponent = pins * system.pin_law.change_with_exponent(closed.pins, system.pin_stiffness)
-        by_flank_exponent = flanks * system.flank_law.change_with_exponent(closed.flanks, system.flank_stiffness)
-        along = moved(self.contacts, system, self.errors, self.x)
-        by_curvature = self.contacts.curvature * along * (pins * along / 2 + self._pressed * turning)
-        rows = {
-            "pin_contact": yielded.sum(axis=(1, 2)) / stiffness.pin_contact,
-            "crank_bearing": work[:, :cams].sum(axis=1) / stiffness.crank_bearing,
-            "carrier_bearing": work[:, cams:-2].sum(axis=1) / stiffness.carrier_bearing,
-            "gear_mesh": shut.sum(axis=1) / stiffness.gear_mesh,
-            "sun_support": work[:, -1] / stiffness.sun_support,
-            "main_bearing": work[:, -2] / stiffness.main_bearing,
-            "gear_backlash": flanks.sum(axis=1) / 2,
-            "pin_exponent": by_pin_exponent.sum(axis=(1, 2)),
-            "flank_exponent": by_flank_exponent.sum(axis=1),
-            "profile_curvature": by_curvature.sum(axis=(1, 2)),
-        }
-        return -np.stack([rows[name] for name in SOFTENING])
-
-    def forces_per_torque(self, *, quick: bool = False) -> ContactForces:
+    def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
+        change, where = self.response, self.contacts.motion
+        pins = samples_last(change.pins)[:, :, None] * where.pin_normal
+        if self.problem.share:  # a pin's force turns with its normal
+            pins = pins + samples_last(change.slides)[:, :, None] * self.contacts.profile_tangent
+        pressed_pins, pressed_flanks = self._pressed_in()
+        carried = {
+            **self._vectors(pressed_flanks, self.solution.closings.joint_force),
+            "pin": samples_last(pressed_pins)[:, :, None] * where.pin_normal,
+        }
         return {
-            **self._changes(quick=quick),
-            **self._directions(),
-            **self._carried(),
+            **self._vectors(change.flanks, change.joints),
+            "pin": pins,
+            **{f"{key} direction": along for key, along in self._directions().items()},
+            **{f"{key} carried": carried[key] for key in YIELDING},
             "output": np.ones((1, len(self.x))),
         }
 
-    def _changes(self, *, quick: bool) -> dict[str, Array]:
-        pins, flanks, joints, along = self._quick_per_torque if quick else self._per_torque(quick=False)
-        changes = self._by_contact(pins=pins, flanks=flanks, joints=joints)
-        # a pin's force turns with its normal
-        changes["pin"] = changes["pin"] - samples_last(self._turn * along)[..., None, :] * self.contacts.profile_tangent
-        return changes
-
     def influences(self, effects: tuple[Effect, ...]) -> Array:
-        """Change of the output angle per parameter (parameters, n)."""
-        n, forces = len(self.x), self._changes(quick=True)
-        errors = [self.contacts.error(effect) for effect in effects]
-        if any(isinstance(error, Clearance) for error in errors):
-            forces |= self._directions()
-        if any(isinstance(error, Compliance) for error in errors):
-            forces |= self._carried()
-        rows = [project(forces, error, n) for error in errors]
-        return np.concatenate([np.zeros((0, n)), *rows])
+        """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
+        change, rows = self.response, [np.zeros((0, len(self.x)))]
+        weights = by_contact(
+            self.reducer, pin=change.pins, along=change.slides, flank=change.flanks, joint=change.joints
+        )
+        forces: ContactForces | None = None
+        for effect in effects:
+            closings = self.contacts.closings(effect)
+            if isinstance(closings, (Clearance, Compliance)):
+                forces = forces or self.forces_per_torque()
+                rows.append(project(forces, closings, len(self.x)))
+                continue
+            parts = [
+                _weighed(one.rows, weights[one.contact][(slice(None), *one.at)])
+                for one in closings
+                if one.contact != "along" or self.problem.share
+            ]
+            rows.append(np.sum(parts, axis=0))
+        return np.concatenate(rows)
+
+
+def _weighed(rows: Array, weights: Array) -> Array:
+    """Sum of rows (terms, n, ...) times weights (n, ...), (terms, n)."""
+    axes = "abc"[: weights.ndim - 1]
+    return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", rows, weights))

@@ -14,7 +14,7 @@ from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
-from rverror.statics.energy import Errors, error_closing, geometry
+from rverror.statics.energy import Errors, Geometry, error_closing
 
 _ANGLES, _GOLDEN = 16, 0.6180339887  # irregular against every order
 
@@ -77,7 +77,7 @@ class Gaps:
         assert isinstance(motion, Contacts)
         if isinstance(entry.vector(motion, **indices), (Clearance, Compliance)):
             return None
-        contacts = geometry(motion)
+        contacts = Geometry(motion)
         zero = _flat(error_closing(contacts, ()))
         units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
         return np.array([_flat(error_closing(contacts, (unit,))) - zero for unit in units])
