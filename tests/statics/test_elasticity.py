@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import REFERENCE_FORCE, ContactLaw, Reducer
 from rverror.model.effects import Effect, effect
@@ -116,8 +115,8 @@ def test_force_and_stiffness_are_slopes_of_the_energy(exponent: float, share: fl
     x = settled.x + rng.normal(0, 1e-3, settled.x.shape)
     way = rng.normal(0, 1e-3, x.shape)
     step = 1e-4
-    ends = [solve(settled.problem, given=x + sign * step * way, forces=True) for sign in (1, -1)]
-    here = solve(settled.problem, given=x, forces=True)
+    ends = [solve(settled.problem, given=x + sign * step * way, matrix=True) for sign in (1, -1)]
+    here = solve(settled.problem, given=x, matrix=True)
     slope = (ends[0].forces.energy - ends[1].forces.energy) / (2 * step)
     np.testing.assert_allclose(slope, (here.forces.gradient * way).sum(axis=1), rtol=1e-6)
     matrix = here.forces.matrix

@@ -60,7 +60,7 @@ def settled(
     start: np.ndarray | None = None,
 ) -> Settled:
     (found,) = statics_of(unit, Conditions(theta, direction, torque)).solutions(
-        effects, start, forces=True, response=True
+        effects, start, matrix=True, response=True
     )
     return found
 
@@ -96,7 +96,7 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     found = settled(unit, errors, theta, direction=direction, torque=torque)
     expected = dense_matrix(found)
     own = np.sqrt(np.einsum("naa->na", expected))
-    apart = np.abs(found.forces.matrix - expected)
+    apart = np.abs(found.matrix - expected)
     assert (apart <= 1e-12 * own[:, :, None] * own[:, None]).all()
     first, size = envelope(unit), found.x.shape[1]
     outside = np.arange(size)[None] < first[:, None]
@@ -127,7 +127,7 @@ def test_wherever_it_starts_it_ends_in_the_one_pose_of_least_energy(law: str, fl
 
 
 def test_a_start_with_all_pins_open_is_found_its_way_back() -> None:
-    """Without pins the held sun leaves the train one free motion, along which a Newton step has no length of its own."""
+    """Without pins the held sun leaves the train one free motion: a Newton step along it has no length of its own."""
     unit = rverror.reducer("RV-40E", discs=3, cranks=3)
     theta = 2 * np.pi * np.arange(512) / 512
     ground = (rverror.effect("cycloid.profile_modification", equidistant="0.2 mm"),)

@@ -40,7 +40,9 @@ def changed(one: Effect, at: int, step: float) -> Effect:
 @pytest.mark.parametrize(("unit", "beyond"), [(UNIT, 1e-8), (TURNED, 1e-7)], ids=["linear", "power law, turned pins"])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_carrier_follows_errors_by_their_influences(unit: rverror.Reducer, beyond: float, direction: float) -> None:
-    (solution,) = statics_of(unit, pose(unit, ANGLES, torque=100e3, direction=direction)).solutions(ERRORS, response=True)
+    (solution,) = statics_of(unit, pose(unit, ANGLES, torque=100e3, direction=direction)).solutions(
+        ERRORS, response=True
+    )
     told, influences = solution.pose_changes(ERRORS), solution.influences(ERRORS[:-1])
     np.testing.assert_allclose(
         told[:, 2, : len(influences)].T, influences, rtol=beyond, atol=1e-8 * np.abs(influences).max()

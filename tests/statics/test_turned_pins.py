@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 import rverror
 from gear_runs import UNIT, begin, runs_of
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import elastic_within, half_widths
 from rverror.diagnosis.gears.fit import fitted
 from rverror.geartrain.cycloid import trochoid_curvature

@@ -39,8 +39,8 @@ from rverror.app.terminal import (
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
-from rverror.base.threads import cores
 from rverror.base.text import check_name, shown
+from rverror.base.threads import cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.result import Diagnosis

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Collection, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -98,7 +99,7 @@ def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
     blocks = -(-size // block)
     count = max(min(threads(), blocks), 1)
     ends = [min(block * (blocks * number // count), size) for number in range(count + 1)]
-    each(function, [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)])
+    each(function, [slice(first, last) for first, last in pairwise(ends)])
 
 
 _HERE = threading.local()

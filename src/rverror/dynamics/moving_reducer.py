@@ -153,7 +153,7 @@ def moving_reducer(
     )
     train = Train(unit, model.bench)
     solutions, halfway = (
-        list(statics_of(unit, one.gears).solutions(model.effects, forces=True)) for one in (where, between)
+        list(statics_of(unit, one.gears).solutions(model.effects, matrix=True)) for one in (where, between)
     )
     tangents = [one.tangent() for one in solutions]
     poses = np.concatenate([one.x + one.unloading for one in halfway])

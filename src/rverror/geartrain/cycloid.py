@@ -111,9 +111,8 @@ def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
     In none of the sources; from z' and z'' of z = (R_p - a e^{i phi}) e^{i phi / z_c}.
     """
     K, z, cosine = reducer.short_width_coefficient, reducer.pins, np.cos(roll_angle)
-    return np.asarray(
-        (1 + z * K**2 - K * (z + 1) * cosine) / (reducer.pin_circle_radius * (1 + K**2 - 2 * K * cosine) ** 1.5)
-    )
+    squared = 1 + K**2 - 2 * K * cosine
+    return np.asarray((1 + z * K**2 - K * (z + 1) * cosine) / (reducer.pin_circle_radius * squared * np.sqrt(squared)))
 
 
 def profile(reducer: Reducer, roll_angle: Array) -> Array:

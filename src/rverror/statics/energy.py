@@ -43,7 +43,9 @@ _MAX_STEPS = 40
 _MAX_STEPS_NEAR = 10  # from a pose that is likely near
 _MAX_STEPS_UNLOADING = 2000  # at each load; each few lower a convex energy, so only time runs out
 _FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
-_BLOCK = 64  # angles that are solved one from the other; a thread has whole blocks, so that the poses are always the same
+_BLOCK = (
+    64  # angles that are solved one from the other; a thread has whole blocks, so that the poses are always the same
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,17 @@ class Closing:
     contact: str
     at: tuple[slice, ...]
     rows: Array
+
+    def total(self, sizes: tuple[float, ...]) -> Array:
+        """How far an effect of these sizes closes them, mm, (n, ...)."""
+        rows = self.rows
+        return (np.array(sizes) @ rows.reshape(len(rows), -1)).reshape(rows.shape[1:])
+
+    def work(self, forces: Array) -> Array:
+        """Work of forces of all these contacts, (n, ...), by one unit of each parameter, (terms, n)."""
+        here = forces[(slice(None), *self.at)]
+        axes = "abc"[: here.ndim - 1]
+        return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", self.rows, here))
 
 
 def by_contact(reducer: Reducer, *, pin: Array, along: Array, flank: Array, joint: Array) -> dict[str, Array]:
@@ -129,7 +142,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
             more[(slice(None), *closings.at)] += samples_first(np.tensordot(effect.values, closings.share, axes=1))
             continue
         for one in closings:
-            total[one.contact][(slice(None), *one.at)] += np.tensordot(effect.values, one.rows, axes=1)
+            total[one.contact][(slice(None), *one.at)] += one.total(effect.values)
     return Errors(
         **made,
         clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [discs * cranks, cranks, 2]),
@@ -166,7 +179,7 @@ class Layout:
 
 
 def bearing_parts(reducer: Reducer) -> list[tuple[int, int]]:
-    """First unknowns of the two parts of cams (disc by crank), carrier bores, main bearing and sun support; -1: fixed."""
+    """First unknowns of both parts of cams (disc by crank), carrier bores, main bearing and sun support; -1: fixed."""
     layout = Layout(reducer)
     cams = [(disc, crank) for disc in layout.disc for crank in layout.crank]
     # the motor, whose bearings hold the sun, stands on what is held
@@ -196,7 +209,7 @@ class Geometry:
 
     @cached_property
     def pin_rows(self) -> Array:
-        """How each pin closes with x, y and angle of its disc, as the disc moves against the normal, (n, discs, 3, pins)."""
+        """How each pin closes with x, y and angle of its disc, which moves against the normal, (n, discs, 3, pins)."""
         motion = self.motion
         rows = -np.stack([motion.pin_normal[:, :, 0], motion.pin_normal[:, :, 1], motion.pin_arm], axis=1)
         return samples_first(rows)
@@ -239,6 +252,21 @@ class Geometry:
         none = np.zeros_like(bore[:, 0])
         pairs += [(none, bore[:, j]) for j in range(reducer.cranks)] + 2 * [(none, none)]
         return np.stack([np.stack(pair, axis=1) for pair in pairs], axis=1)
+
+    @cached_property
+    def parts(self) -> npt.NDArray[np.intp]:
+        """First unknowns of the two parts of each bearing, (joints, 2)."""
+        return np.array(bearing_parts(self.motion.reducer))
+
+    @cached_property
+    def envelope(self) -> npt.NDArray[np.intp]:
+        """`envelope` of the reducer."""
+        return envelope(self.motion.reducer)
+
+    @cached_property
+    def output_turn(self) -> float:
+        """Turn of the output per turn of the carrier."""
+        return self.motion.reducer.output_turn
 
     @cached_property
     def flank_rows(self) -> Array:
@@ -321,8 +349,10 @@ def flank_lever(reducer: Reducer) -> Array:
 # --- the problem and its solution -------------------------------------------------------------------------------------
 
 
-def loaded_problem(contacts: Geometry, reducer: Reducer, errors: Errors, torque: float) -> Problem:
-    """The equilibrium of a gear train with errors, under a torque on the carrier that resists its motion in the housing.
+def loaded_problem(
+    contacts: Geometry, reducer: Reducer, errors: Errors, torque: float, *, response: bool = True
+) -> Problem:
+    """The equilibrium of a gear train with errors; a torque on the carrier resists its motion in the housing.
 
     Parameters
     ----------
@@ -333,6 +363,8 @@ def loaded_problem(contacts: Geometry, reducer: Reducer, errors: Errors, torque:
     errors : Errors
     torque : float
         Its size, N*mm, above 0.
+    response : bool
+        Whether a response will be asked for, which needs to know how the profiles bend.
 
     Returns
     -------
@@ -349,15 +381,16 @@ def loaded_problem(contacts: Geometry, reducer: Reducer, errors: Errors, torque:
     load = np.zeros((sense.size, layout.size))
     load[:, 2] = -sense * torque
     stiffness, law = reducer.stiffness, reducer.contact_law
+    bends, straight = response or law.profile_curvature > 0, np.zeros((1, reducer.discs, reducer.pins))
     full = _FULL_LOAD * stiffness.pin_contact * reducer.pin_circle_radius**2
     return Problem(
         pin_rows=contacts.pin_rows,
-        profile_lever=contacts.profile_lever,
-        curvature=contacts.curvature,
+        profile_lever=contacts.profile_lever if bends else straight,
+        curvature=contacts.curvature if bends else straight,
         mesh_normal=contacts.mesh_normal,
         arms=contacts.arms,
-        parts=np.array(bearing_parts(reducer)),
-        envelope=envelope(reducer),
+        parts=contacts.parts,
+        envelope=contacts.envelope,
         first_disc=layout.disc[0],
         first_crank=layout.crank[0],
         base_radius=float(flank_lever(reducer)[0]),
@@ -386,7 +419,7 @@ def loaded_problem(contacts: Geometry, reducer: Reducer, errors: Errors, torque:
         ),
         load=load,
         sense=sense,
-        output_turn=reducer.output_turn,
+        output_turn=contacts.output_turn,
         tolerance=GRADIENT_TOLERANCE * torque / reducer.crank_radius,
         easy=full / torque,
         most_near=_MAX_STEPS_NEAR,
@@ -427,6 +460,7 @@ def solve(
     near: Array | None = None,
     given: Array | None = None,
     forces: bool = False,
+    matrix: bool = False,
     response: bool = False,
 ) -> Solution:
     """Pose of least energy at every angle.
@@ -438,8 +472,8 @@ def solve(
         Poses that are likely near.
     given : ndarray, shape (n, unknowns), optional
         Poses to tell of, in place of those of least energy.
-    forces, response : bool
-        Whether to tell of these.
+    forces, matrix, response : bool
+        Whether to tell of forces, of the matrix beside them, of the response.
 
     Returns
     -------
@@ -449,7 +483,7 @@ def solve(
 
     n, size = problem.load.shape
     pins, flanks, joints = problem.pin_error.shape[1:], problem.flank_error.shape[1], problem.joint_error.shape[1]
-    told, asked = n if forces else 0, n if response else 0
+    told, asked, whole = (n if wanted else 0 for wanted in (forces or matrix, response, matrix))
     start = kernel.GIVEN if given is not None else kernel.COLD if near is None else kernel.NEAR
     first = near if given is None else given
     found = Solution(
@@ -472,7 +506,7 @@ def solve(
             np.empty(told),
             np.empty((told, size)),
             np.empty(told),
-            np.empty((told, size, size)),
+            np.empty((whole, size, size)),
         ),
         kernel.Response(
             np.empty((asked, *pins)),
@@ -485,15 +519,16 @@ def solve(
     )
 
     def some(part: slice) -> None:
+        own = [[one[part] for one in group] for group in (found.closings, found.forces, found.response)]
         kernel.solve(
             part_of(problem, part),
             found.x[part],
             start,
             found.steps[part],
             found.found[part],
-            kernel.Closings(*(one[part] for one in found.closings)),
-            kernel.Forces(*(one[part] for one in found.forces)),
-            kernel.Response(*(one[part] for one in found.response)),
+            kernel.Closings(*own[0]),
+            kernel.Forces(*own[1]),
+            kernel.Response(*own[2]),
             kernel.scratch(problem),
         )
 
@@ -512,6 +547,8 @@ _PER_ANGLE = frozenset(
 def part_of(problem: Problem, part: slice | npt.NDArray[np.intp]) -> Problem:
     """The same at some of the angles."""
     n = len(problem.load)
+    if isinstance(part, slice) and part == slice(0, n):
+        return problem
     rows = {name: getattr(problem, name) for name in _PER_ANGLE}
     return problem._replace(**{name: row[part] for name, row in rows.items() if len(row) == n})
 

@@ -301,11 +301,11 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     read = pose(unit, theta, torque=abs(torque), direction=-math.copysign(1.0, torque))
     under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
     found = []
-    for settled in statics_of(unit, under).solutions(felt(model.effects), forces=True):
+    for settled in statics_of(unit, under).solutions(felt(model.effects), matrix=True):
         rows = _rows(settled.contacts.motion)
         push = np.zeros_like(settled.x)
         push[:, 2] = along * unit.output_turn
-        yields = refined(settled.forces.matrix, push)
+        yields = refined(settled.matrix, push)
         discs = yields[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
         sliding = Sliding(
             pin=np.einsum("nkc,nkcp->nkp", discs, rows.pin),
@@ -512,7 +512,7 @@ def _in_equilibrium(
     statics = statics_of(_straight(model).mechanism, under)
     found: list[tuple[Array, dict[str, Array], Array]] = []
     first = 0
-    for settled in statics.solutions(felt(model.effects), forces=True):
+    for settled in statics.solutions(felt(model.effects), matrix=True):
         n = len(settled.x)
         along = direction[first : first + n]
         first += n
@@ -572,7 +572,7 @@ def _slid(settled: Settled, by: _Coefficients, sliding: Sliding) -> Tangent:
         if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
             force[:, 2] += sense * own / float(reducer.exact_carrier_ratio) - _sun_torque(reducer, by, sliding, slid)
         left = forces.gradient - force
-        return slid, left, forces.matrix - change, np.maximum(problem.tolerance, forces.unbalanced)
+        return slid, left, state.matrix - change, np.maximum(problem.tolerance, forces.unbalanced)
 
     x, found = settled.x, balance(settled.x)
     worst = np.abs(found[1]).max(axis=1)

@@ -14,8 +14,8 @@ its far side carries as well.  The pose has the least energy
 
 Newton's method with a line search finds it.  The matrix of second derivatives is factorised as L D L' within its
 envelope, row by row (A. Jennings, A compact storage scheme for the solution of symmetric linear simultaneous equations,
-Comput. J. 9, 1966): in this order of the parts most of it is empty.  One more solution, for a unit torque on the output,
-gives the change of every contact force, by which virtual work tells every influence.
+Comput. J. 9, 1966): in this order of the parts most of it is empty.  One more solution, for a unit torque on the
+output, gives the change of every contact force, by which virtual work tells every influence.
 
 Angles do not depend on one another: `solve` may run on slices of them in several threads.
 """
@@ -59,8 +59,8 @@ class Problem(NamedTuple):
     """A loaded gear train at n angles; an axis of m is 1, alike at all angles, or n."""
 
     pin_rows: Array  # (n, discs, 3, pins): closing with x, y, angle of the disc
-    profile_lever: Array  # (n, discs, pins): way along the profile with the disc's angle
-    curvature: Array  # (n, discs, pins): of the curve on which a pin's centre stands, 1/mm
+    profile_lever: Array  # (m, discs, pins): way along the profile with the disc's angle; 0 where nothing asks for it
+    curvature: Array  # (m, discs, pins): of the curve on which a pin's centre stands, 1/mm; likewise
     mesh_normal: Array  # (n, cranks, 2, 2): flank, xy
     arms: Array  # (n, joints, 2, 2): of a bearing's two parts, xy
     parts: Integers  # (joints, 2): their first unknowns, the second below 0 for what is fixed
@@ -113,7 +113,7 @@ class Forces(NamedTuple):
     energy: Array  # (n,), N*mm
     gradient: Array  # (n, unknowns), N and N*mm
     unbalanced: Array  # (n,): what rounding leaves of the gradient
-    matrix: Array  # (n, unknowns, unknowns): of second derivatives
+    matrix: Array  # (n, unknowns, unknowns): of second derivatives; empty where nobody asks for it
 
 
 class Response(NamedTuple):
@@ -200,7 +200,8 @@ def _pins(problem: Problem, i: int, x: Array, closings: Closings, s: _Scratch) -
         closing, force, tangent = closings.pins[i, k], s.pin_force[k], s.pin_tangent[k]
         for p in range(count):
             closing[p] = row[0, p] * dx + row[1, p] * dy + row[2, p] * turn + error[p]
-        slide, lever, curvature = closings.slides[i, k], problem.profile_lever[i, k], problem.curvature[i, k]
+        c = min(i, len(problem.curvature) - 1)
+        slide, lever, curvature = closings.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
         if problem.share > 0.0:
             along = problem.slide_error[i, k]
             for p in range(count):
@@ -239,7 +240,8 @@ def _flank(problem: Problem, i: int, c: int, x: Array) -> float:
     sun, crank = len(x) - 2, problem.first_crank + 3 * (c // 2)
     nx, ny = problem.mesh_normal[i, c // 2, side, 0], problem.mesh_normal[i, c // 2, side, 1]
     lever = problem.base_radius * (1 - 2 * side)
-    return nx * (x[sun] - x[crank]) + ny * (x[sun + 1] - x[crank + 1]) + lever * x[crank + 2]
+    closing: float = nx * (x[sun] - x[crank]) + ny * (x[sun + 1] - x[crank + 1]) + lever * x[crank + 2]
+    return closing
 
 
 @inlined
@@ -469,7 +471,8 @@ def _assemble(problem: Problem, i: int, turning: float, closings: Closings, s: _
     discs, count = s.pin_force.shape
     for k in range(discs):
         row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], closings.slides[i, k], s.pin_force[k]
-        lever, curvature = problem.profile_lever[i, k], problem.curvature[i, k]
+        c = min(i, len(problem.curvature) - 1)
+        lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
         xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if problem.share > 0.0:
             for p in range(count):
@@ -565,16 +568,20 @@ def _hold(problem: Problem, i: int, driven: bool, closings: Closings, s: _Scratc
     """
     discs, count = s.pin_force.shape
     for k in range(discs):
-        at, m = problem.first_disc + 3 * k, min(i, len(problem.pin_stiffness) - 1)
+        at, m, c = (
+            problem.first_disc + 3 * k,
+            min(i, len(problem.pin_stiffness) - 1),
+            min(i, len(problem.curvature) - 1),
+        )
         for p in range(count):
             x, y, turn = problem.pin_rows[i, k, 0, p], problem.pin_rows[i, k, 1, p], problem.pin_rows[i, k, 2, p]
             on = turn * problem.sense[i] < 0.0 if driven else closings.pins[i, k, p] > 0.0
             stiffness = problem.pin_stiffness[m, k, p] if on else 0.0
             force = stiffness * closings.pins[i, k, p] - s.pin_force[k, p]
-            turned = problem.share * problem.curvature[i, k, p] * closings.slides[i, k, p]
+            turned = problem.share * problem.curvature[c, k, p] * closings.slides[i, k, p]
             s.gradient[at] += force * (x + turned * y)
             s.gradient[at + 1] += force * (y - turned * x)
-            s.gradient[at + 2] += force * (turn - turned * problem.profile_lever[i, k, p])
+            s.gradient[at + 2] += force * (turn - turned * problem.profile_lever[c, k, p])
             s.pin_tangent[k, p] = stiffness
     for c in range(len(s.flank_force)):
         on = (c % 2 == 0) == (problem.sense[i] > 0.0) if driven else closings.flanks[i, c] > 0.0
@@ -680,7 +687,7 @@ def _newton(
 @inlined
 def _stages(problem: Problem, factor: float) -> int:
     """Loads on the way down, each by a factor, from one at which all contacts settle easily."""
-    return max(int(math.ceil(math.log(problem.easy) / math.log(factor))), 0)
+    return max(math.ceil(math.log(problem.easy) / math.log(factor)), 0)
 
 
 @inlined
@@ -689,8 +696,8 @@ def _settle(
 ) -> tuple[int, bool]:
     """Pose of least energy from one start after another: Newton steps, and whether it was found.
 
-    0: the pose at hand, if it is likely near, or given.  1: that with the journals on the rims of their clearances.  2: all of
-    the loaded side closed.  3 and 4: from a heavy load downwards, by factors of 8 and of 3.  At light load a journal
+    0: the pose at hand, if it is likely near, or given.  1: that with the journals on the rims of their clearances.  2:
+    all of the loaded side closed.  3 and 4: from a heavy load downwards, by factors of 8 and of 3.  There a journal
     slides along the rim of its clearance on next to no force: Newton steps are short there, and the place where a
     somewhat greater load put it is close.
     """
@@ -738,7 +745,7 @@ def _tell(problem: Problem, i: int, forces: Forces, s: _Scratch) -> None:
     for q in range(len(s.joint_tangent)):
         _copy(s.joint_tangent[q], forces.joint_tangent[i, q])
     _copy(s.gradient, forces.gradient[i])
-    for r in range(len(s.matrix)):
+    for r in range(len(s.matrix) if len(forces.matrix) else 0):
         for c in range(r + 1):
             entry = s.matrix[r, c] if c >= problem.envelope[r] else 0.0
             forces.matrix[i, r, c] = entry
@@ -850,6 +857,16 @@ def _respond_pins(problem: Problem, i: int, x: Array, closings: Closings, respon
 
 
 def scratch(problem: Problem) -> _Scratch:
+    """Memory for the state of one angle, which `solve` needs for itself.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    tuple of ndarray
+    """
     discs, pins = problem.pin_rows.shape[1], problem.pin_rows.shape[3]
     flanks, joints, size = problem.flank_error.shape[1], len(problem.parts), len(problem.envelope)
     return _Scratch(

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array, unit_vectors
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import YIELDING, Clearance, Compliance, ContactForces, Contacts, project
@@ -47,8 +46,7 @@ from rverror.statics.energy import (
 if TYPE_CHECKING:
     from rverror.statics.kernel import Forces, Problem, Response
 
-_AT_ONCE = 1024  # angles solved together: bounds the memory
-_MOST_KEPT = 4096  # angles whose contact geometry is kept for the next solution
+_AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
 
@@ -225,7 +223,8 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     if conditions["torque"] is None and not isinstance(angles, Conditions):
         conditions["torque"] = unit.rated_torque
     where = stand(model, pose(unit, angles, **conditions))
-    statics = replace(statics_of(model.mechanism, where.gears), read_at=where.read.theta)
+    assert isinstance(where.gears, Contacts)
+    statics = replace(_along(where.gears), read_at=where.read.theta)
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
 
@@ -263,14 +262,18 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
         If the mechanism is no reducer, or the torque is missing or below 0.
     """
     reducer_of(mechanism)
-    if conditions.torque is None:
-        raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
-    size = units.to_core(conditions.torque, "torque")
-    if not size >= 0:
-        raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
     where = motion(mechanism, conditions)
     assert isinstance(where, Contacts)
-    return Statics(Travel(where), where.reducer, size)
+    return _along(where)
+
+
+def _along(where: Contacts) -> Statics:
+    """Statics along a motion under its torque."""
+    if where.torque is None:
+        raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
+    if not where.torque >= 0:
+        raise ValueError(f"torque = {where.torque / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
+    return Statics(Travel(where), where.reducer, where.torque)
 
 
 def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
@@ -308,11 +311,19 @@ class Travel:
     motion: Contacts
 
     @cached_property
+    def output_turn(self) -> float:
+        """Turn of the output per turn of the carrier."""
+        return self.motion.reducer.output_turn
+
+    @cached_property
     def _kept(self) -> tuple[Geometry, ...]:
         return tuple(self._made())
 
     def _made(self) -> Iterator[Geometry]:
         whole = self.motion
+        if whole.theta.size <= _AT_ONCE:
+            yield Geometry(whole)
+            return
         for first in range(0, whole.theta.size, _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
             where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
@@ -321,7 +332,7 @@ class Travel:
 
     def geometries(self) -> Iterable[Geometry]:
         """Geometry of one stretch of angles after another; that of few angles is kept."""
-        return self._kept if self.motion.theta.size <= _MOST_KEPT else self._made()
+        return self._kept if self.motion.theta.size <= _AT_ONCE else self._made()
 
 
 @dataclass(frozen=True)
@@ -373,7 +384,13 @@ class Statics:
         return replace(self, reducer=reducer)
 
     def solutions(
-        self, effects: tuple[Effect, ...], start: Array | None = None, *, forces: bool = False, response: bool = False
+        self,
+        effects: tuple[Effect, ...],
+        start: Array | None = None,
+        *,
+        forces: bool = False,
+        matrix: bool = False,
+        response: bool = False,
     ) -> Iterator[Settled]:
         """Settled poses of one stretch of angles after another.
 
@@ -382,8 +399,8 @@ class Statics:
         effects : tuple of Effect
         start : ndarray, shape (n, unknowns), optional
             Poses at all angles that are likely near.
-        forces, response : bool
-            Whether these are wanted: found later they take longer.
+        forces, matrix, response : bool
+            Whether these are wanted; the first two can be asked for later, at the cost of finding the contacts again.
 
         Yields
         ------
@@ -395,16 +412,17 @@ class Statics:
             If the equilibrium was not found at some angle.
         """
         first, felt_effects, idle = 0, felt(effects), not self.torque
-        torque = abs(self.reducer.output_turn) * self.torque or _trace(self.reducer)
+        response = response or idle
+        torque = abs(self.travel.output_turn) * self.torque or _trace(self.reducer)
         for contacts in self.travel.geometries():
             errors = preloaded(error_closing(contacts, felt_effects), self.reducer)
             try:
-                problem = loaded_problem(contacts, self.reducer, errors, torque)
+                problem = loaded_problem(contacts, self.reducer, errors, torque, response=response)
             except ValueError as error:
                 raise NotConvergedError(str(error)) from error
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            solution = solve(problem, near=near, forces=forces, response=response or idle)
+            solution = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
             _check_found(solution, contacts.motion.theta, idle=idle)
             settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
             yield settled.unloaded() if idle else settled
@@ -532,10 +550,15 @@ class Settled:
         return known if len(known.energy) else solve(self.problem, given=self.x, forces=True).forces
 
     @cached_property
+    def matrix(self) -> Array:
+        """Second derivative of the energy, (n, unknowns, unknowns)."""
+        known = self.solution.forces.matrix
+        return known if len(known) else solve(self.problem, given=self.x, matrix=True).forces.matrix
+
+    @property
     def response(self) -> Response:
-        """Changes per unit of output torque."""
-        known = self.solution.response
-        return known if len(known.pose) else solve(self.problem, given=self.x, response=True).response
+        """Changes per unit of output torque, which were asked for."""
+        return self.solution.response
 
     @cached_property
     def closed_pins(self) -> Flags:
@@ -544,17 +567,17 @@ class Settled:
 
     def at(self, x: Array) -> Settled:
         """The same in other poses, whether or not forces balance there."""
-        return replace(self, solution=solve(self.problem, given=x, forces=True), unloading=0.0)
+        return replace(self, solution=solve(self.problem, given=x, matrix=True), unloading=0.0)
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        per_torque = self.problem.load[:, 2:3] / self.reducer.output_turn
+        per_torque = self.problem.load[:, 2:3] / self.contacts.output_turn
         return replace(self, unloading=per_torque * self.response.pose)
 
     @property
     def transmission_error(self) -> Array:
         """Turn of the output."""
-        return np.asarray(self.reducer.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
+        return np.asarray(self.contacts.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
 
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
@@ -648,7 +671,7 @@ class Settled:
             for unit in np.eye(len(effect.values)):
                 one = felt((replace(effect, values=tuple(unit)),))
                 pressed.append(self._pressing(error_closing(self.contacts, one))[..., None])
-        return refined(self.forces.matrix, -np.concatenate(pressed, axis=2))
+        return refined(self.matrix, -np.concatenate(pressed, axis=2))
 
     def _pressing(self, errors: Errors) -> Array:
         """Force of errors on the pose, (n, unknowns), the closed contacts held closed."""
@@ -717,16 +740,6 @@ class Settled:
                 forces = forces or self.forces_per_torque()
                 rows.append(project(forces, closings, len(self.x)))
                 continue
-            parts = [
-                _weighed(one.rows, weights[one.contact][(slice(None), *one.at)])
-                for one in closings
-                if one.contact != "along" or self.problem.share
-            ]
-            rows.append(np.sum(parts, axis=0))
+            parts = [one.work(weights[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
+            rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
-
-
-def _weighed(rows: Array, weights: Array) -> Array:
-    """Sum of rows (terms, n, ...) times weights (n, ...), (terms, n)."""
-    axes = "abc"[: weights.ndim - 1]
-    return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", rows, weights))
