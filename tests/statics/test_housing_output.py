@@ -271,16 +271,6 @@ def test_the_suns_support_stands_on_what_is_held() -> None:
 # --- the same everywhere else -----------------------------------------------------------------------------------------
 
 
-def test_one_turn_of_the_crank_carried_over_is_the_whole() -> None:
-    """What repeats with the crank is solved once; it comes out as at every angle."""
-    theta = np.linspace(0, 2 * np.pi, 512, endpoint=False)
-    errors = errors_of(UNIT)[1:]
-    where = Conditions(theta, direction=1.0, torque=50e3, folds=True)
-    quick = Predictor(UNIT, where).predict(Model(UNIT, errors)).transmission_error
-    whole = rverror.equilibrium(Model(UNIT, errors), where).transmission_error
-    np.testing.assert_allclose(quick, whole, atol=0.02 / 206265)
-
-
 def test_influences_are_changes_of_the_equilibrium() -> None:
     """Sign and size of the loaded influences, by finite differences."""
     theta = np.linspace(0.2, 5, 6)

@@ -1,4 +1,4 @@
-"""Predictions under the conditions of a run: one repeat against the whole turn, sensors, and derivatives."""
+"""Predictions under the conditions of a run: pins, sensors, and derivatives."""
 
 from __future__ import annotations
 
@@ -46,37 +46,6 @@ def turn(points: int, *, start: float = 0.3) -> np.ndarray:
     return start + 2 * np.pi * np.arange(points) / points
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize("torque", [20e3, 412e3])
-@pytest.mark.parametrize("name", ["RV-40E", "RV-003"])
-def test_one_repeat_stands_for_the_turn(name: str, torque: float, direction: float) -> None:
-    """Against the equilibrium at every angle, on angles that no multiple of the repeat meets."""
-    model = rverror.Model(rverror.reducer(name), CARRIER_SIDE)
-    theta = turn(1999)
-    conditions = Conditions(theta, direction, torque)
-    assert all(source(e.key).repeats_with_crank(model.mechanism, e.indices) for e in model.effects)
-    found = predict(model, conditions)
-    some = slice(None, None, 13)
-    whole = equilibrium(model, theta[some], torque=torque, direction=direction).transmission_error
-    assert np.ptp(whole) > 5 * ARCSEC
-    assert spread(found.transmission_error[some] - whole) < 0.03 * ARCSEC
-
-
-def test_one_repeat_carries_the_influences_too() -> None:
-    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE)
-    theta = turn(4096)
-    found = predict(model, Conditions(theta, 1.0, 412e3)).matrix
-    some = slice(7, None, 41)
-    motion, forces = Predictor(model.mechanism, Conditions(theta[some], 1.0, 412e3)).contact_state(model)
-    whole = rverror.model.compose.effect_matrix(motion, forces, model.effects)
-    assert found.shape == (sum(len(e.values) for e in CARRIER_SIDE), theta.size)
-    scale = np.sqrt((whole**2).mean(axis=1))
-    known = scale > 1e-2 * scale.max()
-    wrong = np.sqrt(((found[:, some] - whole) ** 2).mean(axis=1))
-    # influences jump where a pin takes up load: a jump of one of 17 pins, between 128 angles
-    assert (wrong[known] < 0.05 * scale[known]).all()
-
-
 @pytest.mark.parametrize("clearance", [0.0, 5e-3])
 def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
     """What each source of the gear train closes, against its error vector and the forces of `linearise`."""
@@ -97,24 +66,7 @@ def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
     assert (np.abs(found - expected) <= 1e-6 * scale + 1e-9 * scale.max()).all()
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_train_stands_turned_after_each_repeat(direction: float) -> None:
-    """Starts at every angle from one repeat, against the poses of the equilibrium there."""
-    model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(1999)
-    predictor = Predictor(model.mechanism, Conditions(theta, direction, 20e3, folds=True))
-    near = predictor.predict(model)
-    assert near.repeats
-    starts = predictor.starts(near)
-    some = slice(3, None, 31)
-    state = equilibrium(model, theta[some], torque=20e3, direction=direction)
-    parts = [state.pose["carrier"][None], state.pose["disc"], state.pose["crank"]]
-    whole = np.concatenate([*(part.reshape(-1, len(theta[some])) for part in parts), state.pose["sun"]])
-    error = np.abs(starts[some] - whole.T).max(axis=0)
-    moves = np.ptp(whole, axis=1)
-    assert (error < 0.02 * moves.max() * np.where(np.arange(error.size) % 3 == 2, 1e-1, 1.0)).all()
-
-
-def test_from_such_starts_a_new_pin_is_solved_as_from_nothing() -> None:
+def test_from_a_prediction_without_a_pin_one_with_it_is_solved_as_from_nothing() -> None:
     model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(300)
     predictor = Predictor(model.mechanism, Conditions(theta, 1.0, 20e3))
     near, more = predictor.predict(model), rverror.Model(model.mechanism, CARRIER_SIDE + PINS)
@@ -135,8 +87,9 @@ def test_a_prediction_of_the_same_model_is_the_answer_under_the_same_conditions_
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_pins_are_solved_at_every_angle(direction: float) -> None:
-    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + PINS)
+@pytest.mark.parametrize("gears", [CARRIER_SIDE, CARRIER_SIDE + PINS], ids=["carrier side", "pins"])
+def test_it_is_the_equilibrium_at_every_angle(gears: tuple[Effect, ...], direction: float) -> None:
+    model = rverror.Model(rverror.reducer("RV-40E"), gears)
     theta = turn(97)
     found = predict(model, Conditions(theta, direction, 20e3))
     whole = equilibrium(model, theta, torque=20e3, direction=direction).transmission_error
@@ -172,23 +125,6 @@ def test_what_repeats_with_the_crank_is_what_the_equilibrium_repeats(planet_teet
             )
             same = np.abs(first - second).max() < 1e-5 * ARCSEC
             assert source(key).repeats_with_crank(unit, indices) == same, (key, indices)
-
-
-@pytest.mark.parametrize("points", [61, 256, 1000])
-def test_coarse_angles_hold_no_folded_mesh_orders(points: int) -> None:
-    """Few angles a turn give the lower orders alone: as a filtered fine prediction, not a sampled one.
-
-    One repeat is solved at 128 angles or more; what the kinks of opening pins fold is below a third of the
-    0.03 arcsec that a prediction may be wrong by.
-    """
-    model = rverror.Model(rverror.reducer("RV-40E"), (CARRIER_SIDE[0],))
-    stride = 32
-    theta = turn(points * stride, start=0.0)
-    fine = predict(model, Conditions(theta, 1.0, 20e3)).transmission_error
-    coarse = predict(model, Conditions(theta[::stride], 1.0, 20e3)).transmission_error
-    lines = np.fft.rfft(fine) / stride
-    lines[math.ceil(points / 2) :] = 0
-    np.testing.assert_allclose(coarse, np.fft.irfft(lines[: points // 2 + 1], points), rtol=0, atol=1e-2 * ARCSEC)
 
 
 @given(
@@ -239,7 +175,7 @@ def test_readings_are_added_exactly(gears: tuple[Effect, ...], torque: float | N
     np.testing.assert_allclose(found.matrix[len(without.matrix)], np.cos(theta), rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("gears", [CARRIER_SIDE, PINS], ids=["by repeat", "at every angle"])
+@pytest.mark.parametrize("gears", [CARRIER_SIDE, PINS], ids=["carrier side", "pins"])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_torsion_holds_the_output_back_against_its_motion(gears: tuple[Effect, ...], direction: float) -> None:
     unit = rverror.reducer("RV-40E")
@@ -277,7 +213,7 @@ def test_a_model_without_effects(torque: float | None) -> None:
     assert spread(found.transmission_error) < 0.01 * ARCSEC
 
 
-@pytest.mark.parametrize("pins", [(), PINS], ids=["by repeat", "at every angle"])
+@pytest.mark.parametrize("pins", [(), PINS], ids=["carrier side", "pins"])
 @pytest.mark.parametrize("torque", [None, 0.412], ids=["closed form", "equilibrium"])
 def test_matrix_is_the_derivative(torque: float | None, pins: tuple[Effect, ...]) -> None:
     """A millionth of all sizes and of the load: contacts carry as at full size, but nothing is of second order."""
@@ -297,15 +233,3 @@ def test_matrix_is_the_derivative(torque: float | None, pins: tuple[Effect, ...]
         slope = (sides[0] - sides[1]) / (2 * step)
         scale = max(abs(row).max(), 1e-5)
         np.testing.assert_allclose(slope, row, rtol=0, atol=1e-3 * scale, err_msg=f"parameter {at}")
-
-
-def test_folded_orders_are_predicted_but_no_size_is_drawn_from_them() -> None:
-    """At 512 samples a turn of the mesh's 1560 waves fold: the error at instants has them, the rows do not."""
-    model = rverror.Model(rverror.reducer("RV-40E"), (effect("crank.bearing_clearance", clearance="16 um"),))
-    theta = turn(512, start=0.0)
-    plain, folded = (predict(model, Conditions(theta, 1.0, 20e3, folds=folds)) for folds in (False, True))
-    np.testing.assert_allclose(folded.matrix, plain.matrix, rtol=0, atol=1e-12 * abs(plain.matrix).max())
-    some = slice(3, None, 31)
-    exact = rverror.equilibrium(model, theta[some], torque=20e3, direction=1).transmission_error
-    missed, hit = (spread(found.transmission_error[some] - exact) for found in (plain, folded))
-    assert hit < 0.2 * missed

@@ -24,14 +24,11 @@ class Conditions:
     theta : ndarray, shape (n,)
         Nominal output angle, input angle / ratio, rad.
     direction : float or ndarray, shape (n,)
-        +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.  One number where a
-        `Predictor` solves one repeat for all samples.
+        +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.
     torque : float, optional
         Size of the output torque, N*mm; without one the closed form predicts.
     time : ndarray, shape (n,), optional
         Time of each sample, s.
-    folds : bool
-        Whether the samples were read at instants, so that orders above their Nyquist order fold onto lower ones.
     speed : float, optional
         Size of the output speed, rad/s.
     temperature : float, optional
@@ -52,7 +49,6 @@ class Conditions:
     direction: float | Array
     torque: float | None = None
     time: Array | None = None
-    folds: bool = False
     speed: float | None = None
     temperature: float | None = None
 

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.geartrain.action_line import ContactForces, Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion
-from rverror.geartrain.kinematics import Conditions, Pose, frame_orders, fundamental_orders, true_period
+from rverror.geartrain.kinematics import Conditions, Pose, frame_orders, true_period
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.geartrain.source import IndexValue
 from rverror.model import sensor
@@ -22,8 +22,6 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import Stand, felt
 from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Statics, statics_of
-
-_FEWEST_PER_REPEAT = 128
 
 
 @dataclass(frozen=True)
@@ -36,10 +34,8 @@ class Prediction:
         rad.
     matrix : ndarray, shape (parameters, n)
         Change per parameter of each effect.
-    poses : ndarray, shape (angles, unknowns), optional
-        Where the equilibrium predicts: poses at the angles at which it was solved.
-    repeats : bool
-        Whether those are angles of one repeat, and not of all samples.
+    poses : ndarray, shape (n, unknowns), optional
+        Where the equilibrium predicts.
     softening : ndarray, shape (10, n), optional
         Change per unit of each of `loaded_state.SOFTENING`: of the logarithm of each compliance, of the backlash, mm,
         and of what the contact law holds.  None where the closed form predicts, which knows none of them.
@@ -54,7 +50,6 @@ class Prediction:
     transmission_error: Array
     matrix: Array
     poses: Array | None = None
-    repeats: bool = False
     softening: Array | None = None
     effects: tuple[Effect, ...] = ()
     mechanism: Mechanism | None = None
@@ -94,11 +89,6 @@ class Predictor:
     ----------
     mechanism : Reducer or Drive
     conditions : Conditions
-
-    Notes
-    -----
-    What is not fixed in the housing repeats with every turn of the crank against the carrier, 40 times a turn for the
-    RV-40E; then the equilibrium is solved over one repeat and carried over by its Fourier series.
     """
 
     mechanism: Mechanism
@@ -160,10 +150,9 @@ class Predictor:
         if not uses_equilibrium(model, self.conditions):
             matrix = effect_matrix(*self.contact_state(model), model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
-        repeats = all(source(e.key).repeats_with_crank(self.mechanism, e.indices) for e in gears)
-        start = self.starts(near) if near and not repeats else near.poses if near and near.repeats else None
-        loaded = replace(_loaded(self._repeat if repeats else self._whole, gears, start), repeats=repeats)
-        return _as_read(model, self._motion, self._carried_over(loaded) if repeats else loaded)
+        found = self._whole.predict(gears, near.poses if near else None)
+        loaded = Prediction(found.transmission_error, found.matrix, found.poses, softening=found.softening)
+        return _as_read(model, self._motion, loaded)
 
     def influences(
         self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]], near: Prediction | None = None
@@ -207,7 +196,7 @@ class Predictor:
         Pose, mapping of str to ndarray
         """
         if uses_equilibrium(model, self.conditions):
-            forces = self._whole.forces(model.effects, self.starts(near) if near else None)
+            forces = self._whole.forces(model.effects, near.poses if near else None)
             return self._motion, forces
         where = motion(self.mechanism, self.conditions)
         return where, closed_form_forces(where)
@@ -219,90 +208,10 @@ class Predictor:
 
     @cached_property
     def _whole(self) -> Statics:
-        return self._same("_whole") or self._statics(self.conditions.theta)
-
-    def _same(self, name: str) -> Statics | None:
-        """Statics that share their geometry with those of the first predictor."""
         if self._first is None:
-            return None
+            return statics_of(self.mechanism, replace(self.conditions, time=None))
         assert isinstance(self.mechanism, Reducer)
-        statics: Statics = getattr(self._first, name)
-        return statics.elastic(self.mechanism)
-
-    @cached_property
-    def _repeat(self) -> Statics:
-        """Over one repeat, with four angles for each that the samples hold."""
-        same = self._same("_repeat")
-        if same is not None:
-            return same
-        period = 2 * math.pi / self._repeat_order
-        sampled = period / self._step if self.conditions.theta.size > 1 else 1.0
-        points = max(2 ** math.ceil(math.log2(4 * sampled)), _FEWEST_PER_REPEAT)
-        return self._statics(self.conditions.theta[0] + period / points * np.arange(points))
-
-    @cached_property
-    def _waves(self) -> Array:
-        """Cosines and less sines of the harmonics of the repeat at all samples, shape (2 count, n)."""
-        if self._first is not None:
-            return self._first._waves
-        ahead = self.conditions.theta - self.conditions.theta[0]
-        count = self._repeat.motion.theta.size // 2 if self.conditions.folds else self._unfolded
-        phase = self._repeat_order * np.outer(np.arange(count), ahead)
-        return np.concatenate([np.cos(phase), -np.sin(phase)])
-
-    def _at_samples(self, one: Array, *, folding: int = 0) -> Array:
-        """Rows over one repeat, shape (rows, points), at all samples; orders fold in the first `folding` rows only."""
-        count, points = len(self._waves) // 2, one.shape[1]
-        lines = np.zeros((len(one), count), dtype=np.complex128)
-        found = np.fft.rfft(one, axis=1)[:, :count] / points
-        lines[:, : found.shape[1]] = found
-        lines[:, 1:] *= 2
-        lines[folding:, self._unfolded :] = 0
-        return np.asarray(np.concatenate([lines.real, lines.imag], axis=1) @ self._waves)
-
-    @property
-    def _unfolded(self) -> int:
-        """Number of harmonics of the repeat that do not fold onto lower orders at the samples."""
-        most = self._repeat.motion.theta.size // 2
-        if self.conditions.theta.size < 3:
-            return most
-        return min(most, math.ceil(math.pi / self._step / self._repeat_order))
-
-    @property
-    def _repeat_order(self) -> float:
-        assert isinstance(self.mechanism, Reducer)
-        return fundamental_orders(self.mechanism)["crank"]
-
-    @property
-    def _step(self) -> float:
-        return abs(float(self.conditions.theta[1] - self.conditions.theta[0]))
-
-    def _statics(self, theta: Array) -> Statics:
-        return statics_of(self.mechanism, replace(self.conditions, theta=theta, time=None))
-
-    def starts(self, near: Prediction) -> Array | None:
-        """Poses at all samples that those of a similar model come near to.
-
-        After each repeat the gear train stands as it did, turned with the carrier.
-        """
-        if near.poses is None or not near.repeats:
-            return near.poses
-        assert isinstance(self.mechanism, Reducer)
-        points = len(near.poses)
-        ahead = np.linspace(0, 2 * math.pi / self._repeat_order, points, endpoint=False)
-        still = turned(self.mechanism, near.poses, -ahead)
-        carried = self._at_samples(still.T).T
-        return turned(self.mechanism, carried, self.conditions.theta - self.conditions.theta[0])
-
-    def _carried_over(self, one: Prediction) -> Prediction:
-        """Prediction at all samples from one repeat.
-
-        Folded orders move with every jitter of the sampling, so the error has them but no size is drawn from them.
-        """
-        assert one.softening is not None  # solved
-        rows = self._at_samples(np.vstack([one.transmission_error, one.softening, one.matrix]), folding=1)
-        count = 1 + len(one.softening)
-        return replace(one, transmission_error=rows[0], softening=rows[1:count], matrix=rows[count:])
+        return self._first._whole.elastic(self.mechanism)
 
 
 def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
@@ -310,20 +219,6 @@ def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:
     periods = theta.size * float(step.mean()) / (2 * math.pi * true_period(mechanism)) if step.size else 0.0
     if not step.size or np.ptp(step) > 1e-6 * abs(step.mean()) or abs(periods - round(periods)) > 1e-6 or not periods:
         raise ValueError(f"{sensor.MARKS.key} is predicted over even angles of whole periods; cut the run into them")
-
-
-def _loaded(statics: Statics, effects: tuple[Effect, ...], start: Array | None) -> Prediction:
-    """Prediction at the angles of the statics, from likely poses over the same stretch."""
-    found = statics.predict(effects, None if start is None else _resampled(start, statics.motion.theta.size))
-    return Prediction(found.transmission_error, found.matrix, found.poses, softening=found.softening)
-
-
-def _resampled(poses: Array, points: int) -> Array:
-    """Poses over one period at another number of even angles: near enough to start from."""
-    if len(poses) == points:
-        return poses
-    lines = np.fft.rfft(poses, axis=0) * (points / len(poses))
-    return np.asarray(np.fft.irfft(lines[: points // 2 + 1], points, axis=0), dtype=np.float64)
 
 
 def turned(reducer: Reducer, poses: Array, angle: Array) -> Array:
