@@ -2,19 +2,28 @@
 
     python benchmarks/equilibrium.py [angles of the plain minimisation]
 
-and of its wear over 6000 hours, which solves the equilibrium at each step of hours.
+and of a prediction with the influence of every error and stiffness, from poses that are near; of its wear over 6000
+hours, which solves the equilibrium at each step of hours; and of a lot of 1000 virtual units with clearances.
 
 It is set against `scipy.optimize.minimize` on the same energy, written for this file angle by angle with its gradient
 and second derivative; that runs on a few angles and is scaled up, and its output errors must agree with the solver's.
-Peak memory is that of a process of its own which solves one revolution.  BLAS runs on one thread unless the environment
-says otherwise.
+Beside it stands how many floating-point operations the kernel's own lines ask for, counted as they run as plain Python:
+at a few thousand million a second they are the limit.  Peak memory is that of a process of its own which solves one
+revolution.  BLAS and the kernel run on one thread unless the environment says otherwise, the lot on all cores.
 """
 
 from __future__ import annotations
 
 import os
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+_THREADS = os.environ.get("NUMBA_NUM_THREADS")
+for _name in (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+):
     os.environ.setdefault(_name, "1")
 
 import cmath  # noqa: E402
@@ -23,6 +32,7 @@ import platform  # noqa: E402
 import subprocess  # noqa: E402
 import sys  # noqa: E402
 from collections.abc import Callable  # noqa: E402
+from dataclasses import replace  # noqa: E402
 from time import perf_counter  # noqa: E402
 
 import numpy as np  # noqa: E402
@@ -30,14 +40,18 @@ import scipy  # noqa: E402
 from scipy.optimize import minimize  # noqa: E402
 
 import rverror  # noqa: E402
+from rverror.base.threads import threads  # noqa: E402
+from rverror.model.effects import Effect  # noqa: E402
+from rverror.statics.loaded_state import statics_of  # noqa: E402
+from rverror.statics.prediction import Predictor  # noqa: E402
 
 ANGLES, REPEATS = 4096, 3
 ARCSEC = math.pi / 180 / 3600
 TORQUES = (412.0, 20.0)  # N*m
 CLEARANCES = (0.0, 5.0)  # um
-AIMS = {0.0: 100.0, 5.0: 300.0}  # us an angle on one core
-AIM_MEMORY = 1024.0  # MiB
+AIMS = {0.0: 6.0, 5.0: 15.0}  # us an angle on one core
 AIM_WEAR = 5.0  # s
+LOT, LOT_ANGLES, AIM_LOT = 1000, 512, 30.0  # units, angles in either direction, s on 2 cores
 #: key, indices, parameter and size in um; the plain energy below knows these sources
 ERRORS: tuple[tuple[str, dict[str, int], str, float], ...] = (
     ("cycloid.pin_position", {"pin": 3}, "tangential", 5.0),
@@ -178,6 +192,85 @@ def worn(model: rverror.Model) -> rverror.Wear:
     )
 
 
+class Counted(float):
+    """A number that counts the operations in which it takes part."""
+
+    done = 0
+
+    def _of(name: str) -> Callable[..., Counted]:  # noqa: N805
+        def counted(self: float, *others: float) -> Counted:
+            Counted.done += 1
+            return Counted(getattr(float, name)(self, *map(float, others)))
+
+        return counted
+
+    __add__, __radd__, __sub__, __rsub__ = _of("__add__"), _of("__radd__"), _of("__sub__"), _of("__rsub__")
+    __mul__, __rmul__, __truediv__, __rtruediv__ = (
+        _of("__mul__"), _of("__rmul__"), _of("__truediv__"), _of("__rtruediv__")
+    )  # fmt: skip
+    __pow__, __rpow__ = _of("__pow__"), _of("__rpow__")
+
+
+def report_operations(torque: str, clearance: str) -> None:
+    """Operations of a prediction an angle, and its steps; in a process in which the kernel runs as plain Python."""
+    from rverror.statics import kernel
+
+    found = kernel.solve
+
+    def counting(problem: kernel.Problem, start: int, told: kernel.Told, scratch: object) -> None:
+        floats = {name: row for name, row in problem._asdict().items() if getattr(row, "dtype", None) == np.float64}
+        counted = {name: np.vectorize(Counted, otypes=[object])(row) for name, row in floats.items()}
+        blank = [np.vectorize(Counted, otypes=[object])(np.nan_to_num(row)) for row in scratch]
+        Counted.done = 0
+        found(problem._replace(**counted), start, told, kernel._Scratch(*blank))
+        print(Counted.done / len(told.x), told.steps.mean())
+
+    theta = np.linspace(0, 2 * np.pi, 7)
+    predictor = Predictor(rverror.reducer("RV-40E"), rverror.Conditions(theta, 1.0, float(torque) * 1e3))
+    model = model_of(rverror.reducer("RV-40E"), float(clearance))
+    near = predictor.predict(model)
+    kernel.solve = counting
+    predictor.predict(moved(model), near)
+
+
+def operations(*, torque: float, clearance: float) -> tuple[float, float]:
+    """Floating-point operations of the kernel in a prediction from near poses, an angle, and its Newton steps."""
+    out = subprocess.run(
+        [sys.executable, __file__, "--operations", str(torque), str(clearance)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    count, steps = map(float, out.stdout.split())
+    return count, steps
+
+
+def moved(model: rverror.Model) -> rverror.Model:
+    """The model with all sizes 2 % larger."""
+    return replace(model, effects=tuple(replace(e, values=tuple(1.02 * v for v in e.values)) for e in model.effects))
+
+
+def lot() -> float:
+    """Time of the equilibria of many units with random errors of all bores, cams and pins and both clearances, s."""
+    unit = rverror.reducer("RV-40E")
+    keys = (
+        "crank.eccentricity",
+        "cycloid.disc_bore_position",
+        "cycloid.pin_position",
+        "coupling.carrier_bore_position",
+    )
+    places = [(key, indices) for key in keys for indices in rverror.CATALOGUE[key].candidates(unit)]
+    theta = 2 * np.pi * np.arange(LOT_ANGLES) / LOT_ANGLES
+    both = rverror.Conditions(np.tile(theta, 2), np.repeat([1.0, -1.0], LOT_ANGLES), 412e3)
+    statics, rng = statics_of(unit, both), np.random.default_rng(1)
+    start = perf_counter()
+    for _ in range(LOT):
+        effects = [Effect(key, indices, tuple(rng.normal(0, 2e-3, 2))) for key, indices in places]
+        for key in ("crank.bearing_clearance", "coupling.bearing_clearance"):
+            effects.append(Effect(key, {}, (rng.uniform(0, 8e-3),)))
+        (found,) = statics.solutions(tuple(effects))
+        assert found.told.found.all()
+    return perf_counter() - start
+
+
 def best(task: Callable[[], object], repeats: int = REPEATS) -> float:
     """Shortest of several runs, s."""
     times = []
@@ -213,6 +306,9 @@ def main() -> None:
     if "--memory" in sys.argv:
         report_memory(*sys.argv[-2:])
         return
+    if "--operations" in sys.argv:
+        report_operations(*sys.argv[-2:])
+        return
     few = int(sys.argv[1]) if len(sys.argv) > 1 else 12
     unit = rverror.reducer("RV-40E")
     theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
@@ -239,6 +335,13 @@ def main() -> None:
             print(f"{torque:g} N*m, {clearance:g} um of clearance in cam and carrier bearings")
             steps = f"{state.steps.mean():.1f} Newton steps, at most {state.steps.max()}"
             print(f"  {'rverror.equilibrium':36s}{time:10.1f} us an angle, aim {AIMS[clearance]:g}; {steps}")
+            predictor = Predictor(unit, rverror.Conditions(theta, 1.0, load))
+            near, next_one = predictor.predict(model), moved(model)
+            warm = best(lambda p=predictor, m=next_one, n=near: p.predict(m, n)) / ANGLES * 1e6
+            print(f"  {'a prediction with all derivatives':36s}{warm:10.1f} us an angle, aim {AIMS[clearance]:g}")
+            count, few_steps = operations(torque=torque, clearance=clearance)
+            speed = f"{count / warm / 1e3:.1f} Gflop/s; {few_steps:.1f} Newton steps"
+            print(f"  {'  operations of its kernel':36s}{count:10.0f} an angle, {speed}")
             for method in ("BFGS", "trust-exact"):
 
                 def plain(method: str = method, load: float = load, clearance: float = clearance) -> list[float]:
@@ -254,13 +357,18 @@ def main() -> None:
                 )
             if os.name == "posix":
                 peak = peak_memory(torque=torque, clearance=clearance)
-                print(
-                    f"  {'peak memory of the process':36s}{peak:10.0f} MiB, aim {AIM_MEMORY:g}; imports {imports:.0f}"
-                )
+                print(f"  {'peak memory of the process':36s}{peak:10.0f} MiB; imports {imports:.0f}")
     print()
     print("rverror.wear, 6000 hours at 412 N*m in both directions, 1e-10 mm^3/(N*m) for all bodies")
     for name, model in (("no error", rverror.Model(unit)), (f"{len(ERRORS)} errors", model_of(unit, 0.0))):
         print(f"  {name:36s}{best(lambda model=model: worn(model), 1):10.1f} s, aim {AIM_WEAR:g}")
+    print()
+    if _THREADS is None:
+        del os.environ["NUMBA_NUM_THREADS"]
+    print(
+        f"{LOT} virtual units with clearances at 412 N*m, {LOT_ANGLES} angles in both directions, {threads()} threads"
+    )
+    print(f"  {'all equilibria':36s}{lot():10.1f} s, aim {AIM_LOT:g} on 2 cores")
 
 
 if __name__ == "__main__":
