@@ -27,7 +27,7 @@ found = np.empty(3)
 squares(np.array([1.0, 2.0, 3.0]), found)
 print(found.tolist(), getattr(squares, "stats", None) and sum(squares.stats.cache_hits.values()))
 '''
-SAID = "rverror: compiling for this machine, once; some 20 s\n"
+SAID = "rverror: compiling for this machine, once; up to half a minute\n"
 
 
 def run(folder: Path, **environment: str) -> tuple[str, str]:

@@ -15,6 +15,7 @@ import rverror
 from rverror import Bench, InputError, Model, RunUp, effect, modes, run_up, speed_response
 from rverror.base.units import ARCSEC
 from rverror.dynamics.harmonic_balance import Oscillator, slope
+from rverror.dynamics.rates import rates
 from rverror.dynamics.time_integration import Forced, periodic
 from strategies import variant
 
@@ -54,7 +55,7 @@ def balanced(model: Model, found: RunUp, speed: float) -> np.ndarray:
     """Error of the harmonic balance at the angles of a run-up."""
     still = speed_response(model, [speed], torque=found.torque, direction=found.direction)
     period = 2 * math.pi * still.period
-    return np.asarray(periodic(still.transmission_error, period)(found.theta % period)[0])
+    return np.asarray(periodic(still.transmission_error, period)(found.theta).T[0])
 
 
 def settled(frequency: float, ratio: float, time: np.ndarray) -> np.ndarray:
@@ -187,7 +188,7 @@ def test_energy_is_what_was_put_in_less_what_was_lost(seed: int) -> None:
     y, rate = forced.in_time(lambda t: (0.2 * t**2, 0.4 * t, 0.4, math.sin(t)), times)
     (now, lost), (by_speed, by_acceleration, by_load) = (np.moveaxis(one, 1, 0) for one in forced.at(theta))
     force = (speed**2 * by_speed.T) + 0.4 * by_acceleration.T + load * by_load.T
-    turns = periodic(slope(stiffness.reshape(9, -1), 1.0), 2 * math.pi)(theta % (2 * math.pi)).reshape(3, 3, -1)
+    turns = periodic(slope(stiffness.reshape(9, -1), 1.0), 2 * math.pi)(theta).T.reshape(3, 3, -1)
     power = (force * rate).sum(axis=0) - np.einsum("in,nij,jn->n", rate, lost, rate)
     power += speed * np.einsum("in,ijn,jn->n", y, turns, y) / 2
     energy = (rate**2).sum(axis=0) / 2 + np.einsum("in,nij,jn->n", y, now, y) / 2
@@ -198,8 +199,25 @@ def test_energy_is_what_was_put_in_less_what_was_lost(seed: int) -> None:
 def test_waves_between_the_samples_are_those_of_the_series() -> None:
     wave = np.cos(5 * ANGLE) + 0.3 * np.sin(24 * ANGLE)
     angle = np.random.default_rng(0).uniform(0, 2 * math.pi, 99)
-    found = periodic(wave[None], 2 * math.pi)(angle)[0]
+    found = periodic(wave[None], 2 * math.pi)(angle).T[0]
     np.testing.assert_allclose(found, np.cos(5 * angle) + 0.3 * np.sin(24 * angle), atol=3e-3)
+
+
+def test_rates_are_those_of_the_equation() -> None:
+    """The compiled right-hand side against its matrices and forces, in periods before and after the first."""
+    rng, m = np.random.default_rng(4), 3
+    stiffness, damping = (rng.normal(size=(m, m, COUNT)) for _ in range(2))
+    system = Oscillator(stiffness, damping, rng.normal(size=(m, m)), rng.normal(size=(m, m)), 2 * math.pi)
+    forced = Forced(system, *rng.normal(size=(3, m, COUNT)))
+    forces, matrices = forced._forces.coefficients, forced._matrices.coefficients
+    for theta in (-7.0, 0.0, 1.3, 6.28, 100.0):
+        course, state, found = np.array([theta, *rng.normal(size=3)]), rng.normal(size=2 * m), np.empty(2 * m)
+        rates(state, course, system.period, forces, matrices, system.centrifugal, system.turning, found)
+        (k, c), force = forced.at(theta)
+        _, speed, more, load = course
+        k, c = k + speed**2 * system.centrifugal + more / 2 * system.turning, c + speed * system.turning
+        expected = np.array([speed**2, more, load]) @ force - k @ state[:m] - c @ state[m:]
+        np.testing.assert_allclose(found, [*state[m:], *expected], rtol=1e-9, atol=1e-9)
 
 
 def test_stiffness_that_jumps_stays_above_nothing_between_the_samples() -> None:

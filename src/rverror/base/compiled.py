@@ -69,7 +69,7 @@ class _Announcement(event.Listener):
         ours = event.data["dispatcher"].py_func.__module__.startswith("rverror.")
         if ours and not self.said:
             self.said = True
-            print("rverror: compiling for this machine, once; some 20 s", file=sys.stderr, flush=True)
+            print("rverror: compiling for this machine, once; up to half a minute", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from rverror.base import units
 from rverror.base.arrays import Array
@@ -19,7 +18,7 @@ from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import ReducedMotion
 from rverror.dynamics.moving_reducer import moving_reducer
-from rverror.dynamics.time_integration import periodic
+from rverror.dynamics.time_integration import Periodic, periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Model, check_model
@@ -306,7 +305,7 @@ class _Told:
         return [at for part in ("carrier", "load") for at in train.place(part)[-1:]]
 
     @cached_property
-    def _rows(self) -> scipy.interpolate.CubicSpline:
+    def _rows(self) -> Periodic:
         moving, whole = self.moving, self.moving.whole
         reading = whole.train.reading
         rest = [reading @ rows for rows in moving.rest]
@@ -314,7 +313,7 @@ class _Told:
         return periodic(np.stack([reading @ whole.state + self.beyond, *rest, *inertia, *moving.reading]), whole.period)
 
     def _at(self, theta: Array) -> Array:
-        return np.asarray(self._rows(theta % self.moving.whole.period))
+        return self._rows(theta).T
 
     def crawl(self, theta: Array) -> Array:
         """Output error of the equilibrium."""

@@ -27,7 +27,35 @@ _FINER = 4
 _SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
 
 
-def periodic(rows: Array, period: float) -> scipy.interpolate.CubicSpline:
+@dataclass(frozen=True)
+class Periodic:
+    """Rows over a period, a polynomial in each of even intervals; found faster than by splines of any intervals.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (degree + 1, intervals, r)
+        Of powers of the angle since the interval's begin, the highest first.
+    period : float
+        rad.
+    """
+
+    coefficients: Array
+    period: float
+
+    def __call__(self, theta: Any) -> Array:
+        """Rows at any angles, (..., r)."""
+        count = self.coefficients.shape[1]
+        place = np.asarray(theta) % self.period * (count / self.period)
+        at = np.minimum(place.astype(np.intp), count - 1)
+        ahead = (place - at)[..., None] * (self.period / count)
+        highest, *others = self.coefficients
+        found = highest[at]
+        for row in others:
+            found = found * ahead + row[at]
+        return np.asarray(found)
+
+
+def periodic(rows: Array, period: float) -> Periodic:
     """Rows between their angles: a cubic spline through many more points of their Fourier series.
 
     Parameters
@@ -39,8 +67,7 @@ def periodic(rows: Array, period: float) -> scipy.interpolate.CubicSpline:
 
     Returns
     -------
-    scipy.interpolate.CubicSpline
-        Takes angles within the period, (k,), gives (r, k).
+    Periodic
     """
     count = rows.shape[-1]
     waves = np.fft.rfft(rows) * _FINER
@@ -48,7 +75,8 @@ def periodic(rows: Array, period: float) -> scipy.interpolate.CubicSpline:
         waves[..., -1] /= 2  # the shortest wave stands for itself and its mirror
     fine = np.fft.irfft(waves, _FINER * count)
     angle = period * np.arange(_FINER * count + 1) / (_FINER * count)
-    return scipy.interpolate.CubicSpline(angle, np.concatenate([fine, fine[:, :1]], axis=1), axis=1, bc_type="periodic")
+    whole = np.concatenate([fine, fine[:, :1]], axis=1).T
+    return Periodic(scipy.interpolate.CubicSpline(angle, whole, bc_type="periodic").c, period)
 
 
 @dataclass(frozen=True)
@@ -70,12 +98,12 @@ class Forced:
     by_load: Array | None = None
 
     @cached_property
-    def _forces(self) -> scipy.interpolate.CubicSpline:
+    def _forces(self) -> Periodic:
         load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
         return periodic(np.concatenate([self.by_speed, self.by_acceleration, load]), self.oscillator.period)
 
     @cached_property
-    def _matrices(self) -> scipy.interpolate.CubicSpline | scipy.interpolate.BSpline:
+    def _matrices(self) -> Periodic:
         """Stiffness and damping over the angle, below one another.
 
         Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then it goes
@@ -86,19 +114,18 @@ class Forced:
         smooth = periodic(rows, system.period)
         between = system.period * (np.arange(_FINER * system.count) + 0.5) / (_FINER * system.count)
         least, told = (
-            np.linalg.eigvalsh(np.moveaxis(matrix.reshape(m, m, -1), -1, 0)).min()
-            for matrix in (smooth(between)[: m * m], system.stiffness)
+            np.linalg.eigvalsh(matrices.reshape(-1, m, m)).min()
+            for matrices in (smooth(between)[:, : m * m], np.moveaxis(system.stiffness, -1, 0))
         )
         if least >= told - _SWING * abs(told):
             return smooth
-        angle = system.period * np.arange(system.count + 1) / system.count
-        return scipy.interpolate.make_interp_spline(angle, np.concatenate([rows, rows[:, :1]], axis=1), k=1, axis=1)
+        slope = (np.roll(rows, -1, axis=1) - rows) * (system.count / system.period)
+        return Periodic(np.stack([slope.T, rows.T]), system.period)
 
     def at(self, theta: Any) -> tuple[Array, Array]:
         """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
-        m, angle = self.oscillator.size, np.asarray(theta) % self.oscillator.period
-        matrices, forces = (one(angle).T for one in (self._matrices, self._forces))
-        return matrices.reshape(*angle.shape, 2, m, m), forces.reshape(*angle.shape, 3, m)
+        m, shape = self.oscillator.size, np.shape(theta)
+        return self._matrices(theta).reshape(*shape, 2, m, m), self._forces(theta).reshape(*shape, 3, m)
 
     def in_time(
         self,
@@ -135,15 +162,18 @@ class Forced:
         Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
         the stiffness above nothing; scipy's DOP853 takes the steps.
         """
+        from rverror.dynamics.rates import rates as compiled_rates  # numba takes a while to import
+
         system, m = self.oscillator, self.oscillator.size
+        forces, matrices, centrifugal, turning = (
+            np.require(one, np.float64, ("C", "W"))
+            for one in (self._forces.coefficients, self._matrices.coefficients, system.centrifugal, system.turning)
+        )
 
         def rates(time: float, state: Array) -> Array:
-            theta, speed, acceleration, load = course(time)
-            (stiffness, damping), (by_speed, by_acceleration, by_load) = self.at(theta)
-            stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            force = speed**2 * by_speed + acceleration * by_acceleration + load * by_load
-            force = force - stiffness @ state[:m] - (damping + speed * system.turning) @ state[m:]
-            return np.concatenate([state[m:], force])
+            found, now = np.empty_like(state), np.array(course(time))
+            compiled_rates(state, now, system.period, forces, matrices, centrifugal, turning, found)
+            return found
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
