@@ -217,13 +217,13 @@ def report_operations(torque: str, clearance: str) -> None:
 
     found = kernel.solve
 
-    def counting(problem: kernel.Problem, start: int, told: kernel.Told, scratch: object) -> None:
+    def counting(problem: kernel.Problem, start: int, solution: kernel.Solution, scratch: object) -> None:
         floats = {name: row for name, row in problem._asdict().items() if getattr(row, "dtype", None) == np.float64}
         counted = {name: np.vectorize(Counted, otypes=[object])(row) for name, row in floats.items()}
         blank = [np.vectorize(Counted, otypes=[object])(np.nan_to_num(row)) for row in scratch]
         Counted.done = 0
-        found(problem._replace(**counted), start, told, kernel._Scratch(*blank))
-        print(Counted.done / len(told.x), told.steps.mean())
+        found(problem._replace(**counted), start, solution, kernel._Scratch(*blank))
+        print(Counted.done / len(solution.x), solution.steps.mean())
 
     theta = np.linspace(0, 2 * np.pi, 7)
     predictor = Predictor(rverror.reducer("RV-40E"), rverror.Conditions(theta, 1.0, float(torque) * 1e3))
@@ -267,7 +267,7 @@ def lot() -> float:
         for key in ("crank.bearing_clearance", "coupling.bearing_clearance"):
             effects.append(Effect(key, {}, (rng.uniform(0, 8e-3),)))
         (found,) = statics.solutions(tuple(effects))
-        assert found.told.found.all()
+        assert found.solution.found.all()
     return perf_counter() - start
 
 

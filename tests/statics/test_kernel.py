@@ -104,13 +104,13 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     # the answer to a unit torque: by virtual work the change of each contact's force
     push = np.zeros(size)
     push[2] = unit.output_turn
-    answer = found.told.pose_change
+    answer = found.solution.pose_change
     left = (expected @ answer[..., None])[..., 0] + push
     allowed = (np.abs(expected) @ np.abs(answer)[..., None])[..., 0] + np.abs(push)
     assert (np.abs(left) <= 1e-9 * allowed).all()
     flanks = found.tangent().flank * np.einsum("nfa,na->nf", found.contacts.flank_rows, answer)
     np.testing.assert_allclose(
-        found.told.row_change[:, : flanks.shape[1]], flanks, rtol=0, atol=1e-9 * np.abs(flanks).max()
+        found.solution.row_change[:, : flanks.shape[1]], flanks, rtol=0, atol=1e-9 * np.abs(flanks).max()
     )
 
 
@@ -145,10 +145,10 @@ def test_flanks_lift_and_the_other_side_closes(lead: float) -> None:
     unit = rverror.reducer("RV-40E", cranks=3, gear_backlash=2e-3)
     lags = tuple(rverror.effect("crank.index", crank=j, angle=f"{v * lead} mrad") for j, v in ((0, -1.0), (1, 1.0)))
     found = settled(unit, lags)
-    loaded = found.told.rows[:, :6].reshape(-1, 3, 2) > 0
+    loaded = found.solution.rows[:, :6].reshape(-1, 3, 2) > 0
     assert (loaded == [True, False]).all() == (lead < 1.0)
     assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
-    np.testing.assert_array_equal(found.tangent().flank_force > 0, found.told.rows[:, :6] > 0)
+    np.testing.assert_array_equal(found.tangent().flank_force > 0, found.solution.rows[:, :6] > 0)
 
 
 @pytest.mark.parametrize("floats", [False, True])

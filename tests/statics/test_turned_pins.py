@@ -89,7 +89,7 @@ def test_each_pin_closes_with_the_normal_of_the_place_that_it_has_moved_to(torqu
     into, along = (np.einsum("nkc,nkcp->nkp", where, one) for one in (rows, across))
     slid = along + found.errors.along
     expected = into + found.errors.pin - found.contacts.curvature * slid**2 / 2
-    np.testing.assert_allclose(found.told.pins, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.solution.pins, expected, rtol=0, atol=1e-12)
     assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
 
 
@@ -128,6 +128,6 @@ def test_runs_tell_how_far_pins_follow_their_profiles(share: float) -> None:
     assumed = replace(UNIT, contact_law=ContactLaw(profile_curvature=1.0 - share))
     fit = fitted(begin(rverror.Model(assumed, (wave,)), runs_of(rverror.Model(true, (wave,)))), steps=30)
     (found,) = [one for one in elastic_within(fit, half_widths(fit)) if one.name == "profile_curvature"]
-    assert found.told
+    assert found.solution
     assert found.low <= share <= found.high
     assert not found.low <= 1.0 - share <= found.high

@@ -33,7 +33,7 @@ from rverror.model.effects import Effect
 from rverror.statics.elasticity import elasticity
 
 if TYPE_CHECKING:  # numba takes a while to import: the kernel is fetched when it is first needed
-    from rverror.statics.kernel import Problem, Told
+    from rverror.statics.kernel import Problem, Solution
 
 Integers = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -408,7 +408,7 @@ def loaded_problem(
         output_turn=contacts.output_turn,
         longest=reducer.eccentricity,
         tolerance=GRADIENT_TOLERANCE * torque / reducer.crank_radius,
-        easy=full / torque,
+        heavy=full / torque,
         most_near=_MAX_STEPS_NEAR,
         most_cold=_MAX_STEPS,
         most_unloading=_MAX_STEPS_UNLOADING,
@@ -423,7 +423,7 @@ def solve(
     forces: bool = False,
     matrix: bool = False,
     response: bool = False,
-) -> Told:
+) -> Solution:
     """Pose of least energy at every angle, and what is asked of it.
 
     Parameters
@@ -432,20 +432,20 @@ def solve(
     near : ndarray, shape (n, unknowns), optional
         Poses that are likely near.
     given : ndarray, shape (n, unknowns), optional
-        Poses to tell of, in place of those of least energy.
+        Poses whose contacts are asked for, in place of those of least energy.
     forces, matrix, response : bool
-        Whether to tell of forces, of the matrix beside them, of changes per unit of output torque.
+        Whether to find forces, the matrix beside them, and changes per unit of output torque.
 
     Returns
     -------
-    Told
+    Solution
         Groups that were not asked for are empty.
     """
     from rverror.statics import kernel
 
     (n, size), pins = problem.load.shape, problem.pin_error.shape[1:]
     rows, bearings = (problem.row_error.shape[1],), problem.clearance.shape
-    told, whole, asked = (n if wanted else 0 for wanted in (forces or matrix, matrix, response))
+    stated, whole, changed = (n if wanted else 0 for wanted in (forces or matrix, matrix, response))
     start = kernel.GIVEN if given is not None else kernel.COLD if near is None else kernel.NEAR
     first = near if given is None else given
     made: list[npt.NDArray[Any]] = [
@@ -455,17 +455,17 @@ def solve(
         np.empty((n, *pins)),
         np.zeros((n, *pins)),
         *(np.empty((n, *shape)) for shape in (rows, rows)),
-        *(np.empty((told, *shape)) for shape in (pins, pins, rows, bearings, (), (size,), ())),
+        *(np.empty((stated, *shape)) for shape in (pins, pins, rows, bearings, (), (size,), ())),
         np.empty((whole, size, size)),
-        *(np.empty((asked, *shape)) for shape in (pins, pins, rows, (size,), (10,))),
+        *(np.empty((changed, *shape)) for shape in (pins, pins, rows, (size,), (10,))),
     ]
 
     def some(part: slice) -> None:
-        own = kernel.Told._make(one[part] for one in made)
+        own = kernel.Solution._make(one[part] for one in made)
         kernel.solve(part_of(problem, part), start, own, kernel.scratch(problem))
 
     each_part(some, n, _BLOCK)
-    return kernel.Told._make(made)
+    return kernel.Solution._make(made)
 
 
 _PER_ANGLE = frozenset(

@@ -36,7 +36,7 @@ Integers = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
 # where an angle's first start comes from
-GIVEN, NEAR, COLD = 0, 1, 2  # the pose itself, to be told of and not solved; a pose that is likely near; nowhere
+GIVEN, NEAR, COLD = 0, 1, 2  # poses that are not to be solved; poses that are likely near; nothing
 
 #: Of the reference force: at less, the tangent of a power law, which falls to nothing, is held, so that the matrix is
 #: regular.  What closes less, below 1e-9 of 0.5 um with the default stiffness, carries nothing that counts.
@@ -91,20 +91,20 @@ class Problem(NamedTuple):
     output_turn: float  # turn of the output per turn of the carrier
     longest: float  # mm that a step may move anything
     tolerance: float  # what may be out of balance, N and N*mm
-    easy: float  # over the load: one at which all contacts settle easily
+    heavy: float  # a load at which all contacts settle easily, over the problem's
     most_near: int  # Newton steps from a pose that is likely near
     most_cold: int
     most_unloading: int  # at each load on the way down
 
 
-class Told(NamedTuple):
+class Solution(NamedTuple):
     """What is found at n angles; groups but the first may be empty."""
 
     x: Array  # (n, unknowns): poses, mm and rad
     steps: Integers  # (n,): Newton steps
     found: Flags  # (n,): whether the forces balance
     pins: Array  # (n, discs, pins): closing, mm
-    slides: Array  # (n, discs, pins): way along the profile, mm, where that counts or changes are told
+    slides: Array  # (n, discs, pins): way along the profile, mm, where it counts or changes are asked for
     rows: Array  # (n, rows): closing, mm
     row_force: Array  # (n, rows), N
     # forces
@@ -224,7 +224,7 @@ def bearing(dx: float, dy: float, stiffness: float, clearance: float) -> tuple[f
 
 
 @inlined
-def _pins(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> float:
+def _pins(problem: Problem, i: int, x: Array, solution: Solution, s: _Scratch) -> float:
     """Energy of the pins; adds their forces to the gradient."""
     discs, count = s.pin_force.shape
     exponent, energy, c = problem.pin_exponent, 0.0, min(i, len(problem.curvature) - 1)
@@ -233,8 +233,8 @@ def _pins(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> float:
         dx, dy, turn = x[at], x[at + 1], x[at + 2]
         row, error = problem.pin_rows[i, k], problem.pin_error[i, k]
         stiffness = problem.pin_stiffness[min(i, len(problem.pin_stiffness) - 1), k]
-        closing, force, tangent = told.pins[i, k], s.pin_force[k], s.pin_tangent[k]
-        slide, lever, curvature = told.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
+        closing, force, tangent = solution.pins[i, k], s.pin_force[k], s.pin_tangent[k]
+        slide, lever, curvature = solution.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
         for p in range(count):
             closing[p] = row[0, p] * dx + row[1, p] * dy + row[2, p] * turn + error[p]
         if problem.share > 0.0:
@@ -278,16 +278,16 @@ def _closing(problem: Problem, i: int, r: int, x: Array) -> float:
 
 
 @inlined
-def _push(problem: Problem, i: int, r: int, force: float, gradient: Array) -> None:
+def _add_force(problem: Problem, i: int, r: int, force: float, gradient: Array) -> None:
     """Add what the force of a row does to its parts."""
     for w in range(problem.columns.shape[1]):
         gradient[problem.columns[r, w]] += problem.rows[i, r, w] * force
 
 
 @inlined
-def _others(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> float:
+def _others(problem: Problem, i: int, x: Array, solution: Solution, s: _Scratch) -> float:
     """Energy of gear flanks and bearings; adds their forces to the gradient."""
-    closing, force, tangent = told.rows[i], told.row_force[i], s.row_tangent
+    closing, force, tangent = solution.rows[i], solution.row_force[i], s.row_tangent
     for r in range(len(closing)):
         closing[r] = problem.row_error[i, r] + _closing(problem, i, r, x)
     flanks, m, energy = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1), 0.0
@@ -304,15 +304,17 @@ def _others(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> floa
         tangent[r], tangent[r + 1], s.coupling[q] = xx, yy, xy
         energy += work
     for r in range(len(closing)):
-        _push(problem, i, r, force[r], s.gradient)
+        _add_force(problem, i, r, force[r], s.gradient)
     return energy
 
 
 @inlined
-def _evaluate(problem: Problem, i: int, x: Array, load: float, rounding: float, told: Told, s: _Scratch) -> None:
+def _evaluate(
+    problem: Problem, i: int, x: Array, load: float, rounding: float, solution: Solution, s: _Scratch
+) -> None:
     """Contacts, energy and gradient of a pose.
 
-    The load is `load` times that of the problem, `rounding` what `_springs` tells.
+    The load is `load` times that of the problem, `rounding` what `_assemble_springs` tells.
     """
     energy, size, far = 0.0, 0.0, 0.0
     for r in range(len(x)):
@@ -321,7 +323,7 @@ def _evaluate(problem: Problem, i: int, x: Array, load: float, rounding: float, 
         energy -= force * x[r]
         size += abs(force * x[r])
         far = max(far, abs(x[r]))
-    work = _pins(problem, i, x, told, s) + _others(problem, i, x, told, s)
+    work = _pins(problem, i, x, solution, s) + _others(problem, i, x, solution, s)
     s.balance[0] = energy + work
     s.balance[1] = rounding * far * far + 4.0 * _EPSILON * (size + work)
     s.balance[2] = rounding * far
@@ -339,7 +341,7 @@ def _add(problem: Problem, i: int, r: int, q: int, stiffness: float, matrix: Arr
 
 
 @inlined
-def _springs(problem: Problem, i: int, s: _Scratch) -> float:
+def _assemble_springs(problem: Problem, i: int, s: _Scratch) -> float:
     """Stiffness of the bearings without clearance, and what rounding leaves of a gradient per displacement."""
     matrix, m, flanks = s.springs, min(i, len(problem.bearing_stiffness) - 1), problem.flank_stiffness.shape[1]
     matrix[:] = 0.0
@@ -357,7 +359,7 @@ def _springs(problem: Problem, i: int, s: _Scratch) -> float:
 
 
 @inlined
-def _assemble(problem: Problem, i: int, turning: float, told: Told, s: _Scratch) -> None:
+def _assemble(problem: Problem, i: int, turning: float, solution: Solution, s: _Scratch) -> None:
     """Lower triangle of the second derivative; `turning` is the share that counts of how the pins' forces turn.
 
     Without it the matrix has no negative part.
@@ -368,7 +370,7 @@ def _assemble(problem: Problem, i: int, turning: float, told: Told, s: _Scratch)
             matrix[a, b] = s.springs[a, b]
     discs, count = s.pin_force.shape
     for k in range(discs):
-        row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], told.slides[i, k], s.pin_force[k]
+        row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], solution.slides[i, k], s.pin_force[k]
         lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
         xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if problem.share > 0.0:
@@ -459,7 +461,7 @@ def _back_substitute(envelope: Integers, factor: Array, inverse: Array, right: A
 
 
 @inlined
-def _hold(problem: Problem, i: int, driven: bool, told: Told, s: _Scratch) -> None:
+def _hold(problem: Problem, i: int, driven: bool, solution: Solution, s: _Scratch) -> None:
     """Hold contacts closed, each by its declared stiffness: of the loaded side, or those that are closed.
 
     Journals are held in the middle of their clearances, or where they are closed on the rim.
@@ -470,29 +472,29 @@ def _hold(problem: Problem, i: int, driven: bool, told: Told, s: _Scratch) -> No
         at = _FIRST_DISC + 3 * k
         for p in range(count):
             x, y, turn = problem.pin_rows[i, k, 0, p], problem.pin_rows[i, k, 1, p], problem.pin_rows[i, k, 2, p]
-            on = turn * problem.sense[i] < 0.0 if driven else told.pins[i, k, p] > 0.0
+            on = turn * problem.sense[i] < 0.0 if driven else solution.pins[i, k, p] > 0.0
             s.pin_tangent[k, p] = problem.pin_stiffness[m, k, p] if on else 0.0
-            force = s.pin_tangent[k, p] * told.pins[i, k, p] - s.pin_force[k, p]
-            turned = problem.share * problem.curvature[c, k, p] * told.slides[i, k, p]
+            force = s.pin_tangent[k, p] * solution.pins[i, k, p] - s.pin_force[k, p]
+            turned = problem.share * problem.curvature[c, k, p] * solution.slides[i, k, p]
             s.gradient[at] += force * (x + turned * y)
             s.gradient[at + 1] += force * (y - turned * x)
             s.gradient[at + 2] += force * (turn - turned * problem.profile_lever[c, k, p])
     flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
     for r in range(flanks):
-        on = (r % 2 == 0) == (problem.sense[i] > 0.0) if driven else told.rows[i, r] > 0.0
+        on = (r % 2 == 0) == (problem.sense[i] > 0.0) if driven else solution.rows[i, r] > 0.0
         s.row_tangent[r] = problem.flank_stiffness[m, r] if on else 0.0
-        _push(problem, i, r, s.row_tangent[r] * told.rows[i, r] - told.row_force[i, r], s.gradient)
+        _add_force(problem, i, r, s.row_tangent[r] * solution.rows[i, r] - solution.row_force[i, r], s.gradient)
     m = min(i, len(problem.bearing_stiffness) - 1)
     for q in range(len(problem.clearance)):
         if problem.clearance[q] != 0.0:
             r = flanks + 2 * q
-            distance = math.sqrt(told.rows[i, r] ** 2 + told.rows[i, r + 1] ** 2)
+            distance = math.sqrt(solution.rows[i, r] ** 2 + solution.rows[i, r + 1] ** 2)
             rim = 0.0 if driven or distance == 0.0 else problem.clearance[q] / distance
             s.coupling[q] = 0.0
             for side in range(r, r + 2):
                 s.row_tangent[side] = problem.bearing_stiffness[m, q]
-                force = s.row_tangent[side] * (1.0 - rim) * told.rows[i, side]
-                _push(problem, i, side, force - told.row_force[i, side], s.gradient)
+                force = s.row_tangent[side] * (1.0 - rim) * solution.rows[i, side]
+                _add_force(problem, i, side, force - solution.row_force[i, side], s.gradient)
 
 
 @inlined
@@ -506,12 +508,12 @@ def _newton(
     tolerance: float,
     most: int,
     rounding: float,
-    told: Told,
+    solution: Solution,
     s: _Scratch,
 ) -> tuple[int, bool]:
     """Newton steps from a pose until the forces balance; the scratch holds the state and matrix of the last pose.
 
-    First, if so told, it goes where the loaded side alone carries, and to where journals are on the rims of their
+    First, if so solution, it goes where the loaded side alone carries, and to where journals are on the rims of their
     clearances.  A step is halved until the energy falls below the most that the last steps had: a journal that slides
     along the curved rim of its clearance is pressed into it by each straight step, and comes out by the next one.
     Where rounding hides the fall, the slope at the end must not be as steep upwards as it was downwards.
@@ -522,7 +524,7 @@ def _newton(
     steps, halvings, free = 0, 0, True
     _copy(x, s.trial)
     while True:
-        _evaluate(problem, i, s.trial, load, rounding, told, s)
+        _evaluate(problem, i, s.trial, load, rounding, solution, s)
         energy, unbalanced = s.balance[0], s.balance[2]
         if not free:
             ahead = 0.0
@@ -539,11 +541,11 @@ def _newton(
         _copy(s.trial, x)
         free = driven or rim
         if free:
-            _hold(problem, i, driven, told, s)
+            _hold(problem, i, driven, solution, s)
             driven, rim = False, rim and driven
         turning = 0.0 if free else 1.0
         while True:
-            _assemble(problem, i, turning, told, s)
+            _assemble(problem, i, turning, solution, s)
             if not free and turning == 1.0:
                 left = 0.0
                 for r in range(size):
@@ -582,12 +584,12 @@ def _newton(
 @inlined
 def _stages(problem: Problem, factor: float) -> int:
     """Loads on the way down, each by a factor, from one at which all contacts settle easily."""
-    return max(math.ceil(math.log(problem.easy) / math.log(factor)), 0)
+    return max(math.ceil(math.log(problem.heavy) / math.log(factor)), 0)
 
 
 @inlined
 def _settle(
-    problem: Problem, i: int, x: Array, start: int, rounding: float, told: Told, s: _Scratch
+    problem: Problem, i: int, x: Array, start: int, rounding: float, solution: Solution, s: _Scratch
 ) -> tuple[int, bool]:
     """Pose of least energy from one start after another: Newton steps, and whether it was found.
 
@@ -613,7 +615,7 @@ def _settle(
             most = 0
         tolerance = problem.tolerance * load * (1e4 if stage else 1.0)  # looser on the way down
         rim = floats and attempt >= 1
-        steps, found = _newton(problem, i, x, driven, rim, load, tolerance, most, rounding, told, s)
+        steps, found = _newton(problem, i, x, driven, rim, load, tolerance, most, rounding, solution, s)
         total += steps
         if stage:
             stage -= 1
@@ -625,24 +627,24 @@ def _settle(
             stage = stages = _stages(problem, 8.0 if attempt == 3 else 3.0)
 
 
-# --- what the state tells ---------------------------------------------------------------------------------------------
+# --- forces and changes -----------------------------------------------------------------------------------------------
 
 
 @inlined
-def _tell(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
+def _write_state(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
     """Write forces, stiffness and balance of one angle, and its matrix."""
-    told.energy[i], told.unbalanced[i] = s.balance[0], s.balance[2]
+    solution.energy[i], solution.unbalanced[i] = s.balance[0], s.balance[2]
     for k in range(len(s.pin_force)):
-        _copy(s.pin_force[k], told.pin_force[i, k])
-        _copy(s.pin_tangent[k], told.pin_tangent[i, k])
-    _copy(s.row_tangent, told.row_tangent[i])
-    _copy(s.coupling, told.coupling[i])
-    _copy(s.gradient, told.gradient[i])
-    for a in range(len(s.matrix) if len(told.matrix) else 0):
+        _copy(s.pin_force[k], solution.pin_force[i, k])
+        _copy(s.pin_tangent[k], solution.pin_tangent[i, k])
+    _copy(s.row_tangent, solution.row_tangent[i])
+    _copy(s.coupling, solution.coupling[i])
+    _copy(s.gradient, solution.gradient[i])
+    for a in range(len(s.matrix) if len(solution.matrix) else 0):
         for b in range(a + 1):
             entry = s.matrix[a, b] if b >= problem.envelope[a] else 0.0
-            told.matrix[i, a, b] = entry
-            told.matrix[i, b, a] = entry
+            solution.matrix[i, a, b] = entry
+            solution.matrix[i, b, a] = entry
 
 
 @inlined
@@ -670,16 +672,21 @@ def _answer(problem: Problem, pose: Array, s: _Scratch) -> None:
 
 
 @inlined
-def _respond(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
+def _write_changes(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
     """Write the changes of one angle per unit of output torque.
 
     A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
     lambda the change of its force per unit of output torque.
     """
-    pose, softening, closing, change = told.pose_change[i], told.softening[i], told.rows[i], told.row_change[i]
+    pose, softening, closing, change = (
+        solution.pose_change[i],
+        solution.softening[i],
+        solution.rows[i],
+        solution.row_change[i],
+    )
     _answer(problem, pose, s)
     softening[:] = 0.0
-    _respond_pins(problem, i, told, s)
+    _write_pin_changes(problem, i, solution, s)
     for r in range(len(change)):
         change[r] = _closing(problem, i, r, pose)
     flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
@@ -696,24 +703,24 @@ def _respond(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
         dx, dy = change[r], change[r + 1]
         change[r] = s.row_tangent[r] * dx + s.coupling[q] * dy
         change[r + 1] = s.coupling[q] * dx + s.row_tangent[r + 1] * dy
-        work = change[r] * told.row_force[i, r] + change[r + 1] * told.row_force[i, r + 1]
+        work = change[r] * solution.row_force[i, r] + change[r + 1] * solution.row_force[i, r + 1]
         if problem.clearance[q] < 0.0 and closing[r] ** 2 + closing[r + 1] ** 2 < problem.clearance[q] ** 2:
             work /= 2.0  # rollers on both sides give way half as far
         softening[kind] -= work / problem.declared[kind]
 
 
 @inlined
-def _respond_pins(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
-    """The pins' part of `_respond`."""
+def _write_pin_changes(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
+    """The pins' part of `_write_changes`."""
     discs, count = s.pin_force.shape
-    x, pose, softening = told.x[i], told.pose_change[i], told.softening[i]
+    x, pose, softening = solution.x[i], solution.pose_change[i], solution.softening[i]
     yielded, by_exponent, by_curvature = 0.0, 0.0, 0.0
     for k in range(discs):
         at, m = _FIRST_DISC + 3 * k, min(i, len(problem.pin_stiffness) - 1)
         dx, dy, turn = pose[at], pose[at + 1], pose[at + 2]
         row, lever, curvature = problem.pin_rows[i, k], problem.profile_lever[i, k], problem.curvature[i, k]
-        tangent, change = s.pin_tangent[k], told.pin_change[i, k]
-        slide, along = told.slides[i, k], told.slide_change[i, k]
+        tangent, change = s.pin_tangent[k], solution.pin_change[i, k]
+        slide, along = solution.slides[i, k], solution.slide_change[i, k]
         for p in range(count):
             change[p] = tangent[p] * (row[0, p] * dx + row[1, p] * dy + row[2, p] * turn)
             along[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn
@@ -729,7 +736,7 @@ def _respond_pins(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
             by_curvature += curvature[p] * slide[p] * (0.5 * change[p] * slide[p] + force[p] * along[p])
         for p in range(count):
             along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
-        stiffness, closing = problem.pin_stiffness[m, k], told.pins[i, k]
+        stiffness, closing = problem.pin_stiffness[m, k], solution.pins[i, k]
         for p in range(count):
             if closing[p] > 0.0:
                 linear = stiffness[p] * closing[p]
@@ -761,27 +768,27 @@ def scratch(problem: Problem) -> _Scratch:
 
 
 @compiled
-def solve(problem: Problem, start: int, told: Told, s: _Scratch) -> None:
-    """Find the poses of least energy, and tell of the contacts there.
+def solve(problem: Problem, start: int, solution: Solution, s: _Scratch) -> None:
+    """Find the poses of least energy, and the state of the contacts there.
 
     Parameters
     ----------
     problem : Problem
     start : int
         `GIVEN`, `NEAR` or `COLD`: what the poses are before.
-    told : Told
+    solution : Solution
         Overwritten, but for poses that are given, and groups that are empty.
     s : tuple of ndarray
         From `scratch`; overwritten.
     """
-    for i in range(len(told.x)):
-        rounding = _springs(problem, i, s)
+    for i in range(len(solution.x)):
+        rounding = _assemble_springs(problem, i, s)
         first = start
-        if start == COLD and i % _TOGETHER and told.found[i - 1]:
-            _copy(told.x[i - 1], told.x[i])
+        if start == COLD and i % _TOGETHER and solution.found[i - 1]:
+            _copy(solution.x[i - 1], solution.x[i])
             first = NEAR
-        told.steps[i], told.found[i] = _settle(problem, i, told.x[i], first, rounding, told, s)
-        if len(told.energy):
-            _tell(problem, i, told, s)
-        if len(told.pose_change):
-            _respond(problem, i, told, s)
+        solution.steps[i], solution.found[i] = _settle(problem, i, solution.x[i], first, rounding, solution, s)
+        if len(solution.energy):
+            _write_state(problem, i, solution, s)
+        if len(solution.pose_change):
+            _write_changes(problem, i, solution, s)

@@ -41,7 +41,7 @@ from rverror.statics.energy import (
 )
 
 if TYPE_CHECKING:
-    from rverror.statics.kernel import Problem, Told
+    from rverror.statics.kernel import Problem, Solution
 
 _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
@@ -419,9 +419,9 @@ class Statics:
                 raise NotConvergedError(str(error)) from error
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            told = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
-            _check_found(told, contacts.motion.theta, idle=idle)
-            settled = Settled(contacts, self.reducer, torque, errors, problem, told)
+            solution = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
+            _check_found(solution, contacts.motion.theta, idle=idle)
+            settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
             yield settled.unloaded() if idle else settled
             first = last
 
@@ -499,13 +499,13 @@ def _trace(reducer: Reducer) -> float:
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
 
 
-def _check_found(told: Told, theta: Array, *, idle: bool) -> None:
-    lost = ~told.found
+def _check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
+    lost = ~solution.found
     if lost.any():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[lost][:5])
         loaded = "" if idle else ", or take a greater load"
         raise NotConvergedError(
-            f"no equilibrium after {told.steps[lost].min()} steps at {lost.sum()} of {lost.size} angles (theta = "
+            f"no equilibrium after {solution.steps[lost].min()} steps at {lost.sum()} of {lost.size} angles (theta = "
             f"{where} deg ...); check for errors and clearances far above 0.1 mm{loaded}"
         )
 
@@ -522,7 +522,7 @@ class Settled:
         Size of the load on the carrier, N*mm.
     errors : Errors
     problem : kernel.Problem
-    told : kernel.Told
+    solution : kernel.Solution
         What was found.
     unloading : ndarray, shape (n, unknowns), or 0
         What taking the load off adds to the pose.
@@ -533,31 +533,33 @@ class Settled:
     torque: float
     errors: Errors
     problem: Problem
-    told: Told
+    solution: Solution
     unloading: Array | float = 0.0
 
     @property
     def x(self) -> Array:
         """Pose under the load, (n, unknowns)."""
-        return self.told.x
+        return self.solution.x
 
     @cached_property
-    def forces(self) -> Told:
+    def forces(self) -> Solution:
         """The same with what the contacts carry, how stiff they are, and what is out of balance."""
-        return self.told if len(self.told.energy) else solve(self.problem, given=self.x, forces=True)
+        return self.solution if len(self.solution.energy) else solve(self.problem, given=self.x, forces=True)
 
     @cached_property
     def matrix(self) -> Array:
         """Second derivative of the energy, (n, unknowns, unknowns)."""
-        return (self.told if len(self.told.matrix) else solve(self.problem, given=self.x, matrix=True)).matrix
+        return (self.solution if len(self.solution.matrix) else solve(self.problem, given=self.x, matrix=True)).matrix
 
     def at(self, x: Array) -> Settled:
         """The same in other poses, whether or not forces balance there."""
-        return replace(self, told=solve(self.problem, given=x, matrix=True), unloading=0.0)
+        return replace(self, solution=solve(self.problem, given=x, matrix=True), unloading=0.0)
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        return replace(self, unloading=self.problem.load[:, 2:3] / self.contacts.output_turn * self.told.pose_change)
+        return replace(
+            self, unloading=self.problem.load[:, 2:3] / self.contacts.output_turn * self.solution.pose_change
+        )
 
     @property
     def transmission_error(self) -> Array:
@@ -581,11 +583,11 @@ class Settled:
                 "sun": parts[-2:],
             },
             contact_forces={
-                **self._vectors(self.told.row_force),
+                **self._vectors(self.solution.row_force),
                 "pin": samples_last(self.forces.pin_force)[:, :, None] * normal,
             },
-            loaded_pins=(self.told.pins > 0).sum(axis=2).T,
-            steps=self.told.steps,
+            loaded_pins=(self.solution.pins > 0).sum(axis=2).T,
+            steps=self.solution.steps,
             residual=GRADIENT_TOLERANCE * np.abs(self.forces.gradient).max(axis=1) / self.problem.tolerance,
             theta=self.contacts.motion.theta,
         )
@@ -593,7 +595,7 @@ class Settled:
     @property
     def _turn(self) -> Array:
         """How far the normal of each pin has turned, (n, discs, pins)."""
-        return np.asarray(self.problem.share * self.contacts.curvature * self.told.slides)
+        return np.asarray(self.problem.share * self.contacts.curvature * self.solution.slides)
 
     def _split(self, rows: Array) -> tuple[Array, Array]:
         """Rows of flanks, (n, 2 cranks), and of bearings, (n, bearings, 2)."""
@@ -603,8 +605,10 @@ class Settled:
     def tangent(self) -> Tangent:
         """Stiffness of every contact."""
         forces, stiffness = self.forces, self.problem.bearing_stiffness
-        (flank, own), (flank_force, force) = self._split(forces.row_tangent), self._split(self.told.row_force)
-        behind = np.maximum(-self.errors.clearance - np.sqrt((self._split(self.told.rows)[1] ** 2).sum(axis=-1)), 0.0)
+        (flank, own), (flank_force, force) = self._split(forces.row_tangent), self._split(self.solution.row_force)
+        behind = np.maximum(
+            -self.errors.clearance - np.sqrt((self._split(self.solution.rows)[1] ** 2).sum(axis=-1)), 0.0
+        )
         return Tangent(
             contacts=self.contacts,
             x=self.x + self.unloading,
@@ -639,7 +643,7 @@ class Settled:
 
     def _directions(self) -> Array:
         """Unit vectors along which bearings carry, (n, bearings, 2); 0 where rollers behind do, too."""
-        joints = self._split(self.told.rows)[1]
+        joints = self._split(self.solution.rows)[1]
         far = np.sqrt((joints**2).sum(axis=-1))
         return np.asarray(
             joints * ((far > 0) & (far >= -self.errors.clearance))[..., None] / np.where(far, far, 1)[..., None]
@@ -647,9 +651,9 @@ class Settled:
 
     def _pressed_in(self) -> tuple[Array, Array]:
         """Forces on pins, and on rows, that would press linear contacts in as far as they are."""
-        flanks, rows = self.problem.flank_stiffness.shape[1], self.told.row_force.copy()
-        rows[:, :flanks] = self.problem.flank_stiffness * np.maximum(self.told.rows[:, :flanks], 0.0)
-        return self.problem.pin_stiffness * np.maximum(self.told.pins, 0.0), rows
+        flanks, rows = self.problem.flank_stiffness.shape[1], self.solution.row_force.copy()
+        rows[:, :flanks] = self.problem.flank_stiffness * np.maximum(self.solution.rows[:, :flanks], 0.0)
+        return self.problem.pin_stiffness * np.maximum(self.solution.pins, 0.0), rows
 
     def pose_changes(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the pose per parameter (n, unknowns, parameters), the closed contacts held closed.
@@ -694,18 +698,18 @@ class Settled:
 
     def softening(self) -> Array:
         """Change of the output angle per unit of each of `SOFTENING`, (10, n)."""
-        return np.ascontiguousarray(self.told.softening.T)
+        return np.ascontiguousarray(self.solution.softening.T)
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        told, normal = self.told, self.contacts.motion.pin_normal
-        pins = samples_last(told.pin_change)[:, :, None] * normal
+        solution, normal = self.solution, self.contacts.motion.pin_normal
+        pins = samples_last(solution.pin_change)[:, :, None] * normal
         if self.problem.share:  # a pin's force turns with its normal
-            pins = pins + samples_last(told.slide_change)[:, :, None] * self.contacts.profile_tangent
+            pins = pins + samples_last(solution.slide_change)[:, :, None] * self.contacts.profile_tangent
         pressed_pins, pressed = self._pressed_in()
         carried = {**self._vectors(pressed), "pin": samples_last(pressed_pins)[:, :, None] * normal}
         return {
-            **self._vectors(told.row_change),
+            **self._vectors(solution.row_change),
             "pin": pins,
             **{f"{key} direction": along for key, along in self._bearings(self._directions()).items()},
             **{f"{key} carried": carried[key] for key in YIELDING},
@@ -714,8 +718,10 @@ class Settled:
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
-        told, rows = self.told, [np.zeros((0, len(self.x)))]
-        changes = by_contact(self.reducer, pin=told.pin_change, along=told.slide_change, row=told.row_change)
+        solution, rows = self.solution, [np.zeros((0, len(self.x)))]
+        changes = by_contact(
+            self.reducer, pin=solution.pin_change, along=solution.slide_change, row=solution.row_change
+        )
         forces: ContactForces | None = None
         for effect in effects:
             closings = self.contacts.closings(effect)
