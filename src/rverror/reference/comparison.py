@@ -405,7 +405,7 @@ def _arcsec(value: float) -> str:
 
 
 def _polar(wave: complex) -> str:
-    phase = f"{math.degrees(math.atan2(wave.imag, wave.real)):8.2f}" if has_phase(wave) else f"{'-':>8s}"
+    phase = f"{math.degrees(math.atan2(wave.imag, wave.real)):z8.2f}" if has_phase(wave) else f"{'-':>8s}"
     return f"{abs(wave) / ARCSEC:11.4g} {phase}"
 
 
