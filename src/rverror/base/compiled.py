@@ -63,7 +63,7 @@ class _Announcement(event.Listener):  # type: ignore[misc]  # numba has no types
     def on_start(self, event: Any) -> None:
         if not self.said:
             self.said = True
-            print("rverror: compiling the equilibrium for this machine, once; some 20 s", file=sys.stderr, flush=True)
+            print("rverror: compiling for this machine, once; up to 20 s", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass
