@@ -32,7 +32,7 @@ def only(index: int) -> slice:
 
 def dot(a: Array, b: Array) -> Array:
     """Scalar product over the xy axis: of vectors (..., 2, n), whose leading axes broadcast, to (..., n)."""
-    return np.asarray((a * b).sum(axis=-2), dtype=np.float64)
+    return np.asarray(np.einsum("...an,...an->...n", a, b), dtype=np.float64)
 
 
 def unit_vectors(vectors: Array) -> Array:
