@@ -35,9 +35,15 @@ def dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("...an,...an->...n", a, b), dtype=np.float64)
 
 
+def norms(vectors: Array) -> Array:
+    """Lengths of vectors, shape (..., 2, n), as (..., 1, n)."""
+    squares = dot(vectors, vectors)
+    return np.asarray(np.sqrt(squares, out=squares)[..., None, :])
+
+
 def unit_vectors(vectors: Array) -> Array:
     """Vectors, shape (..., 2, n), scaled to length 1; a zero vector stays zero."""
-    length = np.sqrt(dot(vectors, vectors))[..., None, :]
+    length = norms(vectors)
     return np.asarray(vectors / np.where(length > 0, length, 1.0), dtype=np.float64)
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, dot, radial_and_tangential
+from rverror.base.arrays import Array, dot, norms, radial_and_tangential
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
 
@@ -93,8 +93,7 @@ class Contacts(Pose):
     @cached_property
     def pin_behind(self) -> Array:
         """Unit vector behind each contact point about its disc's centre, in the housing, (discs, pins, 2, n)."""
-        length = dot(self.pin_point, self.pin_point)
-        behind = self.pin_point[..., ::-1, :] / np.sqrt(length, out=length)[..., None, :]
+        behind = self.pin_point[..., ::-1, :] / norms(self.pin_point)
         behind[..., 1, :] *= -1
         return behind
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rverror.base.arrays import Array, dot, only, radial_and_tangential
+from rverror.base.arrays import Array, dot, norms, only, radial_and_tangential
 from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector, ErrorWaves
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import fundamental_orders
@@ -84,8 +84,7 @@ def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
     pin, _ = radial_and_tangential(pin_positions(reducer)[:, None])
     pin = reducer.pin_circle_radius * pin
     normal = reducer.eccentricity * reducer.pins * along[:, None] - pin  # towards the pitch point
-    length = dot(normal, normal)
-    normal /= np.sqrt(length, out=length)[..., None, :]
+    normal /= norms(normal)
     arm = dot(reducer.eccentricity * reducer.disc_lobes * across[:, None], normal)
     point = reducer.pin_radius * normal
     point += pin
@@ -145,7 +144,7 @@ def profile(reducer: Reducer, roll_angle: Array) -> Array:
     centre = reducer.pin_circle_radius * pin - a * ahead
     pitch_point = a * reducer.disc_lobes * ahead
     normal = pitch_point - centre
-    normal = normal / np.sqrt(dot(normal, normal))
+    normal /= norms(normal)
     return centre + reducer.pin_radius * normal
 
 

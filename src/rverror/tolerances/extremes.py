@@ -185,7 +185,7 @@ class FoldedKernel(Kernel):
     def places(self, values: Array) -> tuple[Ints, Ints]:
         """Samples of the highest and of the lowest value of each combination, in the first repeat."""
         high, low = np.empty((2, values.shape[0]), dtype=np.intp)
-        for part, _, even, odd in self._folds(values):
+        for part, even, odd in self._folds(values):
             if odd is None:
                 even.argmax(axis=1, out=high[part])
                 even.argmin(axis=1, out=low[part])
@@ -196,8 +196,8 @@ class FoldedKernel(Kernel):
             low[part] = bottom + half * (odd[every, bottom] > 0)
         return high, low
 
-    def _folds(self, values: Array) -> Iterator[tuple[slice, Array, Array, Array | None]]:
-        """Coordinates, and what of the combinations repeats after the longest half and what changes its sign.
+    def _folds(self, values: Array) -> Iterator[tuple[slice, Array, Array | None]]:
+        """What of the combinations repeats after the longest half, and what changes its sign.
 
         A block at a time; the next one overwrites it.  The second part is None where everything repeats.
         """
@@ -220,7 +220,7 @@ class FoldedKernel(Kernel):
                 np.add(even, odd, out=both[used, : odd.shape[1]])
                 np.subtract(even, odd, out=both[used, odd.shape[1] :])
                 even = both[used]
-            yield part, coordinates, even, waves[0] if waves else None
+            yield part, even, waves[0] if waves else None
 
 
 def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:
