@@ -14,18 +14,21 @@ from hypothesis import strategies as st
 import rverror
 from rverror import Effect, Model, Reducer
 from rverror.base.arrays import cross, dot, radial_and_tangential
-from rverror.geartrain.action_line import ContactForces, Contacts, ErrorVector, project
+from rverror.geartrain.action_line import ContactForces, Contacts, ErrorVector, project, project_all
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.cycloid import (
     disc_pitch,
     disc_profile,
     lobe_profile,
+    pin_circle,
+    pin_position,
     pin_positions,
     pin_radius,
     pressure_angle,
     profile,
 )
 from rverror.geartrain.feedback import feedback_factor, loop_gain
+from rverror.geartrain.involute import sun_pitch
 from rverror.geartrain.kinematics import frame_orders, true_period
 from rverror.model.compose import source_matrix
 from strategies import Array, angles, in_phase_reducers, reducers, scaled, smallest_convex_radius, variant
@@ -526,6 +529,37 @@ def test_waves_are_the_error_vectors_that_they_multiply_out_to(
         expected = project(forces, vectors, theta.size)
         size = np.abs(force).sum(axis=(0, 1, 2)).max()
         np.testing.assert_allclose(project(forces, waves, theta.size), expected, atol=1e-12 * size)
+
+
+@given(reducers(), angles(), DIRECTIONS, st.lists(st.tuples(st.integers(0, 3), st.integers(0, 9)), max_size=12))
+def test_many_errors_together_are_each_by_itself(
+    unit: Reducer, theta: Array, direction: int, chosen: list[tuple[int, int]]
+) -> None:
+    """Harmonics in any order, the same ones twice, and what is no wave between them."""
+    motion, forces = solved(unit, theta, direction)
+    makers = (
+        lambda h: disc_profile(motion, disc=0, harmonic=h),
+        lambda h: disc_pitch(motion, disc=unit.discs - 1, harmonic=h),
+        lambda h: sun_pitch(motion, harmonic=h),
+        lambda h: pin_circle(motion, harmonic=h),
+    )
+    errors = [makers[which](harmonic) for which, harmonic in chosen]
+    each = [project(forces, error, theta.size) for error in errors]
+    found = np.full((sum(map(len, each)), theta.size), np.nan)
+    project_all(forces, errors, found)
+    size = max(np.abs(forces[contact]).sum(axis=(0, 1, 2)).max() for contact in ("pin", "mesh"))
+    np.testing.assert_allclose(found, np.concatenate([found[:0], *each]), rtol=0, atol=1e-12 * size)
+
+
+@given(reducers(), angles(), DIRECTIONS, st.integers(0, 5))
+def test_vectors_alike_at_all_samples_are_those_of_each_sample(
+    unit: Reducer, theta: Array, direction: int, harmonic: int
+) -> None:
+    motion, forces = solved(unit, theta, direction)
+    for error in (pin_circle(motion, harmonic=harmonic), pin_position(motion, pin=unit.pins - 1)):
+        expected = (forces["pin"][error.at] * error.vector).sum(axis=(1, 2, 3))
+        size = np.abs(forces["pin"]).sum(axis=(0, 1, 2)).max()
+        np.testing.assert_allclose(project(forces, error, theta.size), expected, rtol=0, atol=1e-12 * size)
 
 
 @given(reducers(), angles(), DIRECTIONS, st.integers(1, 5))

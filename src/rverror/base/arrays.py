@@ -32,12 +32,18 @@ def only(index: int) -> slice:
 
 def dot(a: Array, b: Array) -> Array:
     """Scalar product over the xy axis: of vectors (..., 2, n), whose leading axes broadcast, to (..., n)."""
-    return np.asarray((a * b).sum(axis=-2), dtype=np.float64)
+    return np.asarray(np.einsum("...an,...an->...n", a, b), dtype=np.float64)
+
+
+def norms(vectors: Array) -> Array:
+    """Lengths of vectors, shape (..., 2, n), as (..., 1, n)."""
+    squares = dot(vectors, vectors)
+    return np.asarray(np.sqrt(squares, out=squares)[..., None, :])
 
 
 def unit_vectors(vectors: Array) -> Array:
     """Vectors, shape (..., 2, n), scaled to length 1; a zero vector stays zero."""
-    length = np.sqrt(dot(vectors, vectors))[..., None, :]
+    length = norms(vectors)
     return np.asarray(vectors / np.where(length > 0, length, 1.0), dtype=np.float64)
 
 

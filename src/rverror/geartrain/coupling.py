@@ -65,7 +65,7 @@ def carrier_bore_position(contacts: Contacts, *, crank: int) -> ErrorVector:
     Source 000, delta_41, whose 30.5 arcsec once per revolution it cannot give: error and action line turn together, so
     the output shift is constant, -1/(n_cranks r6) per tangential unit.
     """
-    vector = -np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    vector = -np.stack(contacts.crank_directions)[:, crank]
     return ErrorVector(contact="carrier", vector=vector[:, None], at=(only(crank),))
 
 

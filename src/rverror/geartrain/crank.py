@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rverror.base.arrays import Array, dot, only, radial_and_tangential
+from rverror.base.arrays import Array, dot, only
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
@@ -59,8 +59,8 @@ def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
     Two cranks are left without it: at the dead centres of two discs they could not make up for anything.
     """
     reducer = contacts.reducer
-    _, tangential = radial_and_tangential(contacts.crank_position)
-    moment = (contacts.pin_arm * dot(pin_forces, contacts.pin_normal)).sum(axis=1)
+    _, tangential = contacts.crank_directions
+    moment = np.einsum("kpn,kpn->kn", contacts.pin_arm, dot(pin_forces, contacts.pin_normal))
     force = pin_forces.sum(axis=1)[:, None] / reducer.cranks
     couple = moment[:, None, None, :] / (reducer.cranks * reducer.crank_radius) * tangential
     even = _evening_forces(contacts, moment) if reducer.cranks > 2 else 0.0
@@ -70,8 +70,8 @@ def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
 def _evening_forces(contacts: Contacts, moment: Array) -> Array:
     """Least forces on the cams (discs, cranks, 2, n) that take the unequal part of the cranks' torques."""
     reducer = contacts.reducer
-    radial, tangential = radial_and_tangential(contacts.crank_position)
-    along, across = radial_and_tangential(contacts.eccentric)
+    radial, tangential = contacts.crank_directions
+    along, across = contacts.eccentric_directions
     uneven = (moment[:, None] * along).sum(axis=0)
     matrix = reducer.discs * np.eye(2) - np.einsum("kan,kbn->nab", along, along) / 2
     right = -uneven / (reducer.eccentricity * reducer.cranks * reducer.crank_radius)
@@ -118,7 +118,7 @@ def eccentricity(contacts: Contacts, *, crank: int, disc: int) -> ErrorVector:
     -----
     Sources 000 (delta_21; its 8.2 arcsec once per revolution cannot be had from its own formula), 001 and 004.
     """
-    vector = -np.stack(radial_and_tangential(contacts.eccentric[disc]))
+    vector = -np.stack(contacts.eccentric_directions)[:, disc]
     return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))
 
 

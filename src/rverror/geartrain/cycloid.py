@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rverror.base.arrays import Array, cross, dot, only, radial_and_tangential
+from rverror.base.arrays import Array, dot, norms, only, radial_and_tangential
 from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector, ErrorWaves
 from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import fundamental_orders
@@ -80,13 +80,15 @@ def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
     Source 000, section 3 (n13), without its pressure angle: P makes it superfluous.  Source 003 prints the profile
     with e in place of K; source 002 prints K inverted.
     """
-    direction, _ = radial_and_tangential(eccentric)
+    along, across = radial_and_tangential(eccentric)
     pin, _ = radial_and_tangential(pin_positions(reducer)[:, None])
     pin = reducer.pin_circle_radius * pin
-    to_pitch_point = reducer.eccentricity * reducer.pins * direction[:, None] - pin
-    normal = to_pitch_point / np.sqrt(dot(to_pitch_point, to_pitch_point))[..., None, :]
-    arm = reducer.eccentricity * reducer.disc_lobes * cross(direction[:, None], normal)
-    point = pin + reducer.pin_radius * normal - reducer.eccentricity * direction[:, None]
+    normal = reducer.eccentricity * reducer.pins * along[:, None] - pin  # towards the pitch point
+    normal /= norms(normal)
+    arm = dot(reducer.eccentricity * reducer.disc_lobes * across[:, None], normal)
+    point = reducer.pin_radius * normal
+    point += pin
+    point -= reducer.eccentricity * along[:, None]
     return PinContacts(normal, arm, point)
 
 
@@ -141,7 +143,7 @@ def profile(reducer: Reducer, roll_angle: Array) -> Array:
     centre = reducer.pin_circle_radius * pin - a * ahead
     pitch_point = a * reducer.disc_lobes * ahead
     normal = pitch_point - centre
-    normal = normal / np.sqrt(dot(normal, normal))
+    normal /= norms(normal)
     return centre + reducer.pin_radius * normal
 
 
@@ -267,7 +269,7 @@ def pressure_angle(contacts: Contacts) -> Array:
     ndarray, shape (discs, pins, n)
         Acute angle, rad.
     """
-    along = np.abs(dot(contacts.pin_normal, contacts.pin_tangential))
+    along = np.abs(dot(contacts.pin_normal, contacts.pin_behind))
     return np.asarray(np.arccos(np.clip(along, 0, 1)), dtype=np.float64)
 
 
@@ -293,9 +295,11 @@ def pin_forces(contacts: Contacts) -> Array:
     (F / n_discs) l_i / sum(l_i^2) over the pins of one disc is the same wherever the discs mesh in phase, as they do
     when n_discs divides z_p; this form is the rigid limit in every case.
     """
-    loaded = np.where(contacts.pin_arm * contacts.sense > 0, contacts.pin_arm, 0.0)
-    scale = contacts.reducer.output_turn * feedback_factor(contacts.reducer) / (loaded**2).sum(axis=(0, 1))
-    return np.asarray((scale * loaded)[..., None, :] * contacts.pin_normal, dtype=np.float64)
+    size = contacts.pin_arm * contacts.sense
+    np.maximum(size, 0.0, out=size)
+    turn = contacts.reducer.output_turn * feedback_factor(contacts.reducer)
+    size *= turn * contacts.sense / np.einsum("kpn,kpn->n", size, size)
+    return np.asarray(size[..., None, :] * contacts.pin_normal, dtype=np.float64)
 
 
 def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
@@ -316,8 +320,14 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     -----
     Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
     """
-    normal = contacts.pin_normal[only(disc)]
-    return ErrorWaves(contact="pin", waves=_waves(contacts, disc, harmonic), direction=normal, at=(only(disc),))
+    here = only(disc)
+    return ErrorWaves(
+        contact="pin",
+        phase=contacts.pin_phase[here],
+        harmonic=harmonic,
+        direction=contacts.pin_normal[here],
+        at=(here,),
+    )
 
 
 def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
@@ -372,9 +382,9 @@ def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     What wear leaves (`wear`), and any correction of the profile.  No source has it; 002 corrects profiles by their
     normal and a shift alone.
     """
-    phi = contacts.eccentric[only(disc)][:, None] - pin_positions(contacts.reducer)[:, None]
-    waves = np.stack([np.cos(harmonic * phi), np.sin(harmonic * phi)])
-    return ErrorWaves(contact="pin", waves=waves, direction=contacts.pin_normal[only(disc)], at=(only(disc),))
+    here = only(disc)
+    phase = np.exp(1j * (contacts.eccentric[here][:, None] - pin_positions(contacts.reducer)[:, None]))
+    return ErrorWaves(contact="pin", phase=phase, harmonic=harmonic, direction=contacts.pin_normal[here], at=(here,))
 
 
 def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
@@ -395,8 +405,14 @@ def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     -----
     Sources 001 (cumulative pitch error) and 002 (e_Apd).
     """
-    behind = -contacts.pin_tangential[only(disc)]
-    return ErrorWaves(contact="pin", waves=_waves(contacts, disc, harmonic), direction=behind, at=(only(disc),))
+    here = only(disc)
+    return ErrorWaves(
+        contact="pin",
+        phase=contacts.pin_phase[here],
+        harmonic=harmonic,
+        direction=contacts.pin_behind[here],
+        at=(here,),
+    )
 
 
 def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:
@@ -514,7 +530,7 @@ def disc_bore_position(contacts: Contacts, *, disc: int, crank: int) -> ErrorVec
     -----
     Sources 000 (named as missing) and 001 (crank hole errors).
     """
-    vector = np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    vector = np.stack(contacts.crank_directions)[:, crank]
     return ErrorVector(contact="cam", vector=vector[:, None, None], at=(only(disc), only(crank)))
 
 
@@ -561,15 +577,6 @@ def pin_compliance_wave(contacts: Contacts, *, harmonic: int) -> Compliance:
     gamma = pin_positions(contacts.reducer)
     waves = np.stack([np.cos(harmonic * gamma), np.sin(harmonic * gamma)])
     return Compliance(contact="pin", share=waves[:, None, :, None])
-
-
-def _waves(contacts: Contacts, disc: int, harmonic: int) -> Array:
-    """cos(h psi) and sin(h psi) over the contact angle, (2, 1, pins, n): products take a tenth of their time."""
-    first = contacts.pin_phase[only(disc)]
-    wave = first if harmonic else np.ones_like(first)
-    for digit in f"{harmonic:b}"[1:]:
-        wave = wave * wave if digit == "0" else wave * wave * first
-    return np.stack([wave.real, wave.imag])
 
 
 def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:

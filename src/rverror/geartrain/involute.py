@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rverror.base.arrays import Array, only, radial_and_tangential
-from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector, ErrorWaves
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
     CRANK,
@@ -101,7 +101,7 @@ def center_distance(contacts: Contacts, *, crank: int) -> ErrorVector:
     -----
     Source 000, delta_11.  A bore error of the carrier moves the whole crank: ``coupling.carrier_bore_position``.
     """
-    vector = -np.stack(radial_and_tangential(contacts.crank_position[crank]))
+    vector = -np.stack(contacts.crank_directions)[:, crank]
     return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
 
 
@@ -169,7 +169,7 @@ def planet_eccentricity(contacts: Contacts, *, crank: int) -> ErrorVector:
     return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
 
 
-def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorVector:
+def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorWaves:
     """Cumulative pitch error of the sun, c cos(h chi) + s sin(h chi) over the angle chi on the sun.
 
     Parameters
@@ -180,7 +180,7 @@ def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorVector:
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Terms cos, sin: tangential lead of the teeth at the pitch circle, counter-clockwise positive.
 
     Notes
@@ -188,12 +188,12 @@ def sun_pitch(contacts: Contacts, *, harmonic: int) -> ErrorVector:
     Source 001.  Taken at the pitch point; the contact's walk along the line of action is left out.  Harmonics that are
     no multiple of the number of planets cancel.
     """
-    _, tangential = radial_and_tangential(contacts.crank_position)
-    chi = contacts.crank_position - contacts.turns["sun"]
-    return ErrorVector(contact="mesh", vector=_waves(harmonic, chi)[:, :, None, None] * tangential[:, None])
+    _, tangential = contacts.crank_directions
+    phase = contacts.sun_phase[:, None]
+    return ErrorWaves(contact="mesh", phase=phase, harmonic=harmonic, direction=tangential[:, None])
 
 
-def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorVector:
+def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorWaves:
     """Cumulative pitch error of one planet, c cos(h chi) + s sin(h chi) over the angle chi on the planet.
 
     Parameters
@@ -204,21 +204,22 @@ def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorVecto
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Terms cos, sin: tangential lead of the teeth at the pitch circle, counter-clockwise about the planet.
 
     Notes
     -----
     Source 001.  Taken at the pitch point, as in `sun_pitch`.
     """
-    position = contacts.crank_position[only(crank)]
-    _, tangential = radial_and_tangential(position)
-    chi = position + np.pi - contacts.turns["planet"]
+    here = only(crank)
+    _, tangential = contacts.crank_directions
     # at the pitch point the planet's counter-clockwise tangent is -t, and the planet is the driven part: +t
-    return ErrorVector(
+    return ErrorWaves(
         contact="mesh",
-        vector=_waves(harmonic, chi)[:, :, None, None] * tangential[:, None],
-        at=(only(crank),),
+        phase=contacts.planet_phase[here, None],
+        harmonic=harmonic,
+        direction=tangential[here, None],
+        at=(here,),
     )
 
 
@@ -242,7 +243,7 @@ def tooth_thinning(contacts: Contacts, *, member: str) -> ErrorVector:
     Source 003 (157 arcsec/mm of wear against 1/(r1 R) = 170).  The effect is the same for sun and planets; `member`
     records which.
     """
-    _, tangential = radial_and_tangential(contacts.crank_position)
+    _, tangential = contacts.crank_directions
     vector = -0.5 * _FLANK_SIGN[:, None, None] * tangential[:, None]
     return ErrorVector(contact="mesh", vector=vector[None])
 

@@ -44,8 +44,8 @@ def growth(contacts: Contacts) -> tuple[ErrorVector, ...]:
     """
     reducer = contacts.reducer
     pin, _ = radial_and_tangential(2 * np.pi * np.arange(reducer.pins)[:, None] / reducer.pins)
-    crank, _ = radial_and_tangential(contacts.crank_position)
-    eccentric, _ = radial_and_tangential(contacts.eccentric)
+    crank, _ = contacts.crank_directions
+    eccentric, _ = contacts.eccentric_directions
     point = reducer.pin_circle_radius * pin + reducer.pin_radius * contacts.pin_normal
     offset = reducer.eccentricity * eccentric[:, None]
     bore = reducer.crank_radius * crank

@@ -9,7 +9,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import check_kind
-from rverror.geartrain.action_line import ContactForces, project
+from rverror.geartrain.action_line import ContactForces, project, project_all
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Pose, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
@@ -94,9 +94,10 @@ def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mappin
 
 def effect_matrix(motion: Pose, forces: ContactForces, effects: tuple[Effect, ...]) -> Array:
     """Influence of every parameter of every effect, one under another in their order, (parameters, n)."""
-    if not effects:
-        return np.zeros((0, motion.theta.size))
-    return np.concatenate([source_matrix(motion, forces, e.key, e.indices) for e in effects])
+    vectors = (source(effect.key).vector(motion, **effect.indices) for effect in effects)
+    influence = np.empty((sum(len(effect.values) for effect in effects), motion.theta.size))
+    project_all(forces, vectors, influence)
+    return influence
 
 
 def effect_values(effects: tuple[Effect, ...]) -> Array:

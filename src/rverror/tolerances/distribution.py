@@ -24,6 +24,7 @@ _LARGEST_SHAPE = 1.5  # of a logarithm: one part in 700 is then 90 times the med
 _FAR = 8.5  # of a normal variable: beyond it lies 1e-17
 _STEPS = 341
 _SMALLEST_UNIFORM = 2.0**-54  # so that no normal quantile is infinite
+_AT_ONCE = 2048  # normal quantiles, whose scratch memory stays in a core's cache
 
 
 class Distribution(ABC):
@@ -421,8 +422,12 @@ def normal_correlation_between(one: Scalar, other: Scalar, correlation: float) -
 
 def normal_quantile(uniform: Array) -> Array:
     """Standard normal values of uniform variates, finite at 0 and 1 too."""
-    inside = np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2)
-    return np.asarray(scipy.special.ndtri(inside), dtype=np.float64)
+    from rverror.tolerances import loops
+
+    values = np.empty(np.shape(uniform))
+    np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2, out=values)
+    loops.normal_quantile(values.reshape(-1), np.empty(_AT_ONCE, dtype=np.intp), np.empty((2, _AT_ONCE)))
+    return values
 
 
 def turned(pairs: Array, uniform: Array) -> Array:

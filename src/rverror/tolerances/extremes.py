@@ -6,6 +6,7 @@ import bisect
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ _UNIT_ROUNDOFF = 2.0**-53
 _WORTHWHILE = 2 / 3  # of the multiplications of the whole product, for `kernel` to take the form by orders
 _DIRECT_SAMPLES = 2**21  # of a block of units: 16 MB, where the product is at its fastest
 _FOLDED_SAMPLES = 2**17  # 1 MB: sums and peaks stay in a core's cache
+_FOLDED_UNITS = 256
+_TILE = 128  # samples: what is summed of a few units stays in the fastest cache
 
 
 Ints = npt.NDArray[np.intp]
@@ -131,22 +134,58 @@ class FoldedKernel(Kernel):
         return self.factor.size + sum(level.size for level in self.levels)
 
     def _fill(self, values: Array, high: Array, low: Array, rms: Array) -> None:
-        for part, coordinates, even, odd in self._folds(values):
-            np.square(coordinates, out=coordinates)
-            np.sqrt(coordinates @ self.weights, out=rms[part])
-            if odd is None:
-                even.max(axis=1, out=high[part])
-                even.min(axis=1, out=low[part])
-                continue
-            swing = np.abs(odd, out=odd)
-            peaks = even + swing
-            peaks.max(axis=1, out=high[part])
-            np.subtract(even, swing, out=peaks).min(axis=1, out=low[part])
+        from rverror.tolerances import loops
+
+        tiles, ranks, factor, nominal, weights = self._tiles
+        together, samples = loops.TOGETHER, tiles.shape[2]
+        units = -(-min(_FOLDED_UNITS, len(values)) // together) * together
+        coordinates = np.zeros((units, len(weights)))
+        even, odd = np.empty((2 ** max(0, len(ranks) - 2), together, samples)), np.empty((together, samples))
+        tops, bottoms = np.empty((2, units, samples))
+        for part in _blocks(len(values), units):
+            used = slice(0, part.stop - part.start)
+            np.matmul(values[part], factor, out=coordinates[used])
+            coordinates[used] += nominal
+            tops[:], bottoms[:] = -np.inf, np.inf
+            loops.extremes(tiles, ranks, coordinates, even, odd, tops, bottoms)
+            tops[used].max(axis=1, out=high[part])
+            bottoms[used].min(axis=1, out=low[part])
+            rms[part] = np.sqrt(np.square(coordinates[used]) @ weights)
+
+    @cached_property
+    def _tiles(self) -> tuple[Array, Ints, Array, Array, Array]:
+        """Waves and ranks as `loops.extremes` takes them, and their coordinates' factor, nominal and weights.
+
+        Ranks are filled up by waves of nothing, the last tile by its last sample.
+        """
+        from rverror.tolerances.loops import TOGETHER
+
+        length = self.levels[-1].shape[1]
+        count = -(-length // _TILE)
+        samples = -(-length // count)
+        rows: list[Array] = []
+        columns: list[Ints] = []  # of each wave's coordinate; -1 of none
+        first = len(self.weights)
+        for level in reversed(self.levels):
+            rank, missing = len(level), -len(level) % TOGETHER
+            first -= rank
+            columns.append(np.pad(np.arange(first, first + rank), (0, missing), constant_values=-1))
+            parts = level.reshape(rank, level.shape[1] // length, length)
+            sets = np.zeros((rank + missing, parts.shape[1], count * samples))
+            sets[:rank] = np.pad(parts, ((0, 0), (0, 0), (0, count * samples - length)), "edge")
+            tiles = sets.reshape(*sets.shape[:2], count, samples)
+            rows.append(tiles.transpose(2, 1, 0, 3).reshape(count, -1, samples))
+        order = np.concatenate(columns)
+        factor, nominal, weights = (
+            np.where(order < 0, 0.0, part[..., order]) for part in (self.factor, self.nominal_factor, self.weights)
+        )
+        ranks = np.array([len(numbers) for numbers in columns], dtype=np.intp)
+        return np.concatenate(rows, axis=1), ranks, factor, nominal, weights
 
     def places(self, values: Array) -> tuple[Ints, Ints]:
         """Samples of the highest and of the lowest value of each combination, in the first repeat."""
         high, low = np.empty((2, values.shape[0]), dtype=np.intp)
-        for part, _, even, odd in self._folds(values):
+        for part, even, odd in self._folds(values):
             if odd is None:
                 even.argmax(axis=1, out=high[part])
                 even.argmin(axis=1, out=low[part])
@@ -157,8 +196,8 @@ class FoldedKernel(Kernel):
             low[part] = bottom + half * (odd[every, bottom] > 0)
         return high, low
 
-    def _folds(self, values: Array) -> Iterator[tuple[slice, Array, Array, Array | None]]:
-        """Coordinates, and what of the combinations repeats after the longest half and what changes its sign.
+    def _folds(self, values: Array) -> Iterator[tuple[slice, Array, Array | None]]:
+        """What of the combinations repeats after the longest half, and what changes its sign.
 
         A block at a time; the next one overwrites it.  The second part is None where everything repeats.
         """
@@ -181,7 +220,7 @@ class FoldedKernel(Kernel):
                 np.add(even, odd, out=both[used, : odd.shape[1]])
                 np.subtract(even, odd, out=both[used, odd.shape[1] :])
                 even = both[used]
-            yield part, coordinates, even, waves[0] if waves else None
+            yield part, even, waves[0] if waves else None
 
 
 def direct_kernel(waveforms: Array, nominal: Array) -> DirectKernel:
