@@ -195,7 +195,7 @@ class Geometry:
         """How far each pin moves along its disc's profile with the disc's angle, mm, (n, discs, pins)."""
         motion = self.motion
         pins, _ = radial_and_tangential(pin_positions(motion.reducer)[:, None])
-        eccentric, _ = radial_and_tangential(motion.eccentric)
+        eccentric, _ = motion.eccentric_directions
         arm = motion.reducer.pin_circle_radius * pins - motion.reducer.eccentricity * eccentric[:, None]
         return -samples_first(cross(arm, self.profile_tangent))
 
@@ -221,8 +221,8 @@ class Geometry:
         """
         motion = self.motion
         reducer, layout = motion.reducer, Layout(motion.reducer)
-        bore = reducer.crank_radius * radial_and_tangential(motion.crank_position)[1]
-        cam = reducer.eccentricity * radial_and_tangential(motion.eccentric)[1]
+        bore = reducer.crank_radius * motion.crank_directions[1]
+        cam = reducer.eccentricity * motion.eccentric_directions[1]
         made: list[dict[int, Any]] = []
         for j, at in enumerate(layout.crank):
             for (x, y), lever in zip(motion.mesh_normal[j], flank_lever(reducer), strict=True):
