@@ -320,7 +320,7 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     return ErrorWaves(contact="pin", waves=_waves(contacts, disc, harmonic), direction=normal, at=(only(disc),))
 
 
-def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
+def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorWaves:
     """Local defect of a disc: one lobe worn or raised along its normal, most at its crest, nothing at its roots.
 
         deviation cos^2(z_c (psi - psi_l) / 2) within half a pitch of its crest at psi_l.
@@ -334,7 +334,7 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
 
     Returns
     -------
-    ErrorVector
+    ErrorWaves
         Term deviation, mm; positive is more material.
 
     Notes
@@ -347,9 +347,11 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     lobes, root = unit.disc_lobes, -(-disc * unit.pins // unit.discs) - disc / unit.discs
     psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
     crest = 2 * np.pi * (root + lobe + 0.5) / lobes
-    away = np.mod(psi - crest + np.pi, 2 * np.pi) - np.pi
-    shape = np.where(np.abs(away) < np.pi / lobes, np.cos(lobes * away / 2) ** 2, 0.0)
-    return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
+    away = psi - crest
+    away -= 2 * np.pi * np.rint(away / (2 * np.pi))
+    wave, met = np.zeros_like(away), np.abs(away) < np.pi / lobes
+    wave[met] = np.cos(lobes * away[met] / 2) ** 2
+    return ErrorWaves(contact="pin", waves=wave[None], direction=normal, at=(only(disc),))
 
 
 def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:

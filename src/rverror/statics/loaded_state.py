@@ -19,7 +19,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, unit_vectors
 from rverror.base.viewed import OneLine
-from rverror.geartrain.action_line import YIELDING, Clearance, Compliance, ContactForces, Contacts, project
+from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
@@ -647,11 +647,15 @@ class Settled:
             "carrier": vectors[cams:-2],
         }
 
-    def _directions(self) -> dict[str, Array]:
-        """Unit vectors along which bearings carry; 0 where rollers on both sides do, and a clearance moves nothing."""
+    @property
+    def _direction(self) -> Array:
+        """Unit vectors along which bearings carry, (n, joints, 2).
+
+        0 where rollers on both sides do, and a clearance moves nothing.
+        """
         joints = self.solution.closings.joints
-        around = np.sqrt((joints**2).sum(axis=-1)) < -self.errors.clearance
-        return {key: unit_vectors(one) for key, one in self._bearings(joints * ~around[..., None]).items()}
+        far = np.sqrt((joints**2).sum(axis=-1))
+        return np.asarray(joints * ((far >= -self.errors.clearance) / np.where(far > 0, far, 1.0))[..., None])
 
     def _pressed_in(self) -> tuple[Array, Array]:
         """Forces that would press linear pins and flanks in as far as they are."""
@@ -722,7 +726,7 @@ class Settled:
         return {
             **self._vectors(change.flanks, change.joints),
             "pin": pins,
-            **{f"{key} direction": along for key, along in self._directions().items()},
+            **{f"{key} direction": along for key, along in self._bearings(self._direction).items()},
             **{f"{key} carried": carried[key] for key in YIELDING},
             "output": np.ones((1, len(self.x))),
         }
@@ -733,13 +737,29 @@ class Settled:
         weights = by_contact(
             self.reducer, pin=change.pins, along=change.slides, flank=change.flanks, joint=change.joints
         )
-        forces: ContactForces | None = None
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
-                forces = forces or self.forces_per_torque()
-                rows.append(project(forces, closings, len(self.x)))
+                rows.append(self._yielding(closings))
                 continue
             parts = [one.work(weights[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
+
+    def _yielding(self, part: Clearance | Compliance) -> Array:
+        """`influences` of what lets a contact give way along its own force, and so against the motion."""
+        change, cams = self.response, self.reducer.discs * self.reducer.cranks
+        if part.contact in BEARINGS:
+            along = self._direction if isinstance(part, Clearance) else self.solution.closings.joint_force
+            work = (change.joints * along).sum(axis=-1)
+            work = (
+                work[:, :cams].reshape(len(work), -1, self.reducer.cranks)
+                if part.contact == "cam"
+                else work[:, cams:-2]
+            )
+        else:
+            pins, flanks = self._pressed_in()
+            work = change.pins * pins if part.contact == "pin" else (change.flanks * flanks).reshape(len(pins), -1, 2)
+        share = 1.0 if isinstance(part, Clearance) else part.share
+        here = samples_last(work)[part.at if isinstance(part, Compliance) else ()]
+        return np.asarray(-np.sum(share * here[None], axis=tuple(range(1, here.ndim))))

@@ -33,6 +33,8 @@ Flags = npt.NDArray[np.bool_]
 
 #: Share of the promised fall from which longer steps are trusted; below one less it, shorter ones.
 _TRUE = 0.75
+#: Of each value's own entry: what holds values that nothing tells apart.
+_TRACE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,11 @@ class RunSet:
         return sum(r.whiten.freedom for r in self.records)
 
     @cached_property
+    def soft_sigmas(self) -> list[float]:
+        """`soft_spread`, 0 where it is not refitted."""
+        return [sigma * bool(on) for sigma, on in zip(soft_spread(self.unit, self.policy), self.soft, strict=True)]
+
+    @cached_property
     def zeros(self) -> tuple[str, ...]:
         """Labels of shared zeros."""
         return tuple(sorted({r.zero for r in self.records if r.zero}))
@@ -166,7 +173,7 @@ class Fit:
     waves : tuple of Waveform
     residual : tuple of ndarray
         Of each record, offset and lines still in it, rad.
-    data, prior : float
+    data : float
         Squares.
     gram : ndarray, shape (k, k)
         Of the data, in units of the noise; of all values, soft ones and zeros.
@@ -181,7 +188,6 @@ class Fit:
     rows: tuple[Array, ...]
     raw: tuple[Array, ...]
     data: float
-    prior: float
     gram: Array
     moment: Array
     converged: bool = True
@@ -238,6 +244,31 @@ class Fit:
         return prior_weights(self)
 
     @cached_property
+    def free(self) -> Flags:
+        """Which values may move."""
+        return np.isfinite(self.weights)
+
+    @cached_property
+    def pull(self) -> Array:
+        """`weights`, 0 where a value is fixed too."""
+        return np.where(self.free, self.weights, 0.0)
+
+    @cached_property
+    def off(self) -> Array:
+        """How far each value is from the middle of its prior."""
+        return deviation(self.model, self.declared, self.bench.unit, len(self.bench.zeros))
+
+    @cached_property
+    def prior(self) -> float:
+        """Squares of the priors."""
+        return float(self.pull @ self.off**2)
+
+    @cached_property
+    def proposal(self) -> tuple[Array, float]:
+        """`proposed`, undamped."""
+        return proposed(self)
+
+    @cached_property
     def covariance(self) -> Array:
         """Covariance of all values, shape (k, k): 0 where fixed; every other value has a prior, or is a shared zero."""
         return covariance_of(self.gram / self.scale, self.weights)
@@ -266,20 +297,11 @@ def layout(model: Model, zeros: int) -> tuple[int, int]:
 
 def prior_weights(fit: Fit) -> Array:
     """Inverse variances of priors."""
-    bench, policy = fit.bench, fit.bench.policy
-    weights: list[float] = []
-    for i, effect in enumerate(fit.model.effects):
-        entry = source(effect.key)
-        for parameter in entry.parameters:
-            if i < len(fit.declared.effects):
-                sigma = effect.uncertainty or 0.0
-            else:
-                sigma = policy.workshop * parameter.plausible
-            weights.append(1 / sigma**2 if sigma else math.inf)
-    spread = soft_spread(bench.unit, policy)
-    weights += [1 / s**2 if s and on else math.inf for s, on in zip(spread, bench.soft, strict=True)]
-    weights += [0.0] * len(bench.zeros)
-    return np.array(weights)
+    policy, count = fit.bench.policy, len(fit.declared.effects)
+    sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
+    sigmas += [policy.workshop * p.plausible for e in fit.model.effects[count:] for p in source(e.key).parameters]
+    sigmas += fit.bench.soft_sigmas
+    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.bench.zeros))
 
 
 def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
@@ -364,12 +386,7 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
         for rest, white, rows in zip(residuals, all_rows, raw, strict=True):
             rest -= best @ rows[z]
             white[0] -= best @ white[1:][z]
-    fit = Fit(
-        bench, model, declared, tuple(waves), tuple(residuals), tuple(all_rows), tuple(raw), data, 0.0, gram, moment
-    )
-    weights, off = fit.weights, deviation(model, declared, bench.unit, len(bench.zeros))
-    weights = np.where(np.isfinite(weights), weights, 0.0)
-    return replace(fit, data=data, prior=float(weights @ off**2))
+    return Fit(bench, model, declared, tuple(waves), tuple(residuals), tuple(all_rows), tuple(raw), data, gram, moment)
 
 
 def moved(model: Model, step: Array) -> Model:
@@ -408,7 +425,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
-        step, gain = proposed(fit, free, damping)
+        step, gain = fit.proposal if free is None and not damping else proposed(fit, free, damping)
         part = min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
         if gain < enough:
             return replace(fit, converged=True)
@@ -448,19 +465,15 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
 
     A value that would go beyond its bound goes that far, and the others make the best of it.
     """
-    weights = fit.weights
-    vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    weights, off = fit.pull, fit.off
+    vary = fit.free if free is None else free & fit.free
     low, high = bounds(fit)
     step, scale = np.zeros(weights.size), fit.scale
     for _ in range(4):
         held, step = vary.copy(), np.zeros(weights.size)
         while held.any():
             right = (fit.moment - fit.gram @ np.where(held, 0.0, step))[held] / scale - weights[held] * off[held]
-            own = fit.gram[np.ix_(held, held)] / scale + np.diag(weights[held])
-            own = own + damping * np.diag(np.diag(own))
-            size = np.sqrt(np.maximum(np.diag(own), 1e-300))
-            step[held] = np.linalg.lstsq(own / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+            step[held] = solved(fit.gram[held][:, held] / scale, right, weights[held], damping)
             beyond = held & ((step < low) | (step > high))
             if not beyond.any():
                 break
@@ -473,6 +486,26 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
     return step, promised(fit, step)
 
 
+def solved(gram: Array, moment: Array, weights: Array, damping: float | Array = 0.0) -> Array:
+    """Step that a Gram matrix and priors' weights make of a moment, all values in units of their own; or a stack.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (..., k, k)
+    moment, weights : ndarray, shape (..., k)
+    damping : float
+        Share by which each value's own entry is more.
+    """
+    own = gram.copy()
+    diagonal = np.einsum("...ii->...i", own)
+    diagonal += weights
+    diagonal *= 1 + damping
+    size = np.sqrt(np.maximum(diagonal, 1e-300))
+    own /= size[..., :, None] * size[..., None, :]
+    diagonal += _TRACE
+    return np.asarray(np.linalg.solve(own, (moment / size)[..., None])[..., 0] / size)
+
+
 def left_by(fit: Fit, step: Array) -> float:
     """Squares that a step leaves, as far as the prediction is linear."""
     return max(float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step), 1e-9)
@@ -480,17 +513,15 @@ def left_by(fit: Fit, step: Array) -> float:
 
 def promised(fit: Fit, step: Array) -> float:
     """Fall of the objective after a step, as far as the prediction is linear."""
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
-    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
     left = counted(left_by(fit, step), fit.bound, fit.bench.policy)
-    return fit.objective - left - float(weights @ (off + step) ** 2)
+    return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
 
 
 def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records = []
     total = sum(r.kept.sum() for r in fit.bench.records)
-    used = float(np.isfinite(fit.weights).sum())
+    used = float(fit.free.sum())
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
         clean = record.without_nuisance(rest)

@@ -22,11 +22,9 @@ from rverror.diagnosis.gears.fit import (
     RunSet,
     as_compared,
     counted,
-    deviation,
     evaluated,
     fitted,
     onto_samples,
-    proposed,
 )
 from rverror.diagnosis.gears.jumps import fall
 from rverror.diagnosis.gears.screen import Proposal, screened
@@ -609,7 +607,7 @@ class Hunt:
         effects, at = node.fit.model.effects, len(node.fit.declared.effects) + number
         model = replace(node.fit.model, effects=effects[:at] + effects[at + 1 :])
         fit = fitted(evaluated(node.fit.bench, model, node.fit.declared), steps=4)
-        if fit.objective - proposed(fit)[1] < node.fit.objective + 5 * self.policy.close:
+        if fit.objective - fit.proposal[1] < node.fit.objective + 5 * self.policy.close:
             fit = fitted(fit)
         return Node(fit, node.lines, node.slow)
 
@@ -784,10 +782,9 @@ def outlook(node: Node) -> tuple[bool, float]:
 def strained(fit: Fit) -> bool:
     """Tell whether sizes and stiffnesses lie farther from where they were declared than chance would put them."""
     first = sum(len(e.values) for e in fit.declared.effects)
-    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
+    weights = fit.pull.copy()
     weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
-    return float(weights @ off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+    return float(weights @ fit.off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
 
 
 def explains_most(fit: Fit, before: Fit) -> bool:
@@ -1004,7 +1001,7 @@ class Trial:
     @staticmethod
     def of(fit: Fit) -> Trial:
         """A state, and what its next step promises."""
-        return Trial(fit, as_compared(fit.objective - proposed(fit)[1]))
+        return Trial(fit, as_compared(fit.objective - fit.proposal[1]))
 
 
 def trial_of(fit: Fit, model: Model) -> Trial | None:
