@@ -49,6 +49,10 @@ MODULES = {
     "plot": ("rverror", "matplotlib"),
     "test": ("rverror", "matplotlib", "pytest", "xdist", "hypothesis", "mypy", "ruff"),
 }
+#: Solves one angle, so that the equilibrium's machine code lies in its cache for all that follows.
+FIRST_EQUILIBRIUM = (
+    "import rverror; rverror.equilibrium(rverror.Model(rverror.reducer('RV-40E')), [0.0], torque='1 N*m', direction=1)"
+)
 #: On every core, but not with more processes than memory has room for.  A file stays with one process, as its tests
 #: share what took long to make; the files in their order, so that the last ones are short.
 IN_PARALLEL = ("-n", "auto", "--maxprocesses", "4", "--dist", "loadfile", "--no-loadscope-reorder")
@@ -215,6 +219,12 @@ def install(python: Path, extra: str, root: Path) -> None:
         raise SetupError(pip_message(output))
 
 
+def compile_kernels(python: Path) -> None:
+    """Compile what runs compiled; where this fails, the first command that needs it says why."""
+    say("compiling the equilibrium, once; some 20 s")
+    run_quietly([str(python), "-c", FIRST_EQUILIBRIUM])
+
+
 def environment(command: str, root: Path = ROOT) -> Path:
     """Make the environment of a command, or take the one that is there; its interpreter.
 
@@ -237,6 +247,7 @@ def environment(command: str, root: Path = ROOT) -> Path:
         if not is_healthy(python, MODULES[extra]):  # pip took remains of an earlier try for the real thing
             make_venv(venv)
             install(python, extra, root)
+        compile_kernels(python)
         write_stamp(venv, f"{wanted} {extra}")
     except OSError as error:
         raise SetupError(read_only_message(root, error)) from error

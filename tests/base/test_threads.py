@@ -1,10 +1,12 @@
-"""Threads: a diagnosis from the shell takes one, whatever else is started is left alone."""
+"""Threads: a diagnosis from the shell takes one for BLAS; work on several is done once, in order, whole."""
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
-from rverror.base.threads import THREADS, one_for_a_diagnosis
+from rverror.base.threads import BLAS_THREADS, cores, each, each_part, one_for_a_diagnosis, threads
 
 
 @pytest.mark.parametrize(
@@ -19,7 +21,7 @@ from rverror.base.threads import THREADS, one_for_a_diagnosis
 def test_a_diagnosis_from_the_shell_takes_one(arguments: list[str]) -> None:
     environment = {"HOME": "/home/me"}
     one_for_a_diagnosis(environment, arguments, ["sys"])
-    assert environment == {"HOME": "/home/me", **dict.fromkeys(THREADS, "1")}
+    assert environment == {"HOME": "/home/me", **dict.fromkeys(BLAS_THREADS, "1")}
 
 
 @pytest.mark.parametrize(
@@ -41,3 +43,40 @@ def test_whoever_says_so_or_asks_for_something_else_is_left_alone(
     before = dict(environment)
     one_for_a_diagnosis(environment, arguments, loaded)
     assert environment == before
+
+
+def test_as_many_threads_as_are_asked_for_or_as_there_are_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    assert threads() == min(cores(), 16)
+    for said, count in (("3", 3), ("1", 1), ("0", min(cores(), 16)), ("many", min(cores(), 16)), ("400", 16)):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", said)
+        assert threads() == count
+
+
+def test_results_are_in_order_and_a_thread_starts_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
+    both = threading.Barrier(3, timeout=20)  # three at once, or it breaks
+
+    def work(item: int) -> tuple[int, int, list[int]]:
+        both.wait()
+        return item, threads(), each(lambda one: one + item, [1, 2])
+
+    assert each(work, [5, 6, 7]) == [(item, 1, [item + 1, item + 2]) for item in (5, 6, 7)]
+
+
+@pytest.mark.parametrize("size", [0, 1, 7, 64, 65, 500])
+@pytest.mark.parametrize("count", ["1", "2", "5"])
+def test_parts_are_whole_blocks_that_make_up_the_range(monkeypatch: pytest.MonkeyPatch, size: int, count: str) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", count)
+    parts: list[slice] = []
+    each_part(parts.append, size, 8)
+    parts.sort(key=lambda part: part.start)
+    assert [at for part in parts for at in range(part.start, part.stop)] == list(range(size))
+    assert all(part.start % 8 == 0 for part in parts)
+    assert len(parts) <= int(count)
+
+
+def test_what_fails_on_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    with pytest.raises(ZeroDivisionError):
+        each(lambda item: 1 / item, [1, 0, 2])

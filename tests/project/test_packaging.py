@@ -96,7 +96,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(built: dict[str, Path]) ->
         for line in words.splitlines()
         if line.startswith("Requires-Dist") and "extra" not in line
     }
-    assert needed == {"numpy", "scipy", "pint"}
+    assert needed == {"numpy", "scipy", "pint", "numba"}
     assert f"Version: {rverror.__version__}" in words
 
 

@@ -37,6 +37,8 @@ class Commands:
         kind = "health" if command[1] == "-c" else command[2]
         if kind == "health" and len(command) > 4:
             kind = "modules"
+        if command[-1] == self.runner.FIRST_EQUILIBRIUM:
+            kind = "kernels"
         self.seen.append(kind)
         if kind == "venv":
             (self.folder / ".venv").mkdir()
@@ -171,9 +173,9 @@ def test_usage_from_another_folder(tmp_path):
 def test_first_run_makes_installs_and_stamps(runner, checkout, with_commands, capsys):
     commands = with_commands(health=[(1, "")])
     runner.environment("test", checkout)
-    assert commands.seen == ["health", "venv", "pip", "modules"]
+    assert commands.seen == ["health", "venv", "pip", "modules", "kernels"]
     printed = capsys.readouterr().out.splitlines()
-    assert len(printed) == 2
+    assert len(printed) == 3
     assert all(line.startswith("run.py: ") for line in printed)
     assert runner.read_stamp(checkout / ".venv").strip().endswith(" test")
 
@@ -194,7 +196,7 @@ def test_changed_pyproject_installs_into_the_working_environment(runner, checkou
     (checkout / "pyproject.toml").write_text("[project]\n# changed\n", encoding="utf-8")
     commands = with_commands()
     runner.environment("demo", checkout)
-    assert commands.seen == ["health", "pip", "modules"]
+    assert commands.seen == ["health", "pip", "modules", "kernels"]
 
 
 def test_broken_environment_is_made_anew(runner, checkout, with_commands, capsys):
@@ -202,7 +204,7 @@ def test_broken_environment_is_made_anew(runner, checkout, with_commands, capsys
     (checkout / ".venv" / "half").touch()
     commands = with_commands(health=[(1, "no pip")])
     runner.environment("demo", checkout)
-    assert commands.seen == ["health", "venv", "pip", "modules"]
+    assert commands.seen == ["health", "venv", "pip", "modules", "kernels"]
     assert "does not work; removing it" in capsys.readouterr().out
     assert not (checkout / ".venv" / "half").exists()
 
@@ -211,7 +213,7 @@ def test_install_that_leaves_a_module_out_is_repeated_from_scratch(runner, check
     (checkout / ".venv").mkdir()
     commands = with_commands(modules=[(1, "")])
     runner.environment("demo", checkout)
-    assert commands.seen == ["health", "pip", "modules", "venv", "pip"]
+    assert commands.seen == ["health", "pip", "modules", "venv", "pip", "kernels"]
 
 
 def test_failed_install_leaves_no_stamp(runner, checkout, with_commands):
@@ -321,6 +323,12 @@ def test_this_interpreter_is_healthy_and_a_missing_module_is_seen(runner):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the check script is for bash")
+def test_what_compiles_the_kernels_solves_an_equilibrium(runner):
+    subprocess.run(
+        [sys.executable, "-c", runner.FIRST_EQUILIBRIUM + "; import sys; assert 'numba' in sys.modules"], check=True
+    )
+
+
 def test_ci_script_removes_the_environment_and_runs_the_check():
     text = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "set -euo pipefail" in text

@@ -117,12 +117,12 @@ def test_force_and_stiffness_are_slopes_of_the_energy(exponent: float, share: fl
     step = 1e-4
     ends = [solve(settled.problem, given=x + sign * step * way, matrix=True) for sign in (1, -1)]
     here = solve(settled.problem, given=x, matrix=True)
-    slope = (ends[0].forces.energy - ends[1].forces.energy) / (2 * step)
-    np.testing.assert_allclose(slope, (here.forces.gradient * way).sum(axis=1), rtol=1e-6)
-    matrix = here.forces.matrix
+    slope = (ends[0].energy - ends[1].energy) / (2 * step)
+    np.testing.assert_allclose(slope, (here.gradient * way).sum(axis=1), rtol=1e-6)
+    matrix = here.matrix
     assert np.array_equal(matrix, np.swapaxes(matrix, 1, 2))
-    bent = (ends[0].forces.gradient - ends[1].forces.gradient) / (2 * step)
-    near = (np.abs(here.closings.pins) < 1e-4).any(axis=(1, 2))  # of a kink
+    bent = (ends[0].gradient - ends[1].gradient) / (2 * step)
+    near = (np.abs(here.pins) < 1e-4).any(axis=(1, 2))  # of a kink
     assert (~near).sum() > 5
     scale = np.abs(bent).max()
     np.testing.assert_allclose(bent[~near], (matrix @ way[..., None])[..., 0][~near], rtol=0, atol=2e-5 * scale)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.geartrain.kinematics import Conditions
-from rverror.statics.energy import envelope, solve
+from rverror.statics.energy import solve
 from rverror.statics.loaded_state import Settled, statics_of
 from strategies import angles, reducers
 
@@ -69,9 +69,9 @@ def dense_matrix(found: Settled) -> np.ndarray:
     """Stiffness from whole rows of all contacts times their tangent stiffness, straight normals."""
     contacts, forces, discs = found.contacts, found.forces, found.reducer.discs
     n, size = found.x.shape
-    joint = forces.joint_tangent[..., [[0, 1], [1, 2]]]
+    joint = found.tangent().joint
     matrix = np.einsum("nqca,nqcd,nqdb->nab", contacts.joint_rows, joint, contacts.joint_rows)
-    matrix += np.einsum("nfa,nf,nfb->nab", contacts.flank_rows, forces.flank_tangent, contacts.flank_rows)
+    matrix += np.einsum("nfa,nf,nfb->nab", contacts.flank_rows, found.tangent().flank, contacts.flank_rows)
     for k in range(discs):
         rows = np.zeros((n, found.reducer.pins, size))
         rows[:, :, 3 + 3 * k : 6 + 3 * k] = np.swapaxes(contacts.pin_rows[:, k], 1, 2)
@@ -98,18 +98,20 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     own = np.sqrt(np.einsum("naa->na", expected))
     apart = np.abs(found.matrix - expected)
     assert (apart <= 1e-12 * own[:, :, None] * own[:, None]).all()
-    first, size = envelope(unit), found.x.shape[1]
+    first, size = found.contacts.envelope, found.x.shape[1]
     outside = np.arange(size)[None] < first[:, None]
     assert not expected[:, outside].any()
     # the answer to a unit torque: by virtual work the change of each contact's force
     push = np.zeros(size)
     push[2] = unit.output_turn
-    answer = found.response.pose
+    answer = found.told.pose_change
     left = (expected @ answer[..., None])[..., 0] + push
     allowed = (np.abs(expected) @ np.abs(answer)[..., None])[..., 0] + np.abs(push)
     assert (np.abs(left) <= 1e-9 * allowed).all()
-    flanks = found.forces.flank_tangent * np.einsum("nfa,na->nf", found.contacts.flank_rows, answer)
-    np.testing.assert_allclose(found.response.flanks, flanks, rtol=0, atol=1e-9 * np.abs(flanks).max())
+    flanks = found.tangent().flank * np.einsum("nfa,na->nf", found.contacts.flank_rows, answer)
+    np.testing.assert_allclose(
+        found.told.row_change[:, : flanks.shape[1]], flanks, rtol=0, atol=1e-9 * np.abs(flanks).max()
+    )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -132,7 +134,7 @@ def test_a_start_with_all_pins_open_is_found_its_way_back() -> None:
     theta = 2 * np.pi * np.arange(512) / 512
     ground = (rverror.effect("cycloid.profile_modification", equidistant="0.2 mm"),)
     nominal, cold = settled(unit, (), theta).x, settled(unit, ground, theta)
-    assert (solve(cold.problem, given=nominal).closings.pins < 0).all()
+    assert (solve(cold.problem, given=nominal).pins < 0).all()
     warm = settled(unit, ground, theta, start=nominal)
     np.testing.assert_allclose(warm.x, cold.x, rtol=0, atol=1e-9 * abs(cold.x).max())
 
@@ -143,10 +145,10 @@ def test_flanks_lift_and_the_other_side_closes(lead: float) -> None:
     unit = rverror.reducer("RV-40E", cranks=3, gear_backlash=2e-3)
     lags = tuple(rverror.effect("crank.index", crank=j, angle=f"{v * lead} mrad") for j, v in ((0, -1.0), (1, 1.0)))
     found = settled(unit, lags)
-    loaded = found.solution.closings.flanks.reshape(-1, 3, 2) > 0
+    loaded = found.told.rows[:, :6].reshape(-1, 3, 2) > 0
     assert (loaded == [True, False]).all() == (lead < 1.0)
     assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
-    np.testing.assert_array_equal(found.forces.flanks > 0, found.solution.closings.flanks > 0)
+    np.testing.assert_array_equal(found.tangent().flank_force > 0, found.told.rows[:, :6] > 0)
 
 
 @pytest.mark.parametrize("floats", [False, True])

@@ -89,7 +89,7 @@ def test_each_pin_closes_with_the_normal_of_the_place_that_it_has_moved_to(torqu
     into, along = (np.einsum("nkc,nkcp->nkp", where, one) for one in (rows, across))
     slid = along + found.errors.along
     expected = into + found.errors.pin - found.contacts.curvature * slid**2 / 2
-    np.testing.assert_allclose(found.solution.closings.pins, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.told.pins, expected, rtol=0, atol=1e-12)
     assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
 
 

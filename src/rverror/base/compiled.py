@@ -61,14 +61,15 @@ def inlined(function: F) -> F:
 
 
 class _Announcement(event.Listener):
-    """Says once, on the standard error, that a first run compiles."""
+    """Says once, on the standard error, that what follows takes long the first time."""
 
     said = False
 
     def on_start(self, event: Any) -> None:
-        if not self.said:
+        ours = event.data["dispatcher"].py_func.__module__.startswith("rverror.")
+        if ours and not self.said:
             self.said = True
-            print("rverror: compiling the equilibrium for this machine, once; some 20 s", file=sys.stderr, flush=True)
+            print("rverror: compiling for this machine, once; some 20 s", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass

@@ -28,13 +28,13 @@ class Elasticity:
     ----------
     pin : ndarray, shape (n or 1, discs, pins)
     flank : ndarray, shape (n or 1, 2 cranks)
-    joint : ndarray, shape (n or 1, joints)
+    bearing : ndarray, shape (n or 1, bearings)
         Cams (disc by crank), carrier bores, main bearing, sun support.
     """
 
     pin: Array
     flank: Array
-    joint: Array
+    bearing: Array
 
 
 def elasticity(reducer: Reducer, more: Mapping[str, Array]) -> Elasticity:
@@ -66,7 +66,7 @@ def elasticity(reducer: Reducer, more: Mapping[str, Array]) -> Elasticity:
     return Elasticity(
         pin=_softened("pin", np.full((1, reducer.discs, reducer.pins), stiffness.pin_contact), more),
         flank=_softened("mesh", np.full((1, 2 * cranks), stiffness.gear_mesh), more),
-        joint=np.concatenate([np.broadcast_to(one, (n, one.shape[1])) for one in bearings], axis=1),
+        bearing=np.concatenate([np.broadcast_to(one, (n, one.shape[1])) for one in bearings], axis=1),
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -33,9 +33,9 @@ from rverror.model.effects import Effect
 from rverror.statics.elasticity import elasticity
 
 if TYPE_CHECKING:  # numba takes a while to import: the kernel is fetched when it is first needed
-    from rverror.statics.kernel import Closings, Forces, Problem, Response
+    from rverror.statics.kernel import Problem, Told
 
-Steps = npt.NDArray[np.intp]
+Integers = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
 GRADIENT_TOLERANCE = 1e-9  # of the applied torque
@@ -54,9 +54,8 @@ class Errors:
 
     pin: Array  # (n, discs, pins)
     along: Array  # (n, discs, pins), by which pins move along the discs' profiles
-    flank: Array  # (n, 2 cranks)
-    joint: Array  # (n, joints, 2): cams (disc by crank), carrier bores, main bearing, sun support
-    clearance: Array  # (joints,); below 0 an interference
+    row: Array  # (n, rows): flanks, and x and y of bearings
+    clearance: Array  # (bearings,); below 0 an interference
     compliance: Mapping[str, Array] = field(
         default_factory=dict
     )  # mm/N more than nominal, where any, as `elasticity` takes
@@ -92,27 +91,28 @@ class Closing:
         return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", self.rows, here))
 
 
-def by_contact(reducer: Reducer, *, pin: Array, along: Array, flank: Array, joint: Array) -> dict[str, Array]:
+def by_contact(reducer: Reducer, *, pin: Array, along: Array, row: Array) -> dict[str, Array]:
     """Views of arrays of all contacts, samples first, by the contact that a `Closing` names.
 
     Parameters
     ----------
     reducer : Reducer
     pin, along : ndarray, shape (n, discs, pins)
-    flank : ndarray, shape (n, 2 cranks)
-    joint : ndarray, shape (n, joints, 2)
+    row : ndarray, shape (n, rows)
+        Of flanks, and of x and y of bearings.
 
     Returns
     -------
     dict of str to ndarray
     """
     n, discs, cranks = len(pin), reducer.discs, reducer.cranks
+    cam, carrier = 2 * cranks, 2 * cranks + 2 * discs * cranks
     return {
         "pin": pin,
         "along": along,
-        "mesh": flank.reshape(n, cranks, 2),
-        "cam": joint[:, : discs * cranks].reshape(n, discs, cranks, 2),
-        "carrier": joint[:, discs * cranks : -2],
+        "mesh": row[:, :cam].reshape(n, cranks, 2),
+        "cam": row[:, cam:carrier].reshape(n, discs, cranks, 2),
+        "carrier": row[:, carrier:-4].reshape(n, cranks, 2),
     }
 
 
@@ -123,8 +123,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
     made = {
         "pin": np.zeros((n, discs, reducer.pins)),
         "along": np.zeros((n, discs, reducer.pins)),
-        "flank": np.zeros((n, 2 * cranks)),
-        "joint": np.zeros((n, discs * cranks + cranks + 2, 2)),
+        "row": np.zeros((n, len(contacts.columns))),
     }
     total = by_contact(reducer, **made)
     clearance = dict.fromkeys(BEARINGS, 0.0)
@@ -178,29 +177,6 @@ class Layout:
         self.size = self.sun + 2
 
 
-def bearing_parts(reducer: Reducer) -> list[tuple[int, int]]:
-    """First unknowns of both parts of cams (disc by crank), carrier bores, main bearing and sun support; -1: fixed."""
-    layout = Layout(reducer)
-    cams = [(disc, crank) for disc in layout.disc for crank in layout.crank]
-    # the motor, whose bearings hold the sun, stands on what is held
-    support = (layout.sun, 0 if reducer.held == "carrier" else -1)
-    return [*cams, *((crank, 0) for crank in layout.crank), (0, -1), support]
-
-
-def envelope(reducer: Reducer) -> npt.NDArray[np.intp]:
-    """First column of each row of the lower triangle of the stiffness matrix that is not empty, (unknowns,)."""
-    layout = Layout(reducer)
-    first = np.arange(layout.size)
-    for at in (0, *layout.disc, *layout.crank):
-        first[at : at + 3] = at
-    first[layout.sun :] = layout.crank[0]
-    for pair in bearing_parts(reducer):
-        low, high = min(pair), max(pair)
-        if low >= 0:
-            first[high : high + 3] = np.minimum(first[high : high + 3], low)
-    return first
-
-
 @dataclass(frozen=True)
 class Geometry:
     """What errors leave as it is at n angles: how far each contact closes with the pose."""
@@ -237,62 +213,85 @@ class Geometry:
         return np.stack([-normal[:, :, 1], normal[:, :, 0]], axis=2)
 
     @cached_property
-    def mesh_normal(self) -> Array:
-        """From the sun to each planet, (n, cranks, flanks, xy)."""
-        return samples_first(self.motion.mesh_normal)
+    def _sparse(self) -> tuple[Array, Integers]:
+        """Rows of flanks and bearings: entries (n, rows, width) and their columns (rows, width), the last ones first.
 
-    @cached_property
-    def arms(self) -> Array:
-        """How far each bearing moves with the angles of its two parts, mm, (n, joints, parts, xy)."""
+        A flank closes as the sun moves along its normal and the planet against it, and as the planet turns on its base
+        circle; a bearing as its first part moves against its second.
+        """
         motion = self.motion
-        reducer = motion.reducer
-        bore = reducer.crank_radius * samples_first(radial_and_tangential(motion.crank_position)[1])
-        cam = reducer.eccentricity * samples_first(radial_and_tangential(motion.eccentric)[1])
-        pairs = [(bore[:, j], cam[:, k]) for k in range(reducer.discs) for j in range(reducer.cranks)]
-        none = np.zeros_like(bore[:, 0])
-        pairs += [(none, bore[:, j]) for j in range(reducer.cranks)] + 2 * [(none, none)]
-        return np.stack([np.stack(pair, axis=1) for pair in pairs], axis=1)
+        reducer, layout = motion.reducer, Layout(motion.reducer)
+        bore = reducer.crank_radius * radial_and_tangential(motion.crank_position)[1]
+        cam = reducer.eccentricity * radial_and_tangential(motion.eccentric)[1]
+        made: list[dict[int, Any]] = []
+        for j, at in enumerate(layout.crank):
+            for (x, y), lever in zip(motion.mesh_normal[j], flank_lever(reducer), strict=True):
+                made.append({layout.sun: x, layout.sun + 1: y, at: -x, at + 1: -y, at + 2: lever})
+        pairs: list[tuple[int, Array | None, int | None, Array | None]] = [
+            (disc, bore[j], crank, cam[k]) for k, disc in enumerate(layout.disc) for j, crank in enumerate(layout.crank)
+        ]
+        pairs += [(crank, None, 0, bore[j]) for j, crank in enumerate(layout.crank)]
+        # the motor, whose bearings hold the sun, stands on what is held
+        pairs += [(0, None, None, None), (layout.sun, None, 0 if reducer.held == "carrier" else None, None)]
+        for one, arm, other, lever in pairs:
+            for side in range(2):
+                row: dict[int, Any] = {one + side: 1.0}
+                if arm is not None:
+                    row[one + 2] = arm[side]
+                if other is not None:
+                    row[other + side] = -1.0
+                if other is not None and lever is not None:
+                    row[other + 2] = -lever[side]
+                made.append(row)
+        width = max(map(len, made))
+        entries, columns = np.zeros((motion.theta.size, len(made), width)), np.empty((len(made), width), dtype=np.intp)
+        for r, row in enumerate(made):
+            columns[r] = min(row)  # of entries that are none
+            for w, at in enumerate(sorted(row, reverse=True)):
+                entries[:, r, w], columns[r, w] = row[at], at
+        return entries, columns
+
+    @property
+    def rows(self) -> Array:
+        """How flanks (two of each crank) and bearings (x and y of each) close with the pose, (n, rows, width)."""
+        return self._sparse[0]
+
+    @property
+    def columns(self) -> Integers:
+        """Unknowns to which the entries of the rows belong, (rows, width)."""
+        return self._sparse[1]
 
     @cached_property
-    def parts(self) -> npt.NDArray[np.intp]:
-        """First unknowns of the two parts of each bearing, (joints, 2)."""
-        return np.array(bearing_parts(self.motion.reducer))
+    def envelope(self) -> Integers:
+        """First column of each row of the stiffness matrix's lower triangle that is not empty, (unknowns,)."""
+        layout, flanks = Layout(self.motion.reducer), 2 * self.motion.reducer.cranks
+        first, bearings = np.arange(layout.size), self.columns[flanks:].reshape(-1, 2 * self.columns.shape[1])
+        discs = [np.arange(at, at + 3) for at in layout.disc]
+        for together in (*self.columns[:flanks], *bearings, *discs):
+            first[together] = np.minimum(first[together], together.min())
+        return first
 
     @cached_property
-    def envelope(self) -> npt.NDArray[np.intp]:
-        """`envelope` of the reducer."""
-        return envelope(self.motion.reducer)
+    def whole_rows(self) -> Array:
+        """The rows with all unknowns, (n, rows, unknowns)."""
+        which = self.columns[..., None] == np.arange(Layout(self.motion.reducer).size)
+        return np.asarray(np.einsum("nrw,rwc->nrc", self.rows, which.astype(np.float64)))
+
+    @property
+    def flank_rows(self) -> Array:
+        """How each flank closes with all unknowns, (n, 2 cranks, unknowns)."""
+        return self.whole_rows[:, : 2 * self.motion.reducer.cranks]
+
+    @property
+    def joint_rows(self) -> Array:
+        """How x and y of each bearing close with all unknowns, (n, bearings, 2, unknowns)."""
+        rows = self.whole_rows[:, 2 * self.motion.reducer.cranks :]
+        return rows.reshape(len(rows), -1, 2, rows.shape[2])
 
     @cached_property
     def output_turn(self) -> float:
         """Turn of the output per turn of the carrier."""
         return self.motion.reducer.output_turn
-
-    @cached_property
-    def flank_rows(self) -> Array:
-        """How each flank closes with all unknowns, (n, 2 cranks, size): along the sun, against its planet."""
-        reducer, normal = self.motion.reducer, self.mesh_normal
-        layout = Layout(reducer)
-        rows = np.zeros((*normal.shape[:3], layout.size))
-        rows[..., layout.sun : layout.sun + 2] = normal
-        for j, at in enumerate(layout.crank):
-            rows[:, j, :, at : at + 2] = -normal[:, j]
-            rows[:, j, :, at + 2] = flank_lever(reducer)
-        return rows.reshape(len(normal), -1, layout.size)
-
-    @cached_property
-    def joint_rows(self) -> Array:
-        """How each bearing closes with all unknowns, (n, joints, xy, size)."""
-        parts = bearing_parts(self.motion.reducer)
-        size = Layout(self.motion.reducer).size
-        rows = np.zeros((len(self.arms), len(parts), 2, size))
-        for q, pair in enumerate(parts):
-            for side, (at, sign) in enumerate(zip(pair, (1.0, -1.0), strict=True)):
-                if at >= 0:
-                    rows[:, q, 0, at] = rows[:, q, 1, at + 1] = sign
-                if 0 <= at < size - 2:  # the sun has no angle
-                    rows[:, q, :, at + 2] = sign * self.arms[:, q, side]
-        return rows
 
     def error(self, effect: Effect) -> SourceVector:
         """Error vector of an effect's source, made once; its size plays no part."""
@@ -383,75 +382,37 @@ def loaded_problem(
     stiffness, law = reducer.stiffness, reducer.contact_law
     bends, straight = response or law.profile_curvature > 0, np.zeros((1, reducer.discs, reducer.pins))
     full = _FULL_LOAD * stiffness.pin_contact * reducer.pin_circle_radius**2
+    kinds = [1] * reducer.discs * reducer.cranks + [2] * reducer.cranks + [5, 4]
     return Problem(
         pin_rows=contacts.pin_rows,
         profile_lever=contacts.profile_lever if bends else straight,
         curvature=contacts.curvature if bends else straight,
-        mesh_normal=contacts.mesh_normal,
-        arms=contacts.arms,
-        parts=contacts.parts,
+        rows=contacts.rows,
+        columns=contacts.columns,
         envelope=contacts.envelope,
-        first_disc=layout.disc[0],
-        first_crank=layout.crank[0],
-        base_radius=float(flank_lever(reducer)[0]),
-        longest=reducer.eccentricity,
-        pin_exponent=float(law.pin_exponent),
-        flank_exponent=float(law.flank_exponent),
-        share=float(law.profile_curvature),
-        reference_force=REFERENCE_FORCE,
         pin_error=errors.pin,
         slide_error=errors.along,
-        flank_error=errors.flank - reducer.gear_backlash / 2,
-        joint_error=errors.joint,
+        row_error=errors.row - np.repeat([reducer.gear_backlash / 2, 0.0], [2 * reducer.cranks, 2 * len(kinds)]),
         clearance=errors.clearance,
         pin_stiffness=stiff.pin,
         flank_stiffness=stiff.flank,
-        joint_stiffness=stiff.joint,
-        declared=np.array(
-            [
-                stiffness.pin_contact,
-                stiffness.crank_bearing,
-                stiffness.carrier_bearing,
-                stiffness.gear_mesh,
-                stiffness.sun_support,
-                stiffness.main_bearing,
-            ]
-        ),
+        bearing_stiffness=stiff.bearing,
+        kind=np.array(kinds),
+        declared=np.array([getattr(stiffness, item.name) for item in fields(stiffness)]),
+        pin_exponent=float(law.pin_exponent),
+        flank_exponent=float(law.flank_exponent),
+        reference_force=REFERENCE_FORCE,
+        share=float(law.profile_curvature),
         load=load,
         sense=sense,
         output_turn=contacts.output_turn,
+        longest=reducer.eccentricity,
         tolerance=GRADIENT_TOLERANCE * torque / reducer.crank_radius,
         easy=full / torque,
         most_near=_MAX_STEPS_NEAR,
         most_cold=_MAX_STEPS,
         most_unloading=_MAX_STEPS_UNLOADING,
     )
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Poses of least energy, and what the kernel tells of them.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n, unknowns)
-    steps : ndarray of int, shape (n,)
-        Newton steps that each angle took.
-    found : ndarray of bool, shape (n,)
-        Whether the forces balance.
-    closings : Closings
-    forces : Forces
-        Empty unless asked for.
-    response : Response
-        Empty unless asked for.
-    """
-
-    x: Array
-    steps: Steps
-    found: Flags
-    closings: Closings
-    forces: Forces
-    response: Response
 
 
 def solve(
@@ -462,8 +423,8 @@ def solve(
     forces: bool = False,
     matrix: bool = False,
     response: bool = False,
-) -> Solution:
-    """Pose of least energy at every angle.
+) -> Told:
+    """Pose of least energy at every angle, and what is asked of it.
 
     Parameters
     ----------
@@ -473,78 +434,49 @@ def solve(
     given : ndarray, shape (n, unknowns), optional
         Poses to tell of, in place of those of least energy.
     forces, matrix, response : bool
-        Whether to tell of forces, of the matrix beside them, of the response.
+        Whether to tell of forces, of the matrix beside them, of changes per unit of output torque.
 
     Returns
     -------
-    Solution
+    Told
+        Groups that were not asked for are empty.
     """
     from rverror.statics import kernel
 
-    n, size = problem.load.shape
-    pins, flanks, joints = problem.pin_error.shape[1:], problem.flank_error.shape[1], problem.joint_error.shape[1]
-    told, asked, whole = (n if wanted else 0 for wanted in (forces or matrix, response, matrix))
+    (n, size), pins = problem.load.shape, problem.pin_error.shape[1:]
+    rows, bearings = (problem.row_error.shape[1],), problem.clearance.shape
+    told, whole, asked = (n if wanted else 0 for wanted in (forces or matrix, matrix, response))
     start = kernel.GIVEN if given is not None else kernel.COLD if near is None else kernel.NEAR
     first = near if given is None else given
-    found = Solution(
+    made: list[npt.NDArray[Any]] = [
         np.empty((n, size)) if first is None else np.array(first, dtype=np.float64, order="C"),
         np.empty(n, dtype=np.intp),
         np.empty(n, dtype=np.bool_),
-        kernel.Closings(
-            np.empty((n, *pins)),
-            np.zeros((n, *pins)),
-            np.empty((n, flanks)),
-            np.empty((n, joints, 2)),
-            np.empty((n, joints, 2)),
-        ),
-        kernel.Forces(
-            np.empty((told, *pins)),
-            np.empty((told, *pins)),
-            np.empty((told, flanks)),
-            np.empty((told, flanks)),
-            np.empty((told, joints, 3)),
-            np.empty(told),
-            np.empty((told, size)),
-            np.empty(told),
-            np.empty((whole, size, size)),
-        ),
-        kernel.Response(
-            np.empty((asked, *pins)),
-            np.empty((asked, *pins)),
-            np.empty((asked, flanks)),
-            np.empty((asked, joints, 2)),
-            np.empty((asked, size)),
-            np.empty((asked, 10)),
-        ),
-    )
+        np.empty((n, *pins)),
+        np.zeros((n, *pins)),
+        *(np.empty((n, *shape)) for shape in (rows, rows)),
+        *(np.empty((told, *shape)) for shape in (pins, pins, rows, bearings, (), (size,), ())),
+        np.empty((whole, size, size)),
+        *(np.empty((asked, *shape)) for shape in (pins, pins, rows, (size,), (10,))),
+    ]
 
     def some(part: slice) -> None:
-        own = [[one[part] for one in group] for group in (found.closings, found.forces, found.response)]
-        kernel.solve(
-            part_of(problem, part),
-            found.x[part],
-            start,
-            found.steps[part],
-            found.found[part],
-            kernel.Closings(*own[0]),
-            kernel.Forces(*own[1]),
-            kernel.Response(*own[2]),
-            kernel.scratch(problem),
-        )
+        own = kernel.Told._make(one[part] for one in made)
+        kernel.solve(part_of(problem, part), start, own, kernel.scratch(problem))
 
     each_part(some, n, _BLOCK)
-    return found
+    return kernel.Told._make(made)
 
 
 _PER_ANGLE = frozenset(
     {
-        "pin_rows", "profile_lever", "curvature", "mesh_normal", "arms", "pin_error", "slide_error", "flank_error",
-        "joint_error", "pin_stiffness", "flank_stiffness", "joint_stiffness", "load", "sense",
+        "pin_rows", "profile_lever", "curvature", "rows", "pin_error", "slide_error", "row_error", "pin_stiffness",
+        "flank_stiffness", "bearing_stiffness", "load", "sense",
     }
 )  # fmt: skip
 
 
-def part_of(problem: Problem, part: slice | npt.NDArray[np.intp]) -> Problem:
+def part_of(problem: Problem, part: slice | Integers) -> Problem:
     """The same at some of the angles."""
     n = len(problem.load)
     if isinstance(part, slice) and part == slice(0, n):

@@ -1,14 +1,15 @@
 r"""The equilibrium of one angle at a time, compiled.
 
 The unknowns x are the displacements of carrier, discs and cranks (x, y, angle each) and sun (x, y), in the order of
-`layout.Layout`.  A contact closes by
+`energy.Layout`.  A contact closes by
 
 .. math:: p_c = J_c x + e_c ,
 
 a pin that follows its disc's profile by :math:`p - \kappa s^2 / 2`, s its way along the profile and kappa the profile's
-curvature.  It carries :math:`f_c = F_0 (k_c p_c / F_0)^n` where it is closed, n = 1 if it is linear.  A bearing of
-radial clearance c carries :math:`k (|d| - c)` along the displacement d of its journal; where c is negative, a preload,
-its far side carries as well.  The pose has the least energy
+curvature.  The row J_c of a pin holds x, y and angle of its disc; the rows of a flank and of x and y of a bearing hold
+a few unknowns each, whose columns are listed.  A contact carries :math:`f_c = F_0 (k_c p_c / F_0)^n` where it is
+closed, n = 1 if it is linear.  A bearing of radial clearance c carries :math:`k (|d| - c)` along the displacement d of
+its journal; where c is negative, a preload, its far side carries as well.  The pose has the least energy
 
 .. math:: E(x) = \sum_c \frac{f_c p_c}{n + 1} + \tfrac12 \sum_b k_b \langle |d_b| - c_b \rangle^2 - f \cdot x .
 
@@ -53,78 +54,75 @@ _CREEPING = 1e-8
 _PATIENT = 40  # steps after which creeping ends
 _HALVINGS = 40  # of a step, to 1e-12 of it
 _TOGETHER = 64  # angles of which each but the first starts from the one before
+#: First unknown of the first disc, and angle of the carrier.
+_FIRST_DISC, _CARRIER_ANGLE = 3, 2
+#: Places in `loaded_state.SOFTENING`; those of bearings are in the problem.
+_PIN_CONTACT, _GEAR_MESH, _BACKLASH, _PIN_EXPONENT, _FLANK_EXPONENT, _CURVATURE = 0, 3, 6, 7, 8, 9
 
 
 class Problem(NamedTuple):
-    """A loaded gear train at n angles; an axis of m is 1, alike at all angles, or n."""
+    """A loaded gear train at n angles; an axis of m is 1, alike at all angles, or n.
+
+    Its rows are those of the gear flanks, two for each crank, and two of each bearing: cams (disc by crank), carrier
+    bores, main bearing, sun support.
+    """
 
     pin_rows: Array  # (n, discs, 3, pins): closing with x, y, angle of the disc
     profile_lever: Array  # (m, discs, pins): way along the profile with the disc's angle; 0 where nothing asks for it
     curvature: Array  # (m, discs, pins): of the curve on which a pin's centre stands, 1/mm; likewise
-    mesh_normal: Array  # (n, cranks, 2, 2): flank, xy
-    arms: Array  # (n, joints, 2, 2): of a bearing's two parts, xy
-    parts: Integers  # (joints, 2): their first unknowns, the second below 0 for what is fixed
+    rows: Array  # (n, rows, width)
+    columns: Integers  # (rows, width): unknowns of their entries, the last ones first
     envelope: Integers  # (unknowns,): first column of each row of the matrix that is not empty
-    first_disc: int  # first unknown
-    first_crank: int
-    base_radius: float  # of the planets, mm: lever of a flank
-    longest: float  # mm that a step may move anything
-    pin_exponent: float
-    flank_exponent: float
-    share: float  # of the curvature that counts
-    reference_force: float  # N
     pin_error: Array  # (n, discs, pins), mm
     slide_error: Array  # (n, discs, pins), along the profile
-    flank_error: Array  # (n, 2 cranks)
-    joint_error: Array  # (n, joints, 2)
-    clearance: Array  # (joints,)
+    row_error: Array  # (n, rows)
+    clearance: Array  # (bearings,), mm; below 0 a preload
     pin_stiffness: Array  # (m, discs, pins), N/mm
     flank_stiffness: Array  # (m, 2 cranks)
-    joint_stiffness: Array  # (m, joints)
-    declared: Array  # (6,): pins, cams, carrier bores, meshes, sun support, main bearing, N/mm
+    bearing_stiffness: Array  # (m, bearings)
+    kind: Integers  # (bearings,): of `loaded_state.SOFTENING`
+    declared: Array  # (6,): stiffness of each of these kinds
+    pin_exponent: float
+    flank_exponent: float
+    reference_force: float  # N
+    share: float  # of the curvature that counts
     load: Array  # (n, unknowns), N and N*mm
     sense: Array  # (n,): of the carrier's motion
     output_turn: float  # turn of the output per turn of the carrier
+    longest: float  # mm that a step may move anything
     tolerance: float  # what may be out of balance, N and N*mm
-    easy: float  # torque over that of the load at which all contacts settle easily
+    easy: float  # over the load: one at which all contacts settle easily
     most_near: int  # Newton steps from a pose that is likely near
     most_cold: int
     most_unloading: int  # at each load on the way down
 
 
-class Closings(NamedTuple):
-    """How far every contact has closed at n angles."""
+class Told(NamedTuple):
+    """What is found at n angles; groups but the first may be empty."""
 
-    pins: Array  # (n, discs, pins), mm
-    slides: Array  # (n, discs, pins), way along the profile, mm, where that counts or a response is told
-    flanks: Array  # (n, 2 cranks)
-    joints: Array  # (n, joints, 2)
-    joint_force: Array  # (n, joints, 2), N
-
-
-class Forces(NamedTuple):
-    """What contacts carry at n angles, how stiff they are, and what is out of balance; empty where nobody asks."""
-
-    pins: Array  # (n, discs, pins), N
-    pin_tangent: Array  # N/mm
-    flanks: Array  # (n, 2 cranks)
-    flank_tangent: Array
-    joint_tangent: Array  # (n, joints, 3): xx, xy, yy
+    x: Array  # (n, unknowns): poses, mm and rad
+    steps: Integers  # (n,): Newton steps
+    found: Flags  # (n,): whether the forces balance
+    pins: Array  # (n, discs, pins): closing, mm
+    slides: Array  # (n, discs, pins): way along the profile, mm, where that counts or changes are told
+    rows: Array  # (n, rows): closing, mm
+    row_force: Array  # (n, rows), N
+    # forces
+    pin_force: Array  # (n, discs, pins), N
+    pin_tangent: Array  # (n, discs, pins), N/mm
+    row_tangent: Array  # (n, rows)
+    coupling: Array  # (n, bearings): tangent stiffness of one component with the other
     energy: Array  # (n,), N*mm
     gradient: Array  # (n, unknowns), N and N*mm
     unbalanced: Array  # (n,): what rounding leaves of the gradient
-    matrix: Array  # (n, unknowns, unknowns): of second derivatives; empty where nobody asks for it
-
-
-class Response(NamedTuple):
-    """Changes at n angles per unit of output torque, the closed contacts held closed; empty where nobody asks."""
-
-    pins: Array  # (n, discs, pins): force into the disc
-    slides: Array  # (n, discs, pins): force along the profile, as the normal turns
-    flanks: Array  # (n, 2 cranks)
-    joints: Array  # (n, joints, 2)
-    pose: Array  # (n, unknowns)
-    softening: Array  # (n, 10): of the output angle, rad, in the order of `loaded_state.SOFTENING`
+    # second derivative of the energy
+    matrix: Array  # (n, unknowns, unknowns)
+    # changes per unit of output torque, the closed contacts held closed
+    pin_change: Array  # (n, discs, pins): of the force into the disc
+    slide_change: Array  # (n, discs, pins): of the force along the profile, as the normal turns
+    row_change: Array  # (n, rows)
+    pose_change: Array  # (n, unknowns)
+    softening: Array  # (n, 10): of the output angle, rad, per unit of each of `loaded_state.SOFTENING`
 
 
 class _Scratch(NamedTuple):
@@ -132,9 +130,8 @@ class _Scratch(NamedTuple):
 
     pin_force: Array
     pin_tangent: Array
-    flank_force: Array
-    flank_tangent: Array
-    joint_tangent: Array
+    row_tangent: Array
+    coupling: Array
     gradient: Array
     springs: Array  # lower triangle, as the matrix
     matrix: Array
@@ -188,119 +185,6 @@ def pressed(closing: float, stiffness: float, exponent: float, reference: float)
 
 
 @inlined
-def _pins(problem: Problem, i: int, x: Array, closings: Closings, s: _Scratch) -> float:
-    """Energy of the pins; adds their forces to the gradient."""
-    discs, count = s.pin_force.shape
-    exponent, energy = problem.pin_exponent, 0.0
-    for k in range(discs):
-        at = problem.first_disc + 3 * k
-        dx, dy, turn = x[at], x[at + 1], x[at + 2]
-        row, error = problem.pin_rows[i, k], problem.pin_error[i, k]
-        stiffness = problem.pin_stiffness[min(i, len(problem.pin_stiffness) - 1), k]
-        closing, force, tangent = closings.pins[i, k], s.pin_force[k], s.pin_tangent[k]
-        for p in range(count):
-            closing[p] = row[0, p] * dx + row[1, p] * dy + row[2, p] * turn + error[p]
-        c = min(i, len(problem.curvature) - 1)
-        slide, lever, curvature = closings.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
-        if problem.share > 0.0:
-            along = problem.slide_error[i, k]
-            for p in range(count):
-                slide[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn + along[p]
-                closing[p] -= 0.5 * problem.share * curvature[p] * slide[p] * slide[p]
-        if exponent == 1.0:
-            for p in range(count):
-                tangent[p] = stiffness[p] if closing[p] > 0.0 else 0.0
-                force[p] = tangent[p] * closing[p]
-        else:
-            for p in range(count):
-                force[p], tangent[p] = pressed(closing[p], stiffness[p], exponent, problem.reference_force)
-        on_x, on_y, moment, work = 0.0, 0.0, 0.0, 0.0
-        for p in range(count):
-            on_x += force[p] * row[0, p]
-            on_y += force[p] * row[1, p]
-            moment += force[p] * row[2, p]
-            work += force[p] * closing[p]
-        if problem.share > 0.0:  # the force turns with the normal
-            for p in range(count):
-                sideways = force[p] * problem.share * curvature[p] * slide[p]
-                on_x += sideways * row[1, p]
-                on_y -= sideways * row[0, p]
-                moment -= sideways * lever[p]
-        s.gradient[at] += on_x
-        s.gradient[at + 1] += on_y
-        s.gradient[at + 2] += moment
-        energy += work
-    return energy / (exponent + 1.0)
-
-
-@inlined
-def _flank(problem: Problem, i: int, c: int, x: Array) -> float:
-    """How far a flank closes with a pose: the sun along the normal, the planet against it and by its base circle."""
-    side = c % 2
-    sun, crank = len(x) - 2, problem.first_crank + 3 * (c // 2)
-    nx, ny = problem.mesh_normal[i, c // 2, side, 0], problem.mesh_normal[i, c // 2, side, 1]
-    lever = problem.base_radius * (1 - 2 * side)
-    closing: float = nx * (x[sun] - x[crank]) + ny * (x[sun + 1] - x[crank + 1]) + lever * x[crank + 2]
-    return closing
-
-
-@inlined
-def _push_flank(problem: Problem, i: int, c: int, force: float, gradient: Array) -> None:
-    """Add what a flank's force does to its parts."""
-    side = c % 2
-    sun, crank = len(gradient) - 2, problem.first_crank + 3 * (c // 2)
-    fx, fy = force * problem.mesh_normal[i, c // 2, side, 0], force * problem.mesh_normal[i, c // 2, side, 1]
-    gradient[sun] += fx
-    gradient[sun + 1] += fy
-    gradient[crank] -= fx
-    gradient[crank + 1] -= fy
-    gradient[crank + 2] += force * problem.base_radius * (1 - 2 * side)
-
-
-@inlined
-def _flanks(problem: Problem, i: int, x: Array, closings: Closings, s: _Scratch) -> float:
-    """Energy of the gear flanks; adds their forces to the gradient."""
-    m, energy = min(i, len(problem.flank_stiffness) - 1), 0.0
-    for c in range(len(s.flank_force)):
-        closing = _flank(problem, i, c, x) + problem.flank_error[i, c]
-        force, tangent = pressed(
-            closing, problem.flank_stiffness[m, c], problem.flank_exponent, problem.reference_force
-        )
-        closings.flanks[i, c], s.flank_force[c], s.flank_tangent[c] = closing, force, tangent
-        _push_flank(problem, i, c, force, s.gradient)
-        energy += force * closing
-    return energy / (problem.flank_exponent + 1.0)
-
-
-@inlined
-def _joint(problem: Problem, i: int, q: int, x: Array) -> tuple[float, float]:
-    """How far a pose displaces a bearing's first part against its second one."""
-    a, b = problem.parts[q, 0], problem.parts[q, 1]
-    dx, dy = x[a], x[a + 1]
-    if a + 2 < len(x):  # the sun has no angle
-        dx += problem.arms[i, q, 0, 0] * x[a + 2]
-        dy += problem.arms[i, q, 0, 1] * x[a + 2]
-    if b >= 0:
-        dx -= x[b] + problem.arms[i, q, 1, 0] * x[b + 2]
-        dy -= x[b + 1] + problem.arms[i, q, 1, 1] * x[b + 2]
-    return dx, dy
-
-
-@inlined
-def _push_joint(problem: Problem, i: int, q: int, fx: float, fy: float, gradient: Array) -> None:
-    """Add what a bearing's force does to its parts."""
-    a, b = problem.parts[q, 0], problem.parts[q, 1]
-    gradient[a] += fx
-    gradient[a + 1] += fy
-    if a + 2 < len(gradient):
-        gradient[a + 2] += problem.arms[i, q, 0, 0] * fx + problem.arms[i, q, 0, 1] * fy
-    if b >= 0:
-        gradient[b] -= fx
-        gradient[b + 1] -= fy
-        gradient[b + 2] -= problem.arms[i, q, 1, 0] * fx + problem.arms[i, q, 1, 1] * fy
-
-
-@inlined
 def bearing(dx: float, dy: float, stiffness: float, clearance: float) -> tuple[float, float, float, float, float]:
     """What a bearing does whose journal is displaced: it floats in a clearance, and a preload presses it all around.
 
@@ -340,29 +224,95 @@ def bearing(dx: float, dy: float, stiffness: float, clearance: float) -> tuple[f
 
 
 @inlined
-def _joints(problem: Problem, i: int, x: Array, closings: Closings, s: _Scratch) -> float:
-    """Energy of the bearings; adds their forces to the gradient."""
-    m, energy = min(i, len(problem.joint_stiffness) - 1), 0.0
-    for q in range(len(problem.parts)):
-        dx, dy = _joint(problem, i, q, x)
-        dx += problem.joint_error[i, q, 0]
-        dy += problem.joint_error[i, q, 1]
-        secant, work, xx, xy, yy = bearing(dx, dy, problem.joint_stiffness[m, q], problem.clearance[q])
-        closings.joints[i, q, 0], closings.joints[i, q, 1] = dx, dy
-        closings.joint_force[i, q, 0], closings.joint_force[i, q, 1] = secant * dx, secant * dy
-        s.joint_tangent[q, 0], s.joint_tangent[q, 1], s.joint_tangent[q, 2] = xx, xy, yy
-        _push_joint(problem, i, q, secant * dx, secant * dy, s.gradient)
+def _pins(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> float:
+    """Energy of the pins; adds their forces to the gradient."""
+    discs, count = s.pin_force.shape
+    exponent, energy, c = problem.pin_exponent, 0.0, min(i, len(problem.curvature) - 1)
+    for k in range(discs):
+        at = _FIRST_DISC + 3 * k
+        dx, dy, turn = x[at], x[at + 1], x[at + 2]
+        row, error = problem.pin_rows[i, k], problem.pin_error[i, k]
+        stiffness = problem.pin_stiffness[min(i, len(problem.pin_stiffness) - 1), k]
+        closing, force, tangent = told.pins[i, k], s.pin_force[k], s.pin_tangent[k]
+        slide, lever, curvature = told.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
+        for p in range(count):
+            closing[p] = row[0, p] * dx + row[1, p] * dy + row[2, p] * turn + error[p]
+        if problem.share > 0.0:
+            along = problem.slide_error[i, k]
+            for p in range(count):
+                slide[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn + along[p]
+                closing[p] -= 0.5 * problem.share * curvature[p] * slide[p] * slide[p]
+        if exponent == 1.0:
+            for p in range(count):
+                tangent[p] = stiffness[p] if closing[p] > 0.0 else 0.0
+                force[p] = tangent[p] * closing[p]
+        else:
+            for p in range(count):
+                force[p], tangent[p] = pressed(closing[p], stiffness[p], exponent, problem.reference_force)
+        on_x, on_y, moment, work = 0.0, 0.0, 0.0, 0.0
+        for p in range(count):
+            on_x += force[p] * row[0, p]
+            on_y += force[p] * row[1, p]
+            moment += force[p] * row[2, p]
+            work += force[p] * closing[p]
+        if problem.share > 0.0:  # the force turns with the normal
+            for p in range(count):
+                sideways = force[p] * problem.share * curvature[p] * slide[p]
+                on_x += sideways * row[1, p]
+                on_y -= sideways * row[0, p]
+                moment -= sideways * lever[p]
+        s.gradient[at] += on_x
+        s.gradient[at + 1] += on_y
+        s.gradient[at + 2] += moment
         energy += work
+    return energy / (exponent + 1.0)
+
+
+@inlined
+def _closing(problem: Problem, i: int, r: int, x: Array) -> float:
+    """How far a row closes with a pose."""
+    closing = 0.0
+    for w in range(problem.columns.shape[1]):
+        closing += problem.rows[i, r, w] * x[problem.columns[r, w]]
+    return closing
+
+
+@inlined
+def _push(problem: Problem, i: int, r: int, force: float, gradient: Array) -> None:
+    """Add what the force of a row does to its parts."""
+    for w in range(problem.columns.shape[1]):
+        gradient[problem.columns[r, w]] += problem.rows[i, r, w] * force
+
+
+@inlined
+def _others(problem: Problem, i: int, x: Array, told: Told, s: _Scratch) -> float:
+    """Energy of gear flanks and bearings; adds their forces to the gradient."""
+    closing, force, tangent = told.rows[i], told.row_force[i], s.row_tangent
+    for r in range(len(closing)):
+        closing[r] = problem.row_error[i, r] + _closing(problem, i, r, x)
+    flanks, m, energy = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1), 0.0
+    exponent, reference = problem.flank_exponent, problem.reference_force
+    for r in range(flanks):
+        force[r], tangent[r] = pressed(closing[r], problem.flank_stiffness[m, r], exponent, reference)
+        energy += force[r] * closing[r] / (exponent + 1.0)
+    m = min(i, len(problem.bearing_stiffness) - 1)
+    for q in range(len(problem.clearance)):
+        r = flanks + 2 * q
+        stiffness, clearance = problem.bearing_stiffness[m, q], problem.clearance[q]
+        secant, work, xx, xy, yy = bearing(closing[r], closing[r + 1], stiffness, clearance)
+        force[r], force[r + 1] = secant * closing[r], secant * closing[r + 1]
+        tangent[r], tangent[r + 1], s.coupling[q] = xx, yy, xy
+        energy += work
+    for r in range(len(closing)):
+        _push(problem, i, r, force[r], s.gradient)
     return energy
 
 
 @inlined
-def _evaluate(
-    problem: Problem, i: int, x: Array, load: float, rounding: float, closings: Closings, s: _Scratch
-) -> None:
+def _evaluate(problem: Problem, i: int, x: Array, load: float, rounding: float, told: Told, s: _Scratch) -> None:
     """Contacts, energy and gradient of a pose.
 
-    The load is `load` times that of the problem, `rounding` what `_spring_matrix` tells.
+    The load is `load` times that of the problem, `rounding` what `_springs` tells.
     """
     energy, size, far = 0.0, 0.0, 0.0
     for r in range(len(x)):
@@ -371,107 +321,54 @@ def _evaluate(
         energy -= force * x[r]
         size += abs(force * x[r])
         far = max(far, abs(x[r]))
-    work = _pins(problem, i, x, closings, s) + _flanks(problem, i, x, closings, s) + _joints(problem, i, x, closings, s)
+    work = _pins(problem, i, x, told, s) + _others(problem, i, x, told, s)
     s.balance[0] = energy + work
     s.balance[1] = rounding * far * far + 4.0 * _EPSILON * (size + work)
     s.balance[2] = rounding * far
 
 
 @inlined
-def _add_between(
-    matrix: Array, a: int, ax: float, ay: float, b: int, bx: float, by: float, xx: float, xy: float, yy: float
-) -> None:
-    """Add a bearing's stiffness between two parts, or of one with itself: rows of the first, columns of the second.
-
-    The parts' angles move the bearing by the arms (ax, ay) and (bx, by).
-    """
-    matrix[a, b] += xx
-    matrix[a, b + 1] += xy
-    matrix[a + 1, b] += xy
-    matrix[a + 1, b + 1] += yy
-    if a + 2 < len(matrix):
-        matrix[a + 2, b] += xx * ax + xy * ay
-        matrix[a + 2, b + 1] += xy * ax + yy * ay
-    if b + 2 < len(matrix):
-        x, y = xx * bx + xy * by, xy * bx + yy * by
-        matrix[a, b + 2] += x
-        matrix[a + 1, b + 2] += y
-        if a + 2 < len(matrix):
-            matrix[a + 2, b + 2] += ax * x + ay * y
+def _add(problem: Problem, i: int, r: int, q: int, stiffness: float, matrix: Array) -> None:
+    """Add the lower triangle of a stiffness between two rows, of which only the first stands on the left."""
+    for w in range(problem.columns.shape[1]):
+        a, force = problem.columns[r, w], stiffness * problem.rows[i, r, w]
+        for v in range(w if r == q else 0, problem.columns.shape[1]):
+            b = problem.columns[q, v]
+            if a >= b:
+                matrix[a, b] += force * problem.rows[i, q, v]
 
 
 @inlined
-def _add_joint(problem: Problem, i: int, q: int, xx: float, xy: float, yy: float, matrix: Array) -> None:
-    """Add a bearing's stiffness to the lower triangle."""
-    a, b = problem.parts[q, 0], problem.parts[q, 1]
-    ax, ay = problem.arms[i, q, 0, 0], problem.arms[i, q, 0, 1]
-    bx, by = problem.arms[i, q, 1, 0], problem.arms[i, q, 1, 1]
-    _add_between(matrix, a, ax, ay, a, ax, ay, xx, xy, yy)
-    if b >= 0:
-        _add_between(matrix, b, bx, by, b, bx, by, xx, xy, yy)
-        if a > b:
-            _add_between(matrix, a, ax, ay, b, bx, by, -xx, -xy, -yy)
-        else:
-            _add_between(matrix, b, bx, by, a, ax, ay, -xx, -xy, -yy)
-
-
-@inlined
-def _add_flank(problem: Problem, i: int, c: int, tangent: float, matrix: Array) -> None:
-    """Add a flank's stiffness to the lower triangle; the sun comes last."""
-    side = c % 2
-    sun, crank = len(matrix) - 2, problem.first_crank + 3 * (c // 2)
-    x, y = problem.mesh_normal[i, c // 2, side, 0], problem.mesh_normal[i, c // 2, side, 1]
-    lever = problem.base_radius * (1 - 2 * side)
-    xx, xy, yy, tx, ty = tangent * x * x, tangent * x * y, tangent * y * y, tangent * lever * x, tangent * lever * y
-    matrix[crank, crank] += xx
-    matrix[crank + 1, crank] += xy
-    matrix[crank + 1, crank + 1] += yy
-    matrix[crank + 2, crank] -= tx
-    matrix[crank + 2, crank + 1] -= ty
-    matrix[crank + 2, crank + 2] += tangent * lever * lever
-    matrix[sun, crank] -= xx
-    matrix[sun, crank + 1] -= xy
-    matrix[sun, crank + 2] += tx
-    matrix[sun, sun] += xx
-    matrix[sun + 1, crank] -= xy
-    matrix[sun + 1, crank + 1] -= yy
-    matrix[sun + 1, crank + 2] += ty
-    matrix[sun + 1, sun] += xy
-    matrix[sun + 1, sun + 1] += yy
-
-
-@inlined
-def _spring_matrix(problem: Problem, i: int, s: _Scratch) -> float:
+def _springs(problem: Problem, i: int, s: _Scratch) -> float:
     """Stiffness of the bearings without clearance, and what rounding leaves of a gradient per displacement."""
-    matrix, m = s.springs, min(i, len(problem.joint_stiffness) - 1)
+    matrix, m, flanks = s.springs, min(i, len(problem.bearing_stiffness) - 1), problem.flank_stiffness.shape[1]
     matrix[:] = 0.0
-    for q in range(len(problem.parts)):
+    for r in range(flanks, len(problem.columns)):
+        q = (r - flanks) // 2
         if problem.clearance[q] == 0.0:
-            stiffness = problem.joint_stiffness[m, q]
-            _add_joint(problem, i, q, stiffness, 0.0, stiffness, matrix)
+            _add(problem, i, r, r, problem.bearing_stiffness[m, q], matrix)
     largest = 0.0
     for r in range(len(matrix)):
         total = 0.0
         for c in range(len(matrix)):
-            total += abs(matrix[r, c]) if c <= r else abs(matrix[c, r])
+            total += abs(matrix[max(r, c), min(r, c)])
         largest = max(largest, total)
     return _ROUNDING * largest
 
 
 @inlined
-def _assemble(problem: Problem, i: int, turning: float, closings: Closings, s: _Scratch) -> None:
+def _assemble(problem: Problem, i: int, turning: float, told: Told, s: _Scratch) -> None:
     """Lower triangle of the second derivative; `turning` is the share that counts of how the pins' forces turn.
 
     Without it the matrix has no negative part.
     """
-    matrix = s.matrix
-    for r in range(len(matrix)):
-        for c in range(problem.envelope[r], r + 1):
-            matrix[r, c] = s.springs[r, c]
+    matrix, c = s.matrix, min(i, len(problem.curvature) - 1)
+    for a in range(len(matrix)):
+        for b in range(problem.envelope[a], a + 1):
+            matrix[a, b] = s.springs[a, b]
     discs, count = s.pin_force.shape
     for k in range(discs):
-        row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], closings.slides[i, k], s.pin_force[k]
-        c = min(i, len(problem.curvature) - 1)
+        row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], told.slides[i, k], s.pin_force[k]
         lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
         xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if problem.share > 0.0:
@@ -493,19 +390,20 @@ def _assemble(problem: Problem, i: int, turning: float, closings: Closings, s: _
                 tx += tangent[p] * row[2, p] * row[0, p]
                 ty += tangent[p] * row[2, p] * row[1, p]
                 tt += tangent[p] * row[2, p] * row[2, p]
-        at = problem.first_disc + 3 * k
+        at = _FIRST_DISC + 3 * k
         matrix[at, at] += xx
         matrix[at + 1, at] += yx
         matrix[at + 1, at + 1] += yy
         matrix[at + 2, at] += tx
         matrix[at + 2, at + 1] += ty
         matrix[at + 2, at + 2] += tt
-    for c in range(len(s.flank_force)):
-        if s.flank_tangent[c] > 0.0:
-            _add_flank(problem, i, c, s.flank_tangent[c], matrix)
-    for q in range(len(problem.parts)):
-        if problem.clearance[q] != 0.0:
-            _add_joint(problem, i, q, s.joint_tangent[q, 0], s.joint_tangent[q, 1], s.joint_tangent[q, 2], matrix)
+    flanks = problem.flank_stiffness.shape[1]
+    for r in range(len(problem.columns)):
+        q = (r - flanks) // 2
+        if s.row_tangent[r] > 0.0 and (q < 0 or problem.clearance[q] != 0.0):
+            _add(problem, i, r, r, s.row_tangent[r], matrix)
+            if q >= 0 and s.coupling[q] != 0.0:
+                _add(problem, i, r, r + 1 - 2 * ((r - flanks) % 2), s.coupling[q], matrix)
 
 
 # --- linear equations -------------------------------------------------------------------------------------------------
@@ -561,43 +459,40 @@ def _back_substitute(envelope: Integers, factor: Array, inverse: Array, right: A
 
 
 @inlined
-def _hold(problem: Problem, i: int, driven: bool, closings: Closings, s: _Scratch) -> None:
+def _hold(problem: Problem, i: int, driven: bool, told: Told, s: _Scratch) -> None:
     """Hold contacts closed, each by its declared stiffness: of the loaded side, or those that are closed.
 
     Journals are held in the middle of their clearances, or where they are closed on the rim.
     """
     discs, count = s.pin_force.shape
+    m, c = min(i, len(problem.pin_stiffness) - 1), min(i, len(problem.curvature) - 1)
     for k in range(discs):
-        at, m, c = (
-            problem.first_disc + 3 * k,
-            min(i, len(problem.pin_stiffness) - 1),
-            min(i, len(problem.curvature) - 1),
-        )
+        at = _FIRST_DISC + 3 * k
         for p in range(count):
             x, y, turn = problem.pin_rows[i, k, 0, p], problem.pin_rows[i, k, 1, p], problem.pin_rows[i, k, 2, p]
-            on = turn * problem.sense[i] < 0.0 if driven else closings.pins[i, k, p] > 0.0
-            stiffness = problem.pin_stiffness[m, k, p] if on else 0.0
-            force = stiffness * closings.pins[i, k, p] - s.pin_force[k, p]
-            turned = problem.share * problem.curvature[c, k, p] * closings.slides[i, k, p]
+            on = turn * problem.sense[i] < 0.0 if driven else told.pins[i, k, p] > 0.0
+            s.pin_tangent[k, p] = problem.pin_stiffness[m, k, p] if on else 0.0
+            force = s.pin_tangent[k, p] * told.pins[i, k, p] - s.pin_force[k, p]
+            turned = problem.share * problem.curvature[c, k, p] * told.slides[i, k, p]
             s.gradient[at] += force * (x + turned * y)
             s.gradient[at + 1] += force * (y - turned * x)
             s.gradient[at + 2] += force * (turn - turned * problem.profile_lever[c, k, p])
-            s.pin_tangent[k, p] = stiffness
-    for c in range(len(s.flank_force)):
-        on = (c % 2 == 0) == (problem.sense[i] > 0.0) if driven else closings.flanks[i, c] > 0.0
-        stiffness = problem.flank_stiffness[min(i, len(problem.flank_stiffness) - 1), c] if on else 0.0
-        _push_flank(problem, i, c, stiffness * closings.flanks[i, c] - s.flank_force[c], s.gradient)
-        s.flank_tangent[c] = stiffness
-    for q in range(len(problem.parts)):
+    flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
+    for r in range(flanks):
+        on = (r % 2 == 0) == (problem.sense[i] > 0.0) if driven else told.rows[i, r] > 0.0
+        s.row_tangent[r] = problem.flank_stiffness[m, r] if on else 0.0
+        _push(problem, i, r, s.row_tangent[r] * told.rows[i, r] - told.row_force[i, r], s.gradient)
+    m = min(i, len(problem.bearing_stiffness) - 1)
+    for q in range(len(problem.clearance)):
         if problem.clearance[q] != 0.0:
-            stiffness = problem.joint_stiffness[min(i, len(problem.joint_stiffness) - 1), q]
-            dx, dy = closings.joints[i, q, 0], closings.joints[i, q, 1]
-            distance = math.sqrt(dx * dx + dy * dy)
+            r = flanks + 2 * q
+            distance = math.sqrt(told.rows[i, r] ** 2 + told.rows[i, r + 1] ** 2)
             rim = 0.0 if driven or distance == 0.0 else problem.clearance[q] / distance
-            fx, fy = stiffness * (1.0 - rim) * dx, stiffness * (1.0 - rim) * dy
-            fx, fy = fx - closings.joint_force[i, q, 0], fy - closings.joint_force[i, q, 1]
-            _push_joint(problem, i, q, fx, fy, s.gradient)
-            s.joint_tangent[q, 0], s.joint_tangent[q, 1], s.joint_tangent[q, 2] = stiffness, 0.0, stiffness
+            s.coupling[q] = 0.0
+            for side in range(r, r + 2):
+                s.row_tangent[side] = problem.bearing_stiffness[m, q]
+                force = s.row_tangent[side] * (1.0 - rim) * told.rows[i, side]
+                _push(problem, i, side, force - told.row_force[i, side], s.gradient)
 
 
 @inlined
@@ -611,7 +506,7 @@ def _newton(
     tolerance: float,
     most: int,
     rounding: float,
-    closings: Closings,
+    told: Told,
     s: _Scratch,
 ) -> tuple[int, bool]:
     """Newton steps from a pose until the forces balance; the scratch holds the state and matrix of the last pose.
@@ -627,7 +522,7 @@ def _newton(
     steps, halvings, free = 0, 0, True
     _copy(x, s.trial)
     while True:
-        _evaluate(problem, i, s.trial, load, rounding, closings, s)
+        _evaluate(problem, i, s.trial, load, rounding, told, s)
         energy, unbalanced = s.balance[0], s.balance[2]
         if not free:
             ahead = 0.0
@@ -644,11 +539,11 @@ def _newton(
         _copy(s.trial, x)
         free = driven or rim
         if free:
-            _hold(problem, i, driven, closings, s)
+            _hold(problem, i, driven, told, s)
             driven, rim = False, rim and driven
         turning = 0.0 if free else 1.0
         while True:
-            _assemble(problem, i, turning, closings, s)
+            _assemble(problem, i, turning, told, s)
             if not free and turning == 1.0:
                 left = 0.0
                 for r in range(size):
@@ -692,7 +587,7 @@ def _stages(problem: Problem, factor: float) -> int:
 
 @inlined
 def _settle(
-    problem: Problem, i: int, x: Array, start: int, rounding: float, closings: Closings, s: _Scratch
+    problem: Problem, i: int, x: Array, start: int, rounding: float, told: Told, s: _Scratch
 ) -> tuple[int, bool]:
     """Pose of least energy from one start after another: Newton steps, and whether it was found.
 
@@ -718,7 +613,7 @@ def _settle(
             most = 0
         tolerance = problem.tolerance * load * (1e4 if stage else 1.0)  # looser on the way down
         rim = floats and attempt >= 1
-        steps, found = _newton(problem, i, x, driven, rim, load, tolerance, most, rounding, closings, s)
+        steps, found = _newton(problem, i, x, driven, rim, load, tolerance, most, rounding, told, s)
         total += steps
         if stage:
             stage -= 1
@@ -734,98 +629,91 @@ def _settle(
 
 
 @inlined
-def _tell(problem: Problem, i: int, forces: Forces, s: _Scratch) -> None:
-    """Write forces, stiffness and balance of one angle."""
-    forces.energy[i], forces.unbalanced[i] = s.balance[0], s.balance[2]
+def _tell(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
+    """Write forces, stiffness and balance of one angle, and its matrix."""
+    told.energy[i], told.unbalanced[i] = s.balance[0], s.balance[2]
     for k in range(len(s.pin_force)):
-        _copy(s.pin_force[k], forces.pins[i, k])
-        _copy(s.pin_tangent[k], forces.pin_tangent[i, k])
-    _copy(s.flank_force, forces.flanks[i])
-    _copy(s.flank_tangent, forces.flank_tangent[i])
-    for q in range(len(s.joint_tangent)):
-        _copy(s.joint_tangent[q], forces.joint_tangent[i, q])
-    _copy(s.gradient, forces.gradient[i])
-    for r in range(len(s.matrix) if len(forces.matrix) else 0):
-        for c in range(r + 1):
-            entry = s.matrix[r, c] if c >= problem.envelope[r] else 0.0
-            forces.matrix[i, r, c] = entry
-            forces.matrix[i, c, r] = entry
+        _copy(s.pin_force[k], told.pin_force[i, k])
+        _copy(s.pin_tangent[k], told.pin_tangent[i, k])
+    _copy(s.row_tangent, told.row_tangent[i])
+    _copy(s.coupling, told.coupling[i])
+    _copy(s.gradient, told.gradient[i])
+    for a in range(len(s.matrix) if len(told.matrix) else 0):
+        for b in range(a + 1):
+            entry = s.matrix[a, b] if b >= problem.envelope[a] else 0.0
+            told.matrix[i, a, b] = entry
+            told.matrix[i, b, a] = entry
 
 
 @inlined
-def _answer(problem: Problem, right: Array, s: _Scratch) -> None:
-    """Overwrite a force by the displacement that it makes, the closed contacts held closed."""
+def _answer(problem: Problem, pose: Array, s: _Scratch) -> None:
+    """Displacement by less than a unit torque on the output, the closed contacts held closed."""
     left = s.step
-    _copy(right, left)
     for trace in (0.0, _TRACE):
         if _factorise(problem.envelope, s.matrix, s.factor, s.inverse, trace):
             break
-    right[:] = 0.0
-    for refinement in range(2):  # takes off what a trace of stiffness costs, some 1e-8
-        _back_substitute(problem.envelope, s.factor, s.inverse, left)
-        for r in range(len(right)):
-            right[r] += left[r]
-        if trace == 0.0 or refinement:
-            break
-        # what is left of the force, which stands on the carrier alone
+    pose[:] = 0.0
+    for refinement in range(2):
+        # what is left of the torque, which stands on the carrier alone
         left[:] = 0.0
-        left[2] = -problem.output_turn
-        for r in range(len(right)):
-            left[r] -= s.matrix[r, r] * right[r]
-            for c in range(problem.envelope[r], r):
-                left[r] -= s.matrix[r, c] * right[c]
-                left[c] -= s.matrix[r, c] * right[r]
+        left[_CARRIER_ANGLE] = -problem.output_turn
+        for a in range(len(pose) if refinement else 0):
+            left[a] -= s.matrix[a, a] * pose[a]
+            for b in range(problem.envelope[a], a):
+                left[a] -= s.matrix[a, b] * pose[b]
+                left[b] -= s.matrix[a, b] * pose[a]
+        _back_substitute(problem.envelope, s.factor, s.inverse, left)
+        for a in range(len(pose)):
+            pose[a] += left[a]
+        if trace == 0.0:  # else the second round takes off what it costs, some 1e-8
+            break
 
 
 @inlined
-def _respond(problem: Problem, i: int, x: Array, closings: Closings, response: Response, s: _Scratch) -> None:
+def _respond(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
     """Write the changes of one angle per unit of output torque.
 
     A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
     lambda the change of its force per unit of output torque.
     """
-    pose, softening = response.pose[i], response.softening[i]
-    pose[:] = 0.0
-    pose[2] = -problem.output_turn  # on the carrier
+    pose, softening, closing, change = told.pose_change[i], told.softening[i], told.rows[i], told.row_change[i]
     _answer(problem, pose, s)
     softening[:] = 0.0
-    _respond_pins(problem, i, x, closings, response, s)
-    m = min(i, len(problem.flank_stiffness) - 1)
-    for c in range(len(s.flank_force)):
-        change, closing = s.flank_tangent[c] * _flank(problem, i, c, pose), closings.flanks[i, c]
-        response.flanks[i, c] = change
-        if closing > 0.0:
-            linear = problem.flank_stiffness[m, c] * closing
-            softening[3] -= change * linear / problem.declared[3]
-            softening[6] -= change / 2.0  # half of the backlash is on each side
-            softening[8] += change * closing * math.log(linear / problem.reference_force) / problem.flank_exponent
-    joints = len(problem.parts)
-    cams = joints - 2 - len(s.flank_force) // 2
-    for q in range(joints):
-        dx, dy = _joint(problem, i, q, pose)
-        fx = s.joint_tangent[q, 0] * dx + s.joint_tangent[q, 1] * dy
-        fy = s.joint_tangent[q, 1] * dx + s.joint_tangent[q, 2] * dy
-        response.joints[i, q, 0], response.joints[i, q, 1] = fx, fy
-        work = fx * closings.joint_force[i, q, 0] + fy * closings.joint_force[i, q, 1]
-        if problem.clearance[q] < 0.0:
-            dx, dy = closings.joints[i, q, 0], closings.joints[i, q, 1]
-            if math.sqrt(dx * dx + dy * dy) < -problem.clearance[q]:
-                work /= 2.0  # rollers on both sides give way half as far
-        kind = 1 if q < cams else 2 if q < joints - 2 else 5 if q == joints - 2 else 4
+    _respond_pins(problem, i, told, s)
+    for r in range(len(change)):
+        change[r] = _closing(problem, i, r, pose)
+    flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
+    for r in range(flanks):
+        change[r] *= s.row_tangent[r]
+        if closing[r] > 0.0:
+            linear = problem.flank_stiffness[m, r] * closing[r]
+            softening[_GEAR_MESH] -= change[r] * linear / problem.declared[_GEAR_MESH]
+            softening[_BACKLASH] -= change[r] / 2.0  # half of it is on each side
+            shut = change[r] * closing[r] * math.log(linear / problem.reference_force)
+            softening[_FLANK_EXPONENT] += shut / problem.flank_exponent
+    for q in range(len(problem.clearance)):
+        r, kind = flanks + 2 * q, problem.kind[q]
+        dx, dy = change[r], change[r + 1]
+        change[r] = s.row_tangent[r] * dx + s.coupling[q] * dy
+        change[r + 1] = s.coupling[q] * dx + s.row_tangent[r + 1] * dy
+        work = change[r] * told.row_force[i, r] + change[r + 1] * told.row_force[i, r + 1]
+        if problem.clearance[q] < 0.0 and closing[r] ** 2 + closing[r + 1] ** 2 < problem.clearance[q] ** 2:
+            work /= 2.0  # rollers on both sides give way half as far
         softening[kind] -= work / problem.declared[kind]
 
 
 @inlined
-def _respond_pins(problem: Problem, i: int, x: Array, closings: Closings, response: Response, s: _Scratch) -> None:
+def _respond_pins(problem: Problem, i: int, told: Told, s: _Scratch) -> None:
     """The pins' part of `_respond`."""
     discs, count = s.pin_force.shape
-    pose, yielded, by_exponent, by_curvature = response.pose[i], 0.0, 0.0, 0.0
+    x, pose, softening = told.x[i], told.pose_change[i], told.softening[i]
+    yielded, by_exponent, by_curvature = 0.0, 0.0, 0.0
     for k in range(discs):
-        at, m = problem.first_disc + 3 * k, min(i, len(problem.pin_stiffness) - 1)
+        at, m = _FIRST_DISC + 3 * k, min(i, len(problem.pin_stiffness) - 1)
         dx, dy, turn = pose[at], pose[at + 1], pose[at + 2]
         row, lever, curvature = problem.pin_rows[i, k], problem.profile_lever[i, k], problem.curvature[i, k]
-        tangent, change = s.pin_tangent[k], response.pins[i, k]
-        slide, along = closings.slides[i, k], response.slides[i, k]
+        tangent, change = s.pin_tangent[k], told.pin_change[i, k]
+        slide, along = told.slides[i, k], told.slide_change[i, k]
         for p in range(count):
             change[p] = tangent[p] * (row[0, p] * dx + row[1, p] * dy + row[2, p] * turn)
             along[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn
@@ -841,16 +729,15 @@ def _respond_pins(problem: Problem, i: int, x: Array, closings: Closings, respon
             by_curvature += curvature[p] * slide[p] * (0.5 * change[p] * slide[p] + force[p] * along[p])
         for p in range(count):
             along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
-        stiffness, closing = problem.pin_stiffness[m, k], closings.pins[i, k]
+        stiffness, closing = problem.pin_stiffness[m, k], told.pins[i, k]
         for p in range(count):
             if closing[p] > 0.0:
                 linear = stiffness[p] * closing[p]
                 yielded += change[p] * linear
                 by_exponent += change[p] * closing[p] * math.log(linear / problem.reference_force)
-    softening = response.softening[i]
-    softening[0] = -yielded / problem.declared[0]
-    softening[7] = by_exponent / problem.pin_exponent
-    softening[9] = -by_curvature
+    softening[_PIN_CONTACT] = -yielded / problem.declared[_PIN_CONTACT]
+    softening[_PIN_EXPONENT] = by_exponent / problem.pin_exponent
+    softening[_CURVATURE] = -by_curvature
 
 
 # --- many angles ------------------------------------------------------------------------------------------------------
@@ -867,66 +754,34 @@ def scratch(problem: Problem) -> _Scratch:
     -------
     tuple of ndarray
     """
-    discs, pins = problem.pin_rows.shape[1], problem.pin_rows.shape[3]
-    flanks, joints, size = problem.flank_error.shape[1], len(problem.parts), len(problem.envelope)
-    return _Scratch(
-        np.empty((discs, pins)),
-        np.empty((discs, pins)),
-        np.empty(flanks),
-        np.empty(flanks),
-        np.empty((joints, 3)),
-        np.empty(size),
-        np.empty((size, size)),
-        np.empty((size, size)),
-        np.empty((size, size)),
-        np.empty(size),
-        np.empty(size),
-        np.empty(size),
-        np.empty(size),
-        np.empty(3),
-    )
+    pins, size = problem.pin_error.shape[1:], len(problem.envelope)
+    rows, bearings, square = len(problem.columns), len(problem.clearance), (size, size)
+    shapes = (pins, pins, rows, bearings, size, square, square, square, size, size, size, size, 3)
+    return _Scratch(*(np.empty(shape) for shape in shapes))
 
 
 @compiled
-def solve(
-    problem: Problem,
-    x: Array,
-    start: int,
-    steps: Integers,
-    found: Flags,
-    closings: Closings,
-    forces: Forces,
-    response: Response,
-    s: _Scratch,
-) -> None:
+def solve(problem: Problem, start: int, told: Told, s: _Scratch) -> None:
     """Find the poses of least energy, and tell of the contacts there.
 
     Parameters
     ----------
     problem : Problem
-    x : ndarray, shape (n, unknowns)
-        Poses, mm and rad; overwritten unless they are given.
     start : int
-        `GIVEN`, `NEAR` or `COLD`.
-    steps : ndarray of int, shape (n,)
-        Overwritten: Newton steps of each angle.
-    found : ndarray of bool, shape (n,)
-        Overwritten: whether the forces balance.
-    closings : Closings
-        Overwritten.
-    forces : Forces
-        Overwritten, unless empty.
-    response : Response
-        Overwritten, unless empty.
+        `GIVEN`, `NEAR` or `COLD`: what the poses are before.
+    told : Told
+        Overwritten, but for poses that are given, and groups that are empty.
+    s : tuple of ndarray
+        From `scratch`; overwritten.
     """
-    for i in range(len(x)):
-        rounding = _spring_matrix(problem, i, s)
+    for i in range(len(told.x)):
+        rounding = _springs(problem, i, s)
         first = start
-        if start == COLD and i % _TOGETHER and found[i - 1]:
-            _copy(x[i - 1], x[i])
+        if start == COLD and i % _TOGETHER and told.found[i - 1]:
+            _copy(told.x[i - 1], told.x[i])
             first = NEAR
-        steps[i], found[i] = _settle(problem, i, x[i], first, rounding, closings, s)
-        if len(forces.energy):
-            _tell(problem, i, forces, s)
-        if len(response.pose):
-            _respond(problem, i, x[i], closings, response, s)
+        told.steps[i], told.found[i] = _settle(problem, i, told.x[i], first, rounding, told, s)
+        if len(told.energy):
+            _tell(problem, i, told, s)
+        if len(told.pose_change):
+            _respond(problem, i, told, s)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rverror.base.arrays import Array, unit_vectors
+from rverror.base.arrays import Array
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose
@@ -29,22 +29,19 @@ from rverror.model.readings import added, felt, stand
 from rverror.statics.energy import (
     GRADIENT_TOLERANCE,
     Errors,
-    Flags,
     Geometry,
-    Solution,
     by_contact,
     error_closing,
     flank_lever,
     loaded_problem,
     preloaded,
     refined,
-    samples_first,
     samples_last,
     solve,
 )
 
 if TYPE_CHECKING:
-    from rverror.statics.kernel import Forces, Problem, Response
+    from rverror.statics.kernel import Problem, Told
 
 _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
@@ -422,9 +419,9 @@ class Statics:
                 raise NotConvergedError(str(error)) from error
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            solution = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
-            _check_found(solution, contacts.motion.theta, idle=idle)
-            settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
+            told = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
+            _check_found(told, contacts.motion.theta, idle=idle)
+            settled = Settled(contacts, self.reducer, torque, errors, problem, told)
             yield settled.unloaded() if idle else settled
             first = last
 
@@ -502,13 +499,13 @@ def _trace(reducer: Reducer) -> float:
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
 
 
-def _check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
-    lost = ~solution.found
+def _check_found(told: Told, theta: Array, *, idle: bool) -> None:
+    lost = ~told.found
     if lost.any():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[lost][:5])
         loaded = "" if idle else ", or take a greater load"
         raise NotConvergedError(
-            f"no equilibrium after {solution.steps[lost].min()} steps at {lost.sum()} of {lost.size} angles (theta = "
+            f"no equilibrium after {told.steps[lost].min()} steps at {lost.sum()} of {lost.size} angles (theta = "
             f"{where} deg ...); check for errors and clearances far above 0.1 mm{loaded}"
         )
 
@@ -525,7 +522,8 @@ class Settled:
         Size of the load on the carrier, N*mm.
     errors : Errors
     problem : kernel.Problem
-    solution : Solution
+    told : kernel.Told
+        What was found.
     unloading : ndarray, shape (n, unknowns), or 0
         What taking the load off adds to the pose.
     """
@@ -535,44 +533,31 @@ class Settled:
     torque: float
     errors: Errors
     problem: Problem
-    solution: Solution
+    told: Told
     unloading: Array | float = 0.0
 
     @property
     def x(self) -> Array:
         """Pose under the load, (n, unknowns)."""
-        return self.solution.x
+        return self.told.x
 
     @cached_property
-    def forces(self) -> Forces:
-        """What the contacts carry, how stiff they are, and what is out of balance."""
-        known = self.solution.forces
-        return known if len(known.energy) else solve(self.problem, given=self.x, forces=True).forces
+    def forces(self) -> Told:
+        """The same with what the contacts carry, how stiff they are, and what is out of balance."""
+        return self.told if len(self.told.energy) else solve(self.problem, given=self.x, forces=True)
 
     @cached_property
     def matrix(self) -> Array:
         """Second derivative of the energy, (n, unknowns, unknowns)."""
-        known = self.solution.forces.matrix
-        return known if len(known) else solve(self.problem, given=self.x, matrix=True).forces.matrix
-
-    @property
-    def response(self) -> Response:
-        """Changes per unit of output torque, which were asked for."""
-        return self.solution.response
-
-    @cached_property
-    def closed_pins(self) -> Flags:
-        """Pins that carry, (n, discs, pins)."""
-        return np.asarray(self.solution.closings.pins > 0)
+        return (self.told if len(self.told.matrix) else solve(self.problem, given=self.x, matrix=True)).matrix
 
     def at(self, x: Array) -> Settled:
         """The same in other poses, whether or not forces balance there."""
-        return replace(self, solution=solve(self.problem, given=x, matrix=True), unloading=0.0)
+        return replace(self, told=solve(self.problem, given=x, matrix=True), unloading=0.0)
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        per_torque = self.problem.load[:, 2:3] / self.contacts.output_turn
-        return replace(self, unloading=per_torque * self.response.pose)
+        return replace(self, unloading=self.problem.load[:, 2:3] / self.contacts.output_turn * self.told.pose_change)
 
     @property
     def transmission_error(self) -> Array:
@@ -584,7 +569,7 @@ class Settled:
         reducer, n = self.reducer, len(self.x)
         parts = samples_last(self.x + self.unloading)
         bodies = parts[3:-2].reshape(-1, 3, n)
-        forces, normal = self.forces, self.contacts.motion.pin_normal
+        normal = self.contacts.motion.pin_normal
         if self.problem.share:
             normal = normal - samples_last(self._turn)[:, :, None] * self.contacts.profile_tangent
         return Equilibrium(
@@ -596,41 +581,46 @@ class Settled:
                 "sun": parts[-2:],
             },
             contact_forces={
-                **self._vectors(forces.flanks, self.solution.closings.joint_force),
-                "pin": samples_last(forces.pins)[:, :, None] * normal,
+                **self._vectors(self.told.row_force),
+                "pin": samples_last(self.forces.pin_force)[:, :, None] * normal,
             },
-            loaded_pins=self.closed_pins.sum(axis=2).T,
-            steps=self.solution.steps,
-            residual=GRADIENT_TOLERANCE * np.abs(forces.gradient).max(axis=1) / self.problem.tolerance,
+            loaded_pins=(self.told.pins > 0).sum(axis=2).T,
+            steps=self.told.steps,
+            residual=GRADIENT_TOLERANCE * np.abs(self.forces.gradient).max(axis=1) / self.problem.tolerance,
             theta=self.contacts.motion.theta,
         )
 
     @property
     def _turn(self) -> Array:
         """How far the normal of each pin has turned, (n, discs, pins)."""
-        return np.asarray(self.problem.share * self.contacts.curvature * self.solution.closings.slides)
+        return np.asarray(self.problem.share * self.contacts.curvature * self.told.slides)
+
+    def _split(self, rows: Array) -> tuple[Array, Array]:
+        """Rows of flanks, (n, 2 cranks), and of bearings, (n, bearings, 2)."""
+        flanks = 2 * self.reducer.cranks
+        return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2)
 
     def tangent(self) -> Tangent:
         """Stiffness of every contact."""
-        forces, closings = self.forces, self.solution.closings
-        stiffness, far = self.problem.joint_stiffness, np.sqrt((closings.joints**2).sum(axis=-1))
-        pressed = np.sqrt((closings.joint_force**2).sum(axis=-1))
-        pressed += 2 * stiffness * np.maximum(-self.errors.clearance - far, 0.0)  # by the rollers behind
+        forces, stiffness = self.forces, self.problem.bearing_stiffness
+        (flank, own), (flank_force, force) = self._split(forces.row_tangent), self._split(self.told.row_force)
+        behind = np.maximum(-self.errors.clearance - np.sqrt((self._split(self.told.rows)[1] ** 2).sum(axis=-1)), 0.0)
         return Tangent(
             contacts=self.contacts,
             x=self.x + self.unloading,
             pin=forces.pin_tangent,
-            flank=forces.flank_tangent,
-            joint=forces.joint_tangent[..., [[0, 1], [1, 2]]],
-            pin_force=forces.pins,
-            flank_force=forces.flanks,
-            joint_force=closings.joint_force,
-            joint_pressed=pressed,
+            flank=flank,
+            joint=own[..., None] * np.eye(2) + forces.coupling[..., None, None] * (1 - np.eye(2)),
+            pin_force=forces.pin_force,
+            flank_force=flank_force,
+            joint_force=force,
+            joint_pressed=np.sqrt((force**2).sum(axis=-1)) + 2 * stiffness * behind,
         )
 
-    def _vectors(self, flanks: Array, joints: Array) -> dict[str, Array]:
+    def _vectors(self, rows: Array) -> dict[str, Array]:
         """Vectors of the driving on the driven part, samples last, from sizes on flanks and vectors of bearings."""
-        reducer, n = self.reducer, len(self.x)
+        reducer, n = self.reducer, len(rows)
+        flanks, joints = self._split(rows)
         flank = samples_last(flanks.reshape(n, reducer.cranks, 2))
         return {
             **self._bearings(joints),
@@ -639,7 +629,7 @@ class Settled:
         }
 
     def _bearings(self, joints: Array) -> dict[str, Array]:
-        """Vectors of cams and carrier bores, samples last, from those of all joints, samples first."""
+        """Vectors of cams and carrier bores, samples last, from those of all bearings, samples first."""
         reducer, vectors = self.reducer, samples_last(joints)
         cams = reducer.discs * reducer.cranks
         return {
@@ -647,23 +637,19 @@ class Settled:
             "carrier": vectors[cams:-2],
         }
 
-    @property
-    def _direction(self) -> Array:
-        """Unit vectors along which bearings carry, (n, joints, 2).
-
-        0 where rollers on both sides do, and a clearance moves nothing.
-        """
-        joints = self.solution.closings.joints
+    def _directions(self) -> Array:
+        """Unit vectors along which bearings carry, (n, bearings, 2); 0 where rollers behind do, too."""
+        joints = self._split(self.told.rows)[1]
         far = np.sqrt((joints**2).sum(axis=-1))
-        return np.asarray(joints * ((far >= -self.errors.clearance) / np.where(far > 0, far, 1.0))[..., None])
+        return np.asarray(
+            joints * ((far > 0) & (far >= -self.errors.clearance))[..., None] / np.where(far, far, 1)[..., None]
+        )
 
     def _pressed_in(self) -> tuple[Array, Array]:
-        """Forces that would press linear pins and flanks in as far as they are."""
-        closings, problem = self.solution.closings, self.problem
-        return (
-            problem.pin_stiffness * np.maximum(closings.pins, 0.0),
-            problem.flank_stiffness * np.maximum(closings.flanks, 0.0),
-        )
+        """Forces on pins, and on rows, that would press linear contacts in as far as they are."""
+        flanks, rows = self.problem.flank_stiffness.shape[1], self.told.row_force.copy()
+        rows[:, :flanks] = self.problem.flank_stiffness * np.maximum(self.told.rows[:, :flanks], 0.0)
+        return self.problem.pin_stiffness * np.maximum(self.told.pins, 0.0), rows
 
     def pose_changes(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the pose per parameter (n, unknowns, parameters), the closed contacts held closed.
@@ -679,87 +665,74 @@ class Settled:
 
     def _pressing(self, errors: Errors) -> Array:
         """Force of errors on the pose, (n, unknowns), the closed contacts held closed."""
-        contacts, forces, n = self.contacts, self.forces, len(self.x)
-        pressed_pins, pressed_flanks = self._pressed_in()
-        joints, turn = errors.joint.copy(), self._turn
-        pins, flanks = errors.pin - turn * errors.along, errors.flank
+        contacts, forces, turn = self.contacts, self.forces, self._turn
+        pins, rows = errors.pin - turn * errors.along, errors.row.copy()
         # what gives way opens by as much
-        if "pin" in errors.compliance:
-            pins = pins - errors.compliance["pin"] * pressed_pins
-        if "mesh" in errors.compliance:
-            flanks = flanks - errors.compliance["mesh"] * pressed_flanks
-        cams = self.reducer.discs * self.reducer.cranks
-        for contact, at in (("cam", slice(0, cams)), ("carrier", slice(cams, -2))):
-            if contact in errors.compliance:
-                joints[:, at] -= errors.compliance[contact][..., None] * self.solution.closings.joint_force[:, at]
-        if errors.clearance.any():
-            along = unit_vectors(samples_last(self.solution.closings.joints))
-            joints -= errors.clearance[:, None] * samples_first(along)
-        stiff = forces.joint_tangent[..., [[0, 1], [1, 2]]]
-        force = np.einsum("nqd,nq->nd", contacts.flank_rows, forces.flank_tangent * flanks)
-        force += np.einsum("nqcd,nqc->nd", contacts.joint_rows, (stiff @ joints[..., None])[..., 0])
-        profile = np.stack([-contacts.pin_rows[:, :, 1], contacts.pin_rows[:, :, 0], contacts.profile_lever], axis=2)
+        pressed_pins, pressed = self._pressed_in()
+        pins -= errors.compliance.get("pin", 0.0) * pressed_pins
+        of_rows = by_contact(self.reducer, pin=pins, along=pins, row=rows)
+        carried = by_contact(self.reducer, pin=pins, along=pins, row=pressed)
+        for contact, more in errors.compliance.items():
+            if contact != "pin":
+                shape = of_rows[contact].shape
+                more = more.reshape(shape) if contact == "mesh" else more.reshape(shape[:-1])[..., None]
+                of_rows[contact] -= more * carried[contact]
+        flanks, joints = self._split(rows)
+        joints = joints - errors.clearance[:, None] * self._directions()
+        tangent = self.tangent()
+        force = np.einsum("nqd,nq->nd", contacts.flank_rows, tangent.flank * flanks)
+        force += np.einsum("nqcd,nqc->nd", contacts.joint_rows, (tangent.joint @ joints[..., None])[..., 0])
         into = forces.pin_tangent * pins
-        along_profile = -turn * into
+        sideways = -turn * into
         if self.problem.share:
-            along_profile = along_profile - self.problem.share * contacts.curvature * forces.pins * errors.along
+            sideways = sideways - self.problem.share * contacts.curvature * forces.pin_force * errors.along
+        profile = np.stack([-contacts.pin_rows[:, :, 1], contacts.pin_rows[:, :, 0], contacts.profile_lever], axis=2)
         on_discs = np.einsum("nki,nkci->nkc", into, contacts.pin_rows)
-        on_discs += np.einsum("nki,nkci->nkc", along_profile, profile)
-        force[:, 3 : 3 + on_discs[0].size] += on_discs.reshape(n, -1)
+        on_discs += np.einsum("nki,nkci->nkc", sideways, profile)
+        force[:, 3 : 3 + on_discs[0].size] += on_discs.reshape(len(force), -1)
         return np.asarray(force)
 
     def softening(self) -> Array:
         """Change of the output angle per unit of each of `SOFTENING`, (10, n)."""
-        return np.ascontiguousarray(self.response.softening.T)
+        return np.ascontiguousarray(self.told.softening.T)
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        change, where = self.response, self.contacts.motion
-        pins = samples_last(change.pins)[:, :, None] * where.pin_normal
+        told, normal = self.told, self.contacts.motion.pin_normal
+        pins = samples_last(told.pin_change)[:, :, None] * normal
         if self.problem.share:  # a pin's force turns with its normal
-            pins = pins + samples_last(change.slides)[:, :, None] * self.contacts.profile_tangent
-        pressed_pins, pressed_flanks = self._pressed_in()
-        carried = {
-            **self._vectors(pressed_flanks, self.solution.closings.joint_force),
-            "pin": samples_last(pressed_pins)[:, :, None] * where.pin_normal,
-        }
+            pins = pins + samples_last(told.slide_change)[:, :, None] * self.contacts.profile_tangent
+        pressed_pins, pressed = self._pressed_in()
+        carried = {**self._vectors(pressed), "pin": samples_last(pressed_pins)[:, :, None] * normal}
         return {
-            **self._vectors(change.flanks, change.joints),
+            **self._vectors(told.row_change),
             "pin": pins,
-            **{f"{key} direction": along for key, along in self._bearings(self._direction).items()},
+            **{f"{key} direction": along for key, along in self._bearings(self._directions()).items()},
             **{f"{key} carried": carried[key] for key in YIELDING},
             "output": np.ones((1, len(self.x))),
         }
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
-        change, rows = self.response, [np.zeros((0, len(self.x)))]
-        weights = by_contact(
-            self.reducer, pin=change.pins, along=change.slides, flank=change.flanks, joint=change.joints
-        )
+        told, rows = self.told, [np.zeros((0, len(self.x)))]
+        changes = by_contact(self.reducer, pin=told.pin_change, along=told.slide_change, row=told.row_change)
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
                 rows.append(self._yielding(closings))
                 continue
-            parts = [one.work(weights[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
+            parts = [one.work(changes[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 
     def _yielding(self, part: Clearance | Compliance) -> Array:
         """`influences` of what lets a contact give way along its own force, and so against the motion."""
-        change, cams = self.response, self.reducer.discs * self.reducer.cranks
-        if part.contact in BEARINGS:
-            along = self._direction if isinstance(part, Clearance) else self.solution.closings.joint_force
-            work = (change.joints * along).sum(axis=-1)
-            work = (
-                work[:, :cams].reshape(len(work), -1, self.reducer.cranks)
-                if part.contact == "cam"
-                else work[:, cams:-2]
-            )
-        else:
-            pins, flanks = self._pressed_in()
-            work = change.pins * pins if part.contact == "pin" else (change.flanks * flanks).reshape(len(pins), -1, 2)
-        share = 1.0 if isinstance(part, Clearance) else part.share
-        here = samples_last(work)[part.at if isinstance(part, Compliance) else ()]
-        return np.asarray(-np.sum(share * here[None], axis=tuple(range(1, here.ndim))))
+        told = self.told
+        if isinstance(part, Clearance):
+            bearings = self._bearings(self._split(told.row_change)[1] * self._directions())[part.contact]
+            return np.asarray(-bearings.reshape(1, -1, len(self.x)).sum(axis=1))
+        pins, rows = self._pressed_in()
+        work = by_contact(self.reducer, pin=told.pin_change * pins, along=pins, row=told.row_change * rows)
+        here = samples_last(work[part.contact])
+        here = (here.sum(axis=-2) if part.contact in BEARINGS else here)[part.at]
+        return np.asarray(-np.sum(part.share * here, axis=tuple(range(1, here.ndim))))

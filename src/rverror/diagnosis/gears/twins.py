@@ -90,4 +90,4 @@ def _apart(rows: Array, others: Array) -> float:
 
 
 def _flat(errors: Errors) -> Array:
-    return np.concatenate([errors.pin.ravel(), errors.flank.ravel(), errors.joint.ravel()])
+    return np.concatenate([errors.pin.ravel(), errors.row.ravel()])
