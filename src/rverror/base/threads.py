@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Collection, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Iterator, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -56,12 +58,26 @@ def threads() -> int:
     Returns
     -------
     int
-        1 on a thread that is one of several already.
+        No more than `at_most` says; 1 on a thread that is one of several already.
     """
-    if getattr(_HERE, "busy", False):
-        return 1
     said = os.environ.get(KERNEL_THREADS, "")
-    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST)
+    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST, getattr(_HERE, "most", _MOST))
+
+
+@contextmanager
+def at_most(count: int) -> Iterator[None]:
+    """Let what is called within a ``with`` block use no more than so many threads.
+
+    Parameters
+    ----------
+    count : int
+    """
+    before = getattr(_HERE, "most", _MOST)
+    _HERE.most = min(count, before)
+    try:
+        yield
+    finally:
+        _HERE.most = before
 
 
 def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -82,7 +98,8 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     count = min(threads(), len(items))
     if count < 2:
         return [function(item) for item in items]
-    return list(_pool(threads()).map(function, items))
+    contexts = [copy_context() for _ in items]  # what is set here, such as sources that were added, holds there
+    return list(_pool(threads()).map(lambda context, item: context.run(function, item), contexts, items))
 
 
 def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
@@ -106,7 +123,7 @@ _HERE = threading.local()
 
 
 def _begin() -> None:
-    _HERE.busy = True
+    _HERE.most = 1
 
 
 @cache

@@ -15,7 +15,7 @@ from rverror.base.arrays import Array
 Flags = npt.NDArray[np.bool_]
 
 _MOST_LAGS = 32
-_BLOCK = 64  # samples that are whitened by one product; no less than lags
+_BLOCK = 32  # samples that are whitened by one product; no less than lags
 _TABLE = 4096  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
@@ -158,7 +158,7 @@ class Whitening:
         padded[:, _BLOCK : _BLOCK + n] = rows
         blocks = padded.reshape(-1, _BLOCK)
         white = blocks @ self._matrix[_BLOCK:]
-        white[1:] += blocks[:-1, -_MOST_LAGS:] @ self._matrix[_BLOCK - _MOST_LAGS : _BLOCK]
+        white[1:] += blocks[:-1] @ self._matrix[:_BLOCK]
         return np.asarray(white.reshape(padded.shape)[:, _BLOCK:][:, self._used])
 
     @cached_property
@@ -201,4 +201,5 @@ class Whitening:
     def __call__(self, rows: Array) -> Array:
         """Rows (k, n) whitened, less what nuisances make of them."""
         white = self.filtered(rows)
-        return np.asarray(white - (white @ self._basis.T) @ self._basis)
+        white -= (white @ self._basis.T) @ self._basis
+        return white
