@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Collection, Iterator, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -98,8 +99,32 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     count = min(threads(), len(items))
     if count < 2:
         return [function(item) for item in items]
-    contexts = [copy_context() for _ in items]  # what is set here, such as sources that were added, holds there
-    return list(_pool(threads()).map(lambda context, item: context.run(function, item), contexts, items))
+    waiting, found = deque(range(len(items))), dict[int, R]()
+    failed = dict[int, BaseException]()
+
+    def work() -> None:
+        with at_most(1):
+            while waiting:
+                try:
+                    number = waiting.popleft()
+                except IndexError:  # another thread was quicker
+                    return
+                try:
+                    found[number] = function(items[number])
+                except BaseException as error:
+                    failed[number] = error
+                    waiting.clear()
+
+    # what is set here, such as sources that were added, holds on the threads; this one works too, so that nothing waits
+    # for threads that are busy elsewhere
+    others = [_pool(count - 1).submit(copy_context().run, work) for _ in range(count - 1)]
+    work()
+    for one in others:
+        if not one.cancel():
+            one.result()
+    if failed:  # of several the one that would have come first
+        raise failed[min(failed)]
+    return [found[number] for number in range(len(items))]
 
 
 def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
@@ -122,13 +147,9 @@ def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
 _HERE = threading.local()
 
 
-def _begin() -> None:
-    _HERE.most = 1
-
-
 @cache
 def _pool(count: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(count, "rverror", initializer=_begin)
+    return ThreadPoolExecutor(count, "rverror")
 
 
 if hasattr(os, "register_at_fork"):  # a copy of this process has none of its threads

@@ -9,14 +9,16 @@ what noise alone hardly exceeds, D counts as N + M ln(1 + (D - N)/M).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.base.threads import each
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
@@ -28,6 +30,8 @@ from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import felt
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
+
+R = TypeVar("R")
 
 Flags = npt.NDArray[np.bool_]
 
@@ -138,17 +142,23 @@ class RunSet:
         on_grid = [i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)]
         at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in on_grid]).astype(np.intp) if on_grid else None
         parts = [np.concatenate([source_matrix(*one, *named[i]) for i in on_grid]) if on_grid else None for one in made]
-        result = []
-        for number, sight in enumerate(self.sights):
-            which = self.which[number]
+
+        def seen(number: int) -> Array:
+            sight, which = self.sights[number], self.which[number]
             rows = np.zeros((ends[-1], sight.width))
             part = parts[which]
             if part is not None:
                 rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
             for i in set(range(len(named))) - set(on_grid):
                 rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], made[which][1], offset)
-            result.append(rows)
-        return result
+            return rows
+
+        return self.of_each(seen)
+
+    def of_each(self, function: Callable[[int], R]) -> list[R]:
+        """What a function makes of the number of each record, side by side where all samples are looked at."""
+        numbers = range(len(self.records))
+        return [function(number) for number in numbers] if self.few else each(function, numbers)
 
     @cached_property
     def sights(self) -> tuple[Sight, ...]:
@@ -347,18 +357,16 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
     others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
     apart = [e for _, e in others if bench.apart(e.key)]
     forces = [c.forces(w) if apart else (None, None) for c, w in zip(bench.conditions, waves, strict=True)]
-    residuals, all_rows, raw = [], [], []
-    gram, moment, data = np.zeros((size, size)), np.zeros(size), 0.0
-    for number in range(len(bench.records)):
-        sight = bench.sights[number]
-        wave = waves[bench.which[number]]
+    at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))])
+    at = at.astype(np.intp)
+
+    def seen(number: int) -> tuple[Array, Array, Array, float, Array, Array]:
+        """Of one record: residual, whitened rows, rows, squares, Gram matrix and moment."""
+        sight, wave = bench.sights[number], waves[bench.which[number]]
         rows = np.zeros((size, sight.width))
-        at = np.concatenate(
-            [np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))]
-        )
         part = sight.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
         predicted = part[0]
-        rows[at.astype(np.intp)] = part[1:]
+        rows[at] = part[1:]
         for i, effect in others:
             own = slice(ends[i], ends[i + 1])
             if source(effect.key).acts == "marks":
@@ -372,12 +380,10 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
                 rows[count + len(SOFTENING) + k] = sight.constant
         rest = sight.measured - predicted
         white = sight.whiten(np.concatenate([rest[None], rows]))
-        data += float(white[0] @ white[0])
-        gram += white[1:] @ white[1:].T
-        moment += white[1:] @ white[0]
-        residuals.append(rest)
-        all_rows.append(white)
-        raw.append(rows)
+        return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
+
+    residuals, all_rows, raw, squares, grams, moments = zip(*bench.of_each(seen), strict=True)
+    data, gram, moment = sum(squares), sum(grams), sum(moments)
     if bench.zeros:  # a shared zero has any size: the best one is taken off here
         z = slice(size - len(bench.zeros), size)
         best = np.linalg.lstsq(gram[z, z], moment[z], rcond=None)[0]
@@ -386,7 +392,7 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
         for rest, white, rows in zip(residuals, all_rows, raw, strict=True):
             rest -= best @ rows[z]
             white[0] -= best @ white[1:][z]
-    return Fit(bench, model, declared, tuple(waves), tuple(residuals), tuple(all_rows), tuple(raw), data, gram, moment)
+    return Fit(bench, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
 
 
 def moved(model: Model, step: Array) -> Model:

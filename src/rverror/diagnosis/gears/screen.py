@@ -56,13 +56,15 @@ def screened(
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in named)])
     cross, moment = np.zeros((ends[-1], size)), np.zeros(ends[-1])
     own = [np.zeros((b - a, b - a)) for a, b in pairwise(ends)]
-    for sight, white, more in zip(bench.sights, fit.rows, rows, strict=True):
-        new = sight.whiten(more)
-        both = new @ white.T
+
+    def seen(number: int) -> tuple[Array, list[Array]]:
+        new = bench.sights[number].whiten(rows[number])
+        return new @ fit.rows[number].T, [new[first:last] @ new[first:last].T for first, last in pairwise(ends)]
+
+    for both, blocks in bench.of_each(seen):
         moment += both[:, 0]
         cross += both[:, 1:]
-        for block, (first, last) in zip(own, pairwise(ends), strict=True):
-            block += new[first:last] @ new[first:last].T
+        own = [total + block for total, block in zip(own, blocks, strict=True)]
     low, high = bounds(fit)
     pull = fit.moment / fit.scale - fit.pull * fit.off
     stopped = ((low == 0) & (pull < 0)) | ((high == 0) & (pull > 0))  # at a bound, and would go on

@@ -10,6 +10,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit, onto_samples
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.policy import Policy
@@ -81,10 +82,14 @@ def _strongest(
     lowest = policy.least_cycles / turns
     total: Array | None = None
     orders: Array | None = None
-    for record, rest in zip(records, rests, strict=True):
+
+    def seen(both: tuple[Record, Array]) -> tuple[Array, Array]:
+        record, rest = both
         assert record.noise is not None
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
-        order, power = line_spectrum(record.theta, clean, record.noise, lowest, highest)
+        return line_spectrum(record.theta, clean, record.noise, lowest, highest)
+
+    for order, power in each(seen, list(zip(records, rests, strict=True))):
         if orders is None or total is None:
             orders, total = order, power.copy()
         else:
