@@ -166,7 +166,8 @@ class RunSet:
         full = [EverySample(r) for r in self.records]
         if not self.few:
             return tuple(full)
-        return tuple(compressed(self, one, self.conditions[w].turn) for one, w in zip(full, self.which, strict=True))
+        grids = [self.conditions[which].turn for which in self.which]
+        return tuple(each(lambda both: compressed(self, *both), list(zip(full, grids, strict=True))))
 
 
 @dataclass(frozen=True, eq=False)
