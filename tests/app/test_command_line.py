@@ -693,12 +693,12 @@ def test_sources_as_json(bench: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert orders["coupling.carrier_bore_position"] == []
 
 
-def test_two_processes_find_what_one_does(found: Outcome, tmp_path: Path) -> None:
+def test_two_threads_find_what_one_does(found: Outcome, tmp_path: Path) -> None:
     """The session's diagnosis was made by one."""
     target = tmp_path / "two.json"
     files = [str(found.folder / name) for name in ("model.toml", "forward.csv", "reverse.csv")]
-    alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    done = process("diagnose", *files, "--json", str(target), "--jobs", "2", stdout=subprocess.PIPE, env=alone)
+    both = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    done = process("diagnose", *files, "--json", str(target), "--jobs", "2", stdout=subprocess.PIPE, env=both)
     assert done.returncode == 0, done.stderr
     two = strict_json(target.read_text(encoding="utf-8"))
     one = found.json()
@@ -708,9 +708,9 @@ def test_two_processes_find_what_one_does(found: Outcome, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("jobs", ["0", "-1"])
-def test_no_process_does_no_work(bench: Path, jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_thread_does_no_work(bench: Path, jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("diagnose", "model.toml", "forward.csv", "--jobs", jobs) == 2
-    assert f"--jobs: {jobs} processes do no work; give 1 or more" in capsys.readouterr().err
+    assert f"--jobs: {jobs} threads do no work; give 1 or more" in capsys.readouterr().err
 
 
 # --- the demo ---------------------------------------------------------------------------------------------------------

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 
-from rverror.base.threads import BLAS_THREADS, cores, each, each_part, one_for_a_diagnosis, threads
+from rverror.base.threads import BLAS_THREADS, at_most, cores, each, each_part, one_for_a_diagnosis, threads
+from rverror.model.catalogue import extended, source
 
 
 @pytest.mark.parametrize(
@@ -62,6 +64,24 @@ def test_results_are_in_order_and_a_thread_starts_no_others(monkeypatch: pytest.
         return item, threads(), each(lambda one: one + item, [1, 2])
 
     assert each(work, [5, 6, 7]) == [(item, 1, [item + 1, item + 2]) for item in (5, 6, 7)]
+
+
+def test_no_more_threads_than_a_block_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "8")
+    with at_most(3):
+        assert threads() == 3
+        with at_most(5):  # not more than those around it
+            assert threads() == 3
+        with at_most(1):
+            assert threads() == 1
+    assert threads() == 8
+
+
+def test_what_is_set_where_threads_begin_holds_on_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    mine = replace(source("sensor.encoder_eccentricity"), key="sensor.of_my_own")
+    with extended(mine):
+        assert each(source, [mine.key] * 4) == [mine] * 4
 
 
 @pytest.mark.parametrize("size", [0, 1, 7, 64, 65, 500])

@@ -237,7 +237,7 @@ def test_held_out_residual_keeps_declared_sizes_near_what_was_declared() -> None
 def test_refusals_name_the_run_and_the_remedy() -> None:
     """No run is refused for its travel; one of a few samples, and a reducer's that turns both ways, are."""
     unit = rverror.Model(rverror.reducer("RV-40E"))
-    with pytest.raises(rverror.InputError, match="jobs: 0 processes do no work; give 1 or more"):
+    with pytest.raises(rverror.InputError, match="jobs: 0 threads do no work; give 1 or more"):
         rverror.diagnose(rverror.Model(rverror.reducer("RV-40E")), [], jobs=0)
     with pytest.raises(rverror.InputError, match="no run given"):
         rverror.diagnose(drive(), [])

@@ -46,7 +46,8 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_CALM_ENDS",
         "_MOST_PEAKS", "_BY_NOISE",  # of noise
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",  # of what a run and a contact may be
-        "_NOTHING",  # of rounding
+        "_NOTHING", "_TRACE", "_EVEN",  # of rounding
+        "_BLOCK", "_KEPT",  # of how it is computed
         "_SAMPLES_A_WAVE", "_DRAG", "_GUESSED", "_LEAST_GUESS", "_LOADS_OF_A_LAW", "_LOADS", "_HARMONICS",  # of a table
         "_WAVES",  # of a passport
         "_STEPS", "_MOST",  # of a search that makes claims

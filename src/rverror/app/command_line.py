@@ -40,7 +40,6 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
 from rverror.base.text import check_name, shown
-from rverror.base.threads import cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.result import Diagnosis
@@ -155,7 +154,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
     command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
     command.add_argument(
-        "--jobs", type=int, metavar="N", help="processes that fit candidates (default: one for each core; Linux alone)"
+        "--jobs", type=int, metavar="N", help="threads that fit candidates (default: one for each core)"
     )
     command.set_defaults(run=_diagnose)
 
@@ -276,7 +275,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    _check_jobs(options.jobs)
+    _check_jobs(options.jobs, "threads")
     inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
     check_outputs([options.json, options.report, options.save, options.plot], inputs)
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
@@ -288,23 +287,23 @@ def _diagnose(options: argparse.Namespace) -> None:
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
     figure = _figure_maker() if options.plot else None
-    result = _diagnose_with_progress(model, runs, jobs=cores() if options.jobs is None else options.jobs)
+    result = _diagnose_with_progress(model, runs, jobs=options.jobs)
     if unseen:
         result = validated(result, unseen)
     print(to_text(result), end="")
     _write_results(result, options, figure, input_files(inputs))
 
 
-def _check_jobs(jobs: int | None) -> None:
+def _check_jobs(jobs: int | None, what: str) -> None:
     if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs: {jobs} processes do no work; give 1 or more")
+        raise InputError(f"--jobs: {jobs} {what} do no work; give 1 or more")
 
 
 def _diagnose_batch(options: argparse.Namespace) -> None:
     for name, path in (("FOLDER", options.folder), ("--out", options.out)):
         if not path.strip():
             raise InputError(f"{name}: {path!r} has no name; give a folder")
-    _check_jobs(options.jobs)
+    _check_jobs(options.jobs, "processes")
     with closing(Progress()) as progress:
         batch = diagnose_folder(
             options.folder,
@@ -406,7 +405,7 @@ def _demo(options: argparse.Namespace) -> None:
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
     print(f"Files: {model_path}, {run_paths[0]}, {run_paths[1]}\n")
     model = load_model(model_path)
-    result = _diagnose_with_progress(model, [read_run(path, model) for path in run_paths], jobs=cores())
+    result = _diagnose_with_progress(model, [read_run(path, model) for path in run_paths])
     for trace in result.traces:
         sizes = [float(w.max() - w.min()) / units.ARCSEC for w in (trace.measured, trace.before, trace.after)]
         name = Path(trace.name).name
@@ -435,6 +434,6 @@ def _demo(options: argparse.Namespace) -> None:
     print("    print(rverror.to_text(found))")
 
 
-def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable], *, jobs: int) -> Diagnosis:
+def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable], *, jobs: int | None = None) -> Diagnosis:
     with closing(Progress()) as progress:
         return diagnose(model, runs, progress=progress, jobs=jobs)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Collection, MutableMapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -56,12 +59,26 @@ def threads() -> int:
     Returns
     -------
     int
-        1 on a thread that is one of several already.
+        No more than `at_most` says; 1 on a thread that is one of several already.
     """
-    if getattr(_HERE, "busy", False):
-        return 1
     said = os.environ.get(KERNEL_THREADS, "")
-    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST)
+    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST, getattr(_HERE, "most", _MOST))
+
+
+@contextmanager
+def at_most(count: int) -> Iterator[None]:
+    """Let what is called within a ``with`` block use no more than so many threads.
+
+    Parameters
+    ----------
+    count : int
+    """
+    before = getattr(_HERE, "most", _MOST)
+    _HERE.most = min(count, before)
+    try:
+        yield
+    finally:
+        _HERE.most = before
 
 
 def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -82,7 +99,32 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     count = min(threads(), len(items))
     if count < 2:
         return [function(item) for item in items]
-    return list(_pool(threads()).map(function, items))
+    waiting, found = deque(range(len(items))), dict[int, R]()
+    failed = dict[int, BaseException]()
+
+    def work() -> None:
+        with at_most(1):
+            while waiting:
+                try:
+                    number = waiting.popleft()
+                except IndexError:  # another thread was quicker
+                    return
+                try:
+                    found[number] = function(items[number])
+                except BaseException as error:
+                    failed[number] = error
+                    waiting.clear()
+
+    # what is set here, such as sources that were added, holds on the threads; this one works too, so that nothing waits
+    # for threads that are busy elsewhere
+    others = [_pool(count - 1).submit(copy_context().run, work) for _ in range(count - 1)]
+    work()
+    for one in others:
+        if not one.cancel():
+            one.result()
+    if failed:  # of several the one that would have come first
+        raise failed[min(failed)]
+    return [found[number] for number in range(len(items))]
 
 
 def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
@@ -105,13 +147,9 @@ def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
 _HERE = threading.local()
 
 
-def _begin() -> None:
-    _HERE.busy = True
-
-
 @cache
 def _pool(count: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(count, "rverror", initializer=_begin)
+    return ThreadPoolExecutor(count, "rverror")
 
 
 if hasattr(os, "register_at_fork"):  # a copy of this process has none of its threads

@@ -258,6 +258,8 @@ def to_core(value: Any, dimension: str) -> float:
     >>> to_core("90 deg", "angle") == math.pi / 2
     True
     """
+    if type(value) is float and math.isfinite(value):
+        return value
     if isinstance(value, str):
         return parse(value, dimension)
     if isinstance(value, bool) or np.ndim(getattr(value, "magnitude", value)) != 0:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rverror.base.errors import InputError, check_each
+from rverror.base.threads import at_most, cores
 from rverror.diagnosis.gears.reducers import diagnose_reducer
 from rverror.diagnosis.orders.of_runs import passport_of_runs, resonances_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
@@ -25,7 +26,7 @@ def diagnose(
     *,
     progress: Progress | None = None,
     policy: Policy = POLICY,
-    jobs: int = 1,
+    jobs: int | None = None,
 ) -> Diagnosis:
     """Find the effects that a model lacks in measured runs.
 
@@ -47,9 +48,9 @@ def diagnose(
         Called with a line of text as the work goes on.
     policy : Policy
         Every threshold, and which sources are tried.
-    jobs : int
-        Processes that fit candidates side by side, for runs of a reducer; the result is the same.  On Linux alone, and
-        where the process has one thread (OPENBLAS_NUM_THREADS=1, and no notebook): elsewhere there is one.
+    jobs : int, optional
+        Threads that fit candidates side by side, for runs of a reducer, one for each core where left out; the result is
+        the same.
 
     Returns
     -------
@@ -84,8 +85,8 @@ def diagnose(
     """
     check_model(model)
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
-    if jobs < 1:
-        raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
+    if jobs is not None and jobs < 1:
+        raise InputError(f"jobs: {jobs} threads do no work; give 1 or more")
     for key in policy.keys:
         source(key)  # which names the nearest where there is none
     tell = progress or (lambda text: None)
@@ -100,13 +101,14 @@ def diagnose(
         raise InputError(
             f"{tables[0].path or 'an order table'}: order tables are diagnosed for a [reducer]; of a [drive] give runs"
         )
-    if tables:
-        return diagnose_tables(model, tables, tell, policy=policy)
-    unit = model.mechanism
-    if isinstance(unit, Drive):
-        found = diagnose_drive(model, samples, tell, policy=policy)
-    else:
-        resonances, notes, telling = resonances_of_runs(model, samples, policy=policy)
-        found = diagnose_reducer(model, telling, tell, policy=policy, jobs=jobs)
-        found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
-    return replace(found, passport=passport_of_runs(unit, samples))
+    with at_most(jobs or cores()):
+        if tables:
+            return diagnose_tables(model, tables, tell, policy=policy)
+        unit = model.mechanism
+        if isinstance(unit, Drive):
+            found = diagnose_drive(model, samples, tell, policy=policy)
+        else:
+            resonances, notes, telling = resonances_of_runs(model, samples, policy=policy)
+            found = diagnose_reducer(model, telling, tell, policy=policy)
+            found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
+        return replace(found, passport=passport_of_runs(unit, samples))

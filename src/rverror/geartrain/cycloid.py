@@ -357,9 +357,11 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     lobes, root = unit.disc_lobes, -(-disc * unit.pins // unit.discs) - disc / unit.discs
     psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
     crest = 2 * np.pi * (root + lobe + 0.5) / lobes
-    away = np.mod(psi - crest + np.pi, 2 * np.pi) - np.pi
-    shape = np.where(np.abs(away) < np.pi / lobes, np.cos(lobes * away / 2) ** 2, 0.0)
-    return ErrorVector(contact="pin", vector=shape[None, ..., None, :] * normal, at=(only(disc),))
+    away = psi - crest
+    away -= 2 * np.pi * np.rint(away / (2 * np.pi))
+    wave, met = np.zeros_like(away), np.abs(away) < np.pi / lobes
+    wave[met] = np.cos(lobes * away[met] / 2) ** 2
+    return ErrorVector(contact="pin", vector=(wave[..., None, :] * normal)[None], at=(only(disc),))
 
 
 def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:

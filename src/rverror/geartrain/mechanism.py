@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 from rverror.base import units
@@ -500,12 +501,12 @@ class Reducer(Viewed):
                 f"convex radius of the pin-centre trochoid, {bound:.4g} mm"
             )
 
-    @property
+    @cached_property
     def exact_carrier_ratio(self) -> Fraction:
         """R = 1 + (z2/z1) z_p/(z_p - z_c), turns of the input per turn of the carrier, both seen from the housing."""
         return 1 + Fraction(self.planet_teeth, self.sun_teeth) * self.pins / (self.pins - self.disc_lobes)
 
-    @property
+    @cached_property
     def exact_ratio(self) -> Fraction:
         """Input turns per output turn, as a fraction: R with the housing held, 1 - R with the carrier held."""
         return self.exact_carrier_ratio if self.output == "carrier" else 1 - self.exact_carrier_ratio
@@ -520,7 +521,7 @@ class Reducer(Viewed):
         """Part that stands still while the output turns, and carries the motor and the reading head."""
         return OUTPUTS[1 - OUTPUTS.index(self.output)]
 
-    @property
+    @cached_property
     def output_turn(self) -> float:
         """Turn of the output per turn of the carrier in the housing with the input held: 1, or -R/(R - 1)."""
         return float(self.exact_carrier_ratio / self.exact_ratio)

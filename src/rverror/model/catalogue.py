@@ -106,6 +106,8 @@ def source(key: str) -> Source:
     >>> source("cycloid.disc_pitch").frame
     'disc'
     """
+    if isinstance(key, str) and (entry := _OWN.get(key)) is not None:
+        return entry
     check_kind("key", key, str, "give a key of the catalogue, such as 'crank.eccentricity'")
     if key not in CATALOGUE:
         close = difflib.get_close_matches(key, CATALOGUE, n=1, cutoff=0.5)

@@ -19,7 +19,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.viewed import OneLine
-from rverror.geartrain.action_line import YIELDING, Clearance, Compliance, ContactForces, Contacts, project
+from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
@@ -722,13 +722,23 @@ class Settled:
         changes = by_contact(
             self.reducer, pin=solution.pin_change, along=solution.slide_change, row=solution.row_change
         )
-        forces: ContactForces | None = None
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
-                forces = forces or self.forces_per_torque()
-                rows.append(project(forces, closings, len(self.x)))
+                rows.append(self._yielding(closings))
                 continue
             parts = [one.work(changes[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
+
+    def _yielding(self, part: Clearance | Compliance) -> Array:
+        """`influences` of what lets a contact give way along its own force, and so against the motion."""
+        solution = self.solution
+        if isinstance(part, Clearance):
+            bearings = self._bearings(self._split(solution.row_change)[1] * self._directions())[part.contact]
+            return np.asarray(-bearings.reshape(1, -1, len(self.x)).sum(axis=1))
+        pins, rows = self._pressed_in()
+        work = by_contact(self.reducer, pin=solution.pin_change * pins, along=pins, row=solution.row_change * rows)
+        here = samples_last(work[part.contact])
+        here = (here.sum(axis=-2) if part.contact in BEARINGS else here)[part.at]
+        return np.asarray(-np.sum(part.share * here, axis=tuple(range(1, here.ndim))))

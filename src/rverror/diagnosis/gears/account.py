@@ -151,8 +151,7 @@ def residual(fit: Fit, *, hold: bool = False) -> Residual:
 def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     """Residual of each record, every stretch with sizes and offset from the others alone."""
     bench = fit.bench
-    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
-    free = np.isfinite(fit.weights)
+    weights, free = fit.pull, fit.free
     rests = onto_samples(fit)
     labels = [blocks(r) for r in bench.records]
     result = [np.zeros_like(rest) for rest in rests]
@@ -203,7 +202,7 @@ def spread(fit: Fit) -> Array:
 
 def shared(fit: Fit, squares: float) -> float:
     """Squares for each value that the fit may move."""
-    return squares / max(int(np.isfinite(fit.weights).sum()), 1)
+    return squares / max(int(fit.free.sum()), 1)
 
 
 def reach(fit: Fit, variance: float) -> float:

@@ -9,14 +9,16 @@ what noise alone hardly exceeds, D counts as N + M ln(1 + (D - N)/M).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.base.threads import each
 from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
@@ -29,10 +31,14 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import felt
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
 
+R = TypeVar("R")
+
 Flags = npt.NDArray[np.bool_]
 
 #: Share of the promised fall from which longer steps are trusted; below one less it, shorter ones.
 _TRUE = 0.75
+#: Of each value's own entry: what holds values that nothing tells apart.
+_TRACE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +109,11 @@ class RunSet:
         return sum(r.whiten.freedom for r in self.records)
 
     @cached_property
+    def soft_sigmas(self) -> list[float]:
+        """`soft_spread`, 0 where it is not refitted."""
+        return [sigma * bool(on) for sigma, on in zip(soft_spread(self.unit, self.policy), self.soft, strict=True)]
+
+    @cached_property
     def zeros(self) -> tuple[str, ...]:
         """Labels of shared zeros."""
         return tuple(sorted({r.zero for r in self.records if r.zero}))
@@ -131,17 +142,23 @@ class RunSet:
         on_grid = [i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)]
         at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in on_grid]).astype(np.intp) if on_grid else None
         parts = [np.concatenate([source_matrix(*one, *named[i]) for i in on_grid]) if on_grid else None for one in made]
-        result = []
-        for number, sight in enumerate(self.sights):
-            which = self.which[number]
+
+        def seen(number: int) -> Array:
+            sight, which = self.sights[number], self.which[number]
             rows = np.zeros((ends[-1], sight.width))
             part = parts[which]
             if part is not None:
                 rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
             for i in set(range(len(named))) - set(on_grid):
                 rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], made[which][1], offset)
-            result.append(rows)
-        return result
+            return rows
+
+        return self.of_each(seen)
+
+    def of_each(self, function: Callable[[int], R]) -> list[R]:
+        """What a function makes of the number of each record, side by side where all samples are looked at."""
+        numbers = range(len(self.records))
+        return [function(number) for number in numbers] if self.few else each(function, numbers)
 
     @cached_property
     def sights(self) -> tuple[Sight, ...]:
@@ -149,7 +166,8 @@ class RunSet:
         full = [EverySample(r) for r in self.records]
         if not self.few:
             return tuple(full)
-        return tuple(compressed(self, one, self.conditions[w].turn) for one, w in zip(full, self.which, strict=True))
+        grids = [self.conditions[which].turn for which in self.which]
+        return tuple(each(lambda both: compressed(self, *both), list(zip(full, grids, strict=True))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +184,7 @@ class Fit:
     waves : tuple of Waveform
     residual : tuple of ndarray
         Of each record, offset and lines still in it, rad.
-    data, prior : float
+    data : float
         Squares.
     gram : ndarray, shape (k, k)
         Of the data, in units of the noise; of all values, soft ones and zeros.
@@ -181,7 +199,6 @@ class Fit:
     rows: tuple[Array, ...]
     raw: tuple[Array, ...]
     data: float
-    prior: float
     gram: Array
     moment: Array
     converged: bool = True
@@ -238,6 +255,31 @@ class Fit:
         return prior_weights(self)
 
     @cached_property
+    def free(self) -> Flags:
+        """Which values may move."""
+        return np.isfinite(self.weights)
+
+    @cached_property
+    def pull(self) -> Array:
+        """`weights`, 0 where a value is fixed too."""
+        return np.where(self.free, self.weights, 0.0)
+
+    @cached_property
+    def off(self) -> Array:
+        """How far each value is from the middle of its prior."""
+        return deviation(self.model, self.declared, self.bench.unit, len(self.bench.zeros))
+
+    @cached_property
+    def prior(self) -> float:
+        """Squares of the priors."""
+        return float(self.pull @ self.off**2)
+
+    @cached_property
+    def proposal(self) -> tuple[Array, float]:
+        """`proposed`, undamped."""
+        return proposed(self)
+
+    @cached_property
     def covariance(self) -> Array:
         """Covariance of all values, shape (k, k): 0 where fixed; every other value has a prior, or is a shared zero."""
         return covariance_of(self.gram / self.scale, self.weights)
@@ -266,20 +308,11 @@ def layout(model: Model, zeros: int) -> tuple[int, int]:
 
 def prior_weights(fit: Fit) -> Array:
     """Inverse variances of priors."""
-    bench, policy = fit.bench, fit.bench.policy
-    weights: list[float] = []
-    for i, effect in enumerate(fit.model.effects):
-        entry = source(effect.key)
-        for parameter in entry.parameters:
-            if i < len(fit.declared.effects):
-                sigma = effect.uncertainty or 0.0
-            else:
-                sigma = policy.workshop * parameter.plausible
-            weights.append(1 / sigma**2 if sigma else math.inf)
-    spread = soft_spread(bench.unit, policy)
-    weights += [1 / s**2 if s and on else math.inf for s, on in zip(spread, bench.soft, strict=True)]
-    weights += [0.0] * len(bench.zeros)
-    return np.array(weights)
+    policy, count = fit.bench.policy, len(fit.declared.effects)
+    sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
+    sigmas += [policy.workshop * p.plausible for e in fit.model.effects[count:] for p in source(e.key).parameters]
+    sigmas += fit.bench.soft_sigmas
+    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.bench.zeros))
 
 
 def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
@@ -325,18 +358,16 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
     others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
     apart = [e for _, e in others if bench.apart(e.key)]
     forces = [c.forces(w) if apart else (None, None) for c, w in zip(bench.conditions, waves, strict=True)]
-    residuals, all_rows, raw = [], [], []
-    gram, moment, data = np.zeros((size, size)), np.zeros(size), 0.0
-    for number in range(len(bench.records)):
-        sight = bench.sights[number]
-        wave = waves[bench.which[number]]
+    at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))])
+    at = at.astype(np.intp)
+
+    def seen(number: int) -> tuple[Array, Array, Array, float, Array, Array]:
+        """Of one record: residual, whitened rows, rows, squares, Gram matrix and moment."""
+        sight, wave = bench.sights[number], waves[bench.which[number]]
         rows = np.zeros((size, sight.width))
-        at = np.concatenate(
-            [np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))]
-        )
         part = sight.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
         predicted = part[0]
-        rows[at.astype(np.intp)] = part[1:]
+        rows[at] = part[1:]
         for i, effect in others:
             own = slice(ends[i], ends[i + 1])
             if source(effect.key).acts == "marks":
@@ -350,12 +381,10 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
                 rows[count + len(SOFTENING) + k] = sight.constant
         rest = sight.measured - predicted
         white = sight.whiten(np.concatenate([rest[None], rows]))
-        data += float(white[0] @ white[0])
-        gram += white[1:] @ white[1:].T
-        moment += white[1:] @ white[0]
-        residuals.append(rest)
-        all_rows.append(white)
-        raw.append(rows)
+        return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
+
+    residuals, all_rows, raw, squares, grams, moments = zip(*bench.of_each(seen), strict=True)
+    data, gram, moment = sum(squares), sum(grams), sum(moments)
     if bench.zeros:  # a shared zero has any size: the best one is taken off here
         z = slice(size - len(bench.zeros), size)
         best = np.linalg.lstsq(gram[z, z], moment[z], rcond=None)[0]
@@ -364,12 +393,7 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
         for rest, white, rows in zip(residuals, all_rows, raw, strict=True):
             rest -= best @ rows[z]
             white[0] -= best @ white[1:][z]
-    fit = Fit(
-        bench, model, declared, tuple(waves), tuple(residuals), tuple(all_rows), tuple(raw), data, 0.0, gram, moment
-    )
-    weights, off = fit.weights, deviation(model, declared, bench.unit, len(bench.zeros))
-    weights = np.where(np.isfinite(weights), weights, 0.0)
-    return replace(fit, data=data, prior=float(weights @ off**2))
+    return Fit(bench, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
 
 
 def moved(model: Model, step: Array) -> Model:
@@ -408,7 +432,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
-        step, gain = proposed(fit, free, damping)
+        step, gain = fit.proposal if free is None and not damping else proposed(fit, free, damping)
         part = min(1.0, 1 / max(float((np.abs(step) / reach).max()), 1e-300))
         if gain < enough:
             return replace(fit, converged=True)
@@ -448,19 +472,15 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
 
     A value that would go beyond its bound goes that far, and the others make the best of it.
     """
-    weights = fit.weights
-    vary = np.isfinite(weights) if free is None else free & np.isfinite(weights)
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
+    weights, off = fit.pull, fit.off
+    vary = fit.free if free is None else free & fit.free
     low, high = bounds(fit)
     step, scale = np.zeros(weights.size), fit.scale
     for _ in range(4):
         held, step = vary.copy(), np.zeros(weights.size)
         while held.any():
             right = (fit.moment - fit.gram @ np.where(held, 0.0, step))[held] / scale - weights[held] * off[held]
-            own = fit.gram[np.ix_(held, held)] / scale + np.diag(weights[held])
-            own = own + damping * np.diag(np.diag(own))
-            size = np.sqrt(np.maximum(np.diag(own), 1e-300))
-            step[held] = np.linalg.lstsq(own / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+            step[held] = solved(fit.gram[held][:, held] / scale, right, weights[held], damping)
             beyond = held & ((step < low) | (step > high))
             if not beyond.any():
                 break
@@ -473,6 +493,26 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
     return step, promised(fit, step)
 
 
+def solved(gram: Array, moment: Array, weights: Array, damping: float | Array = 0.0) -> Array:
+    """Step that a Gram matrix and priors' weights make of a moment, all values in units of their own; or a stack.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (..., k, k)
+    moment, weights : ndarray, shape (..., k)
+    damping : float
+        Share by which each value's own entry is more.
+    """
+    own = gram.copy()
+    diagonal = np.einsum("...ii->...i", own)
+    diagonal += weights
+    diagonal *= 1 + damping
+    size = np.sqrt(np.maximum(diagonal, 1e-300))
+    own /= size[..., :, None] * size[..., None, :]
+    diagonal += _TRACE
+    return np.asarray(np.linalg.solve(own, (moment / size)[..., None])[..., 0] / size)
+
+
 def left_by(fit: Fit, step: Array) -> float:
     """Squares that a step leaves, as far as the prediction is linear."""
     return max(float(fit.data - 2 * step @ fit.moment + step @ fit.gram @ step), 1e-9)
@@ -480,17 +520,15 @@ def left_by(fit: Fit, step: Array) -> float:
 
 def promised(fit: Fit, step: Array) -> float:
     """Fall of the objective after a step, as far as the prediction is linear."""
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
-    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
     left = counted(left_by(fit, step), fit.bound, fit.bench.policy)
-    return fit.objective - left - float(weights @ (off + step) ** 2)
+    return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
 
 
 def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records = []
     total = sum(r.kept.sum() for r in fit.bench.records)
-    used = float(np.isfinite(fit.weights).sum())
+    used = float(fit.free.sum())
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
         clean = record.without_nuisance(rest)

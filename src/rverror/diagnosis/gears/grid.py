@@ -49,24 +49,34 @@ class AngleGrid:
         part = place - low
         columns = low[:, None] + np.arange(-(_DEGREE // 2), _DEGREE // 2 + 2)
         columns = columns % self.points if self.closed else np.clip(columns, 0, self.points - 1)
-        rows = np.repeat(np.arange(theta.size), _DEGREE + 1)
-        shape = (theta.size, self.points)
-        weights, slopes = _basis(part), _basis(part, 1) / self.step
-        place_of = (rows, columns.ravel())
-        values, changes = (scipy.sparse.csr_array((of.ravel(), place_of), shape=shape) for of in (weights, slopes))
+        first, shape = (_DEGREE + 1) * np.arange(theta.size + 1), (theta.size, self.points)
+        values, changes = (
+            scipy.sparse.csr_array((of.ravel(), columns.ravel(), first), shape=shape)
+            for of in (_basis(part), _basis(part, derivative=True) / self.step)
+        )
         return Readout(self, None, values, changes)
 
 
-def _basis(part: Array, derivative: int = 0) -> Array:
-    """Cardinal splines that reach a place, shape (n, degree + 1), or their slopes per node."""
+def _basis(part: Array, *, derivative: bool = False) -> Array:
+    """Cardinal splines that reach a place, shape (n, degree + 1), or their slopes per node.
 
-    knots = np.arange(_DEGREE + 2, dtype=np.float64)
-    one = scipy.interpolate.BSpline.basis_element(knots, extrapolate=False)
+    Of each degree from those of the one before (Cox and de Boor); scipy.interpolate takes long to load.
+    """
+    here = np.ones((1, part.size))
+    for degree in range(1, _DEGREE + 1 - derivative):
+        at = part + np.arange(degree + 1)[:, None]  # from where the spline of each node begins
+        here = (at * _above(here) + (degree + 1 - at) * _below(here)) / degree
     if derivative:
-        one = one.derivative(derivative)
-    # node j carries the element that begins (degree + 1) / 2 before it
-    at = part[:, None] - np.arange(-(_DEGREE // 2), _DEGREE // 2 + 2) + (_DEGREE + 1) / 2
-    return np.asarray(np.nan_to_num(one(at)), dtype=np.float64)
+        here = _above(here) - _below(here)
+    return np.ascontiguousarray(here[::-1].T)
+
+
+def _above(rows: Array) -> Array:
+    return np.concatenate([rows, np.zeros((1, rows.shape[1]))])
+
+
+def _below(rows: Array) -> Array:
+    return np.concatenate([np.zeros((1, rows.shape[1])), rows])
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, product, takewhile
@@ -15,18 +15,16 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.base.side_by_side import each
 from rverror.base.text import describe
+from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
     as_compared,
     counted,
-    deviation,
     evaluated,
     fitted,
     onto_samples,
-    proposed,
 )
 from rverror.diagnosis.gears.jumps import fall
 from rverror.diagnosis.gears.screen import Proposal, screened
@@ -118,8 +116,6 @@ class Hunt:
         Whether pins too start from sizes that a workshop makes.
     offsets : tuple of float
         Where the gear's marks may be, where that is not known, the likeliest first, rad.
-    jobs : int
-        Processes that fit side by side.
     patient : bool
         Whether, beside what was declared, the best of every source is fitted to its end before any falls.
     """
@@ -130,7 +126,6 @@ class Hunt:
     late: tuple[Named, ...] = ()
     pins: bool = False
     offsets: tuple[float, ...] = ()
-    jobs: int = 1
     patient: bool = False
     _coarse: dict[object, RunSet] = field(default_factory=dict, repr=False)
     _completed: dict[int, tuple[Fit, bool]] = field(default_factory=dict, repr=False)
@@ -167,10 +162,6 @@ class Hunt:
             self._coarse[key] = replace(made, few=beyond or (("", {}),))
         return self._coarse[key]
 
-    def each(self, function: Callable[[T], R], items: Sequence[T], like: Fit) -> list[R]:
-        """Results for every item, which are fits of one bench."""
-        return each(function, items, jobs=self.jobs, shared=(like.bench, like.declared))
-
     # --- propose ------------------------------------------------------------------------------------------------------
 
     def free(self, fit: Fit, *, late: bool = False) -> list[Named]:
@@ -187,7 +178,7 @@ class Hunt:
         """
         fits = settled.data < settled.bound
         free = self.free(settled, late=fits)
-        offers = self.each(lambda state: screened(state, free), plains, settled)
+        offers = each(lambda state: screened(state, free), plains)
         pairs = [(state, one) for state, found in zip(plains, offers, strict=True) for one in found]
         pairs.sort(key=lambda pair: pair[1].objective)
         if not fits:
@@ -224,10 +215,10 @@ class Hunt:
         plain = as_declared(settled)
         # what is missing decides where the marks are as much as what was declared
         offsets = () if node.fit.added else self.offsets[: policy.offsets]
-        plains = self.each(partial(turned_to, plain), offsets, settled) or [plain]
+        plains = each(partial(turned_to, plain), offsets) or [plain]
         offers = self.proposals(settled, plains)
         most = policy.evaluated * min(len(plains), 3)
-        trials = self._tried(offers[:most], settled)
+        trials = self._tried(offers[:most])
         ahead = {identity(one.name) for _, one in offers[:most]}
         for _, one in offers[most:]:
             if identity(one.name) not in ahead:
@@ -239,7 +230,7 @@ class Hunt:
         # what is added at the output alone opens no contact: beside it all is as beside nothing
         bare = all(source(e.key).at_output for e in node.fit.added)
         if self.patient and bare and not self._found(nodes):
-            ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each), settled)), 2)
+            ends = distinct(self._settled(self._tried(leading_of_each(offers, policy.of_each))), 2)
             nodes = sorted(nodes + self._fine(node, ends), key=lambda n: n.score)
         lost = bare and not nearly_noise(node.fit)
         lost = lost and not any(explains_most(child.fit, node.fit) for child in (*nodes, *regular))
@@ -255,7 +246,7 @@ class Hunt:
             ]  # fmt: skip
             more = workshop(every, pins=False) + workshop(offers[: policy.evaluated] if self.pins else pins, pins=True)
             more += mirrored(nodes, offers)
-            ends = self._raced(self._tried([(plain, one) for one in more], plain)) + self.alike(plain)
+            ends = self._raced(self._tried([(plain, one) for one in more])) + self.alike(plain)
             nodes += self._fine(node, distinct(in_order(ends), 2))
         return sorted(nodes + regular, key=lambda n: n.score)
 
@@ -278,7 +269,7 @@ class Hunt:
         names = [name for name in self.free(plain) if self._everywhere(name)]
         starts = workshop([(plain, unsized(name)) for name in names], pins=False)
         offers = [(plain, one) for one in starts if one.sizes.max() > _NOTHING]
-        return distinct(self._settled(self._tried(offers, plain), below=below), 1)
+        return distinct(self._settled(self._tried(offers), below=below), 1)
 
     def loosened(self, plain: Fit) -> list[Trial]:
         """What opens contacts everywhere, of sizes that a workshop makes, with one cause more: alone neither may show.
@@ -290,10 +281,10 @@ class Hunt:
         clearances = [name for name in self.free(plain) if all(p.least == 0 for p in source(name[0]).parameters)]
         names = clearances + [name for name in self.free(plain) if self._everywhere(name)]
         starts = workshop([(plain, unsized(name)) for name in names], pins=False)
-        bases = [trial.fit for trial in self._tried([(plain, one) for one in starts], plain)]
+        bases = [trial.fit for trial in self._tried([(plain, one) for one in starts])]
         offers = [(base, one) for base in bases for one in screened(base, self.free(base))]
         offers.sort(key=lambda offer: offer[1].objective)
-        ends = self._raced(self._tried(offers[: self.policy.evaluated], plain))
+        ends = self._raced(self._tried(offers[: self.policy.evaluated]))
         if self.patient:
             cleared = [base for base in bases if (base.added[-1].key, base.added[-1].indices) in clearances]
             ends += [end for base in cleared for end in self.alike(base, below=plain.objective)]
@@ -320,17 +311,17 @@ class Hunt:
         fits = self._each_fitted(node.fit, self.ranking(node.fit)[: self.policy.direct])
         return sorted((Node(fit, node.lines, node.slow) for fit in fits), key=lambda n: n.score)
 
-    def _tried(self, offers: Sequence[tuple[Fit, Proposal]], like: Fit) -> list[Trial]:
+    def _tried(self, offers: Sequence[tuple[Fit, Proposal]]) -> list[Trial]:
         """Each candidate at the size that it would take, where there is an equilibrium."""
-        return [trial for trial in self.each(lambda offer: tried(*offer), offers, like) if trial]
+        return [trial for trial in each(lambda offer: tried(*offer), offers) if trial]
 
     def _each_fitted(self, fit: Fit, leading: Sequence[Proposal]) -> list[Fit]:
         """The fit with each of the candidates, everything refitted."""
-        trials = self._tried([(fit, one) for one in leading], fit)
-        return self.each(lambda trial: fitted(trial.fit, steps=30, enough=0.3), trials, fit)
+        trials = self._tried([(fit, one) for one in leading])
+        return each(lambda trial: fitted(trial.fit, steps=30, enough=0.3), trials)
 
     def _stepped(self, trials: Sequence[Trial], steps: int) -> list[Trial]:
-        return self.each(lambda trial: stepped(trial, steps), trials, trials[0].fit) if trials else []
+        return each(lambda trial: stepped(trial, steps), trials)
 
     def _raced(self, trials: Sequence[Trial]) -> list[Trial]:
         """Successive halving: one joint step for the most promising, all steps for the best of these."""
@@ -373,7 +364,7 @@ class Hunt:
         policy = self.policy
         behind = [trial.fit.objective - raced[0].fit.objective for trial in raced]
         near = len(list(takewhile(lambda more: more <= policy.close, behind)))
-        nodes = self.each(fine, raced[:near], node.fit)
+        nodes = each(fine, raced[:near])
         for trial, more in list(zip(raced, behind, strict=True))[near : policy.finest]:
             fits = any(node.fit.data <= node.fit.bound for node in nodes)
             if any(map(self.complete, nodes)) or (fits and more > 5 * policy.close):
@@ -486,7 +477,7 @@ class Hunt:
         offers = [(plain, one) for one in screened(plain, where)]
         more = [(plain, one) for one in workshop(offers, pins=True)]
         below = fitted(onto(self.coarse(node), node.fit)).objective - 1
-        settled = [end for end in self._settled(self._tried(more, plain), below=below) if end.fit.objective < below]
+        settled = [end for end in self._settled(self._tried(more), below=below) if end.fit.objective < below]
         return improved(node, self._fine(node, distinct(settled, 2)))
 
     def transposed(self, node: Node) -> Node:
@@ -504,7 +495,7 @@ class Hunt:
         sets.sort(key=lambda one: sum(map(operator.ne, one, fit.added)))
         # three causes, each on two discs or cranks with either sign, are 63 such sets: nearly all are tried
         models = [replace(fit.model, effects=(*kept, *one)) for one in sets[: 2 * self.policy.evaluated]]
-        trials = [trial for trial in self.each(partial(trial_of, fit), models, fit) if trial]
+        trials = [trial for trial in each(partial(trial_of, fit), models) if trial]
         trials = sorted(trials, key=lambda trial: trial.prospect)[: self.policy.stepped]
         return improved(node, self._fine(node, in_order(self._stepped(trials, self.policy.halfway))[:2]))
 
@@ -529,7 +520,7 @@ class Hunt:
                 trials = [tried(state, one) for one in screened(state, alike)[:2]]
                 return [trial for trial in (*trials, stood(own, offset)) if trial]
 
-            trials = [trial for found in self.each(at, self.offsets, coarse) for trial in found]
+            trials = [trial for found in each(at, self.offsets) for trial in found]
             self._turned[key] = min([node, *self._fine(node, self._raced(trials))], key=lambda n: n.score)
         found = min(node, self._turned[key], key=lambda n: n.score)
         return found if self.complete(found) else self._rippled(found, alike)
@@ -561,7 +552,7 @@ class Hunt:
         declared and found turns with the marks, within what is known of it.
         """
         fit = node.fit
-        found = self.each(partial(turned_by, fit), ripples(fit.bench.unit), fit)
+        found = each(partial(turned_by, fit), ripples(fit.bench.unit))
         fits = [fit, *(one for one in found if one)]
         best = min(fits, key=lambda one: as_compared(one.objective))
         chance = chi_square(1 - self.policy.confidence, 1)
@@ -590,7 +581,7 @@ class Hunt:
     def pruned(self, node: Node) -> Node:
         """The node without causes and lines that later ones have made needless."""
         while True:
-            less = self.each(partial(self.without, node), range(len(node.fit.added)), node.fit)
+            less = each(partial(self.without, node), range(len(node.fit.added)))
             less += [self.without_line(node, order) for order in node.lines]
             less += [self.without_drift(node)] if node.slow else []
             needless = [one for one in less if not self._better(one, node, node.fit)]
@@ -609,7 +600,7 @@ class Hunt:
         effects, at = node.fit.model.effects, len(node.fit.declared.effects) + number
         model = replace(node.fit.model, effects=effects[:at] + effects[at + 1 :])
         fit = fitted(evaluated(node.fit.bench, model, node.fit.declared), steps=4)
-        if fit.objective - proposed(fit)[1] < node.fit.objective + 5 * self.policy.close:
+        if fit.objective - fit.proposal[1] < node.fit.objective + 5 * self.policy.close:
             fit = fitted(fit)
         return Node(fit, node.lines, node.slow)
 
@@ -669,7 +660,7 @@ class Hunt:
             trial = trial_of(coarse, replace(rest.model, effects=(*rest.model.effects, other)))
             return replace(trial, prospect=-math.inf) if trial and other in exact else trial
 
-        trials = [trial for trial in self.each(instead, [*exact, *others], coarse) if trial]
+        trials = [trial for trial in each(instead, [*exact, *others]) if trial]
         far = coarse.objective + 5 * self.policy.close
         ordered = distinct(sorted((t for t in trials if t.prospect < far), key=lambda t: t.prospect), 1)
         ordered = ordered[: self.policy.rivals // 2]
@@ -694,7 +685,7 @@ class Hunt:
     def _refitted(self, fits: Sequence[Fit], node: Node) -> list[Node]:
         """Fits over every sample of a node's runs."""
         bench = node.fit.bench
-        return self.each(lambda fit: Node(fitted(onto(bench, fit)), node.lines, node.slow), fits, node.fit)
+        return each(lambda fit: Node(fitted(onto(bench, fit)), node.lines, node.slow), fits)
 
     def _gaps(self, unit: Reducer) -> Gaps:
         if not self._kept_gaps:
@@ -784,10 +775,9 @@ def outlook(node: Node) -> tuple[bool, float]:
 def strained(fit: Fit) -> bool:
     """Tell whether sizes and stiffnesses lie farther from where they were declared than chance would put them."""
     first = sum(len(e.values) for e in fit.declared.effects)
-    weights = np.where(np.isfinite(fit.weights), fit.weights, 0.0)
+    weights = fit.pull.copy()
     weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
-    off = deviation(fit.model, fit.declared, fit.bench.unit, len(fit.bench.zeros))
-    return float(weights @ off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+    return float(weights @ fit.off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
 
 
 def explains_most(fit: Fit, before: Fit) -> bool:
@@ -967,6 +957,8 @@ def turned_by(fit: Fit, angle: float) -> Fit | None:
 
 def onto(bench: RunSet, fit: Fit) -> Fit:
     """The same sizes on another bench."""
+    if fit.bench is bench:
+        return fit
     near = all(a.turn == b.turn for a, b in zip(bench.conditions, fit.bench.conditions, strict=True))
     return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
 
@@ -1004,7 +996,7 @@ class Trial:
     @staticmethod
     def of(fit: Fit) -> Trial:
         """A state, and what its next step promises."""
-        return Trial(fit, as_compared(fit.objective - proposed(fit)[1]))
+        return Trial(fit, as_compared(fit.objective - fit.proposal[1]))
 
 
 def trial_of(fit: Fit, model: Model) -> Trial | None:

@@ -15,6 +15,7 @@ from rverror.base.arrays import Array
 Flags = npt.NDArray[np.bool_]
 
 _MOST_LAGS = 32
+_BLOCK = 32  # samples that are whitened by one product; no less than lags
 _TABLE = 4096  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
@@ -39,8 +40,11 @@ class RunNoise:
 
     def spectrum(self, frequency: Array) -> Array:
         """Variance per unit of `frequency` / 2 pi, rad per sample."""
-        response = np.abs(np.fft.rfft(self.filter, 2 * _TABLE)) ** -2
-        return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), response), dtype=np.float64)
+        return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response), dtype=np.float64)
+
+    @cached_property
+    def _response(self) -> Array:
+        return np.asarray(np.abs(np.fft.rfft(self.filter, 2 * _TABLE)) ** -2)
 
     @cached_property
     def rms(self) -> float:
@@ -147,12 +151,32 @@ class Whitening:
         return np.flatnonzero(flags)
 
     def filtered(self, rows: Array) -> Array:
-        """Rows through the whitening filter, each series by itself; its first samples lack lags and go."""
-        if not rows.size:
-            return rows[..., self.usable]
-        # what scipy.signal.lfilter does too, which loads longer than all of rverror
-        white = np.apply_along_axis(np.convolve, -1, rows, self.noise.filter)
-        return np.asarray(white[..., self.usable])
+        """Rows (k, n) through the whitening filter, each series by itself; its first samples lack lags and go."""
+        count, n = rows.shape
+        # one block of nothing ahead of each row: no row goes on where another one ends
+        padded = np.zeros((count, _BLOCK * (1 - -n // _BLOCK)))
+        padded[:, _BLOCK : _BLOCK + n] = rows
+        blocks = padded.reshape(-1, _BLOCK)
+        white = blocks @ self._matrix[_BLOCK:]
+        white[1:] += blocks[:-1] @ self._matrix[:_BLOCK]
+        return np.asarray(white.reshape(padded.shape)[:, _BLOCK:][:, self._used])
+
+    @cached_property
+    def _used(self) -> npt.NDArray[np.intp] | slice:
+        """`usable`, as a slice where it is one: that need not be copied."""
+        at = self.usable
+        return slice(at[0], at[-1] + 1) if at.size and np.ptp(at) == at.size - 1 else at
+
+    @cached_property
+    def _matrix(self) -> Array:
+        """The filter from a block of samples and the one before to a block, (2 blocks, block).
+
+        A product of matrices is done much sooner than a convolution of each row.
+        """
+        taps = self.noise.filter
+        lag = np.arange(_BLOCK) - np.arange(-_BLOCK, _BLOCK)[:, None]
+        inside = (lag >= 0) & (lag < taps.size)
+        return np.where(inside, taps[np.where(inside, lag, 0)], 0.0)
 
     @property
     def basis(self) -> Array:
@@ -175,6 +199,7 @@ class Whitening:
         return int(self.kept.sum()) - len(self.starts) * self.noise.coefficients.size
 
     def __call__(self, rows: Array) -> Array:
-        """Rows (..., n) whitened, less what nuisances make of them."""
+        """Rows (k, n) whitened, less what nuisances make of them."""
         white = self.filtered(rows)
-        return np.asarray(white - (white @ self._basis.T) @ self._basis)
+        white -= (white @ self._basis.T) @ self._basis
+        return white

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +61,8 @@ class Record:
         Places of short gaps, where nothing was read.
     more : tuple of str
         What was set aside later, in words.
+    made : dict
+        What was made of its angles alone, kept for all records of the same samples.
     """
 
     name: str
@@ -78,6 +81,7 @@ class Record:
     faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
+    made: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def nuisance(self) -> Array:
@@ -191,7 +195,7 @@ def _with_faults(record: Record, faults: Faults) -> Record:
         kept=np.insert(faults.kept, at, False)[chosen], absent=tuple(np.flatnonzero(absent[chosen]).tolist()),
         starts=tuple(sorted({0, *(int(place[one]) for one in breaks)} - {int(chosen.sum())})),
         slips=tuple(int(place[slip.index]) for slip in faults.slips),
-        time=None if record.time is None else even(record.time), faults=faults,
+        time=None if record.time is None else even(record.time), faults=faults, made={},
     )  # fmt: skip
 
 

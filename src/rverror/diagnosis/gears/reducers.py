@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from rverror.base.errors import InputError
+from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
 from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, begun, fitted, renoised
 from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_to
@@ -26,9 +27,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 
 
-def diagnose_reducer(
-    declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY, jobs: int = 1
-) -> Diagnosis:
+def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY) -> Diagnosis:
     """Find what the model of a reducer lacks.
 
     Parameters
@@ -40,8 +39,6 @@ def diagnose_reducer(
     tell : callable
         Called with a line of text as the work goes on.
     policy : Policy
-    jobs : int
-        Processes, as of `diagnose`.
 
     Raises
     ------
@@ -58,7 +55,7 @@ def diagnose_reducer(
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
     candidates, late = (candidates_of(model, records, policy, late=late) for late in (False, True))
-    hunt = Hunt(candidates, policy, journal, late, jobs=jobs, patient=anywhere)
+    hunt = Hunt(candidates, policy, journal, late, patient=anywhere)
     if anywhere:
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
@@ -128,7 +125,7 @@ def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
     def left_at(offset: float) -> tuple[float, float]:
         return as_compared(fitted(turned_to(coarse, offset), steps=1).objective), offset
 
-    trials = sorted(hunt.each(left_at, [span * at / count for at in range(count)], coarse))
+    trials = sorted(each(left_at, [span * at / count for at in range(count)]))
     offsets = tuple(angle for _, angle in trials)
     return replace(hunt, offsets=offsets), renoised(turned_to(first, offsets[0]))
 

@@ -8,10 +8,10 @@ the whitening.  With W [B, X, y] = Q R, X what is no waveform of the gear train 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,11 @@ from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
 
 _HIGHEST = 0.45  # of the samples of a grid: the highest order that a spline through them follows
+
+
+T = TypeVar("T")
+
+_KEPT = 8  # readouts and motions of one run, each at its own offset of the marks
 
 
 class Sight(Protocol):
@@ -67,8 +72,6 @@ class EverySample:
     """A run sample by sample."""
 
     record: Record
-    _readouts: dict[object, Readout] = field(default_factory=dict, repr=False)
-    _motions: dict[float, Pose] = field(default_factory=dict, repr=False)
 
     @property
     def width(self) -> int:
@@ -87,12 +90,7 @@ class EverySample:
 
     def readout(self, grid: AngleGrid, offset: float) -> Readout:
         """The way from a grid to the samples."""
-        key = (grid, offset)
-        if key not in self._readouts:
-            if offset and len(self._readouts) > 8:
-                self._readouts.clear()
-            self._readouts[key] = grid.to_samples(self.record.theta + offset)
-        return self._readouts[key]
+        return self._once((grid, offset), lambda: grid.to_samples(self.record.theta + offset))
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
         """Rows on the grid of a waveform, at the samples."""
@@ -126,10 +124,18 @@ class EverySample:
 
     def _motion(self, unit: Reducer, offset: float) -> Pose:
         """Motion at the samples, made once: stiffness plays no part in it."""
-        if offset not in self._motions:
-            self._motions.clear()
-            self._motions[offset] = replace(self.record, theta=self.record.theta + offset).pose(unit)
-        return self._motions[offset]
+        turned = replace(self.record, theta=self.record.theta + offset)
+        return self._once(offset, lambda: turned.pose(unit))
+
+    def _once(self, key: object, make: Callable[[], T]) -> T:
+        """What the angles of the samples give, made once."""
+        kept = self.record.made
+        found: T | None = kept.get(key)
+        if found is None:
+            if len(kept) > _KEPT:
+                kept.clear()
+            found = kept[key] = make()
+        return found
 
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit, onto_samples
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.policy import Policy
@@ -81,10 +82,14 @@ def _strongest(
     lowest = policy.least_cycles / turns
     total: Array | None = None
     orders: Array | None = None
-    for record, rest in zip(records, rests, strict=True):
+
+    def seen(both: tuple[Record, Array]) -> tuple[Array, Array]:
+        record, rest = both
         assert record.noise is not None
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
-        order, power = line_spectrum(record.theta, clean, record.noise, lowest, highest)
+        return line_spectrum(record.theta, clean, record.noise, lowest, highest)
+
+    for order, power in each(seen, list(zip(records, rests, strict=True))):
         if orders is None or total is None:
             orders, total = order, power.copy()
         else:
@@ -111,7 +116,7 @@ def _strongest(
 def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:
     """Order of the highest power near one, over all runs."""
     near = order + np.linspace(-0.4, 0.4, 9) / turns
-    powers = [power_of(records, rests, o)[0] for o in near]
+    powers = powers_of(records, rests, near)
     best = int(np.argmax(powers))
     top = near[best]
     if 0 < best < near.size - 1:
@@ -128,18 +133,35 @@ def power_of(records: Sequence[Record], rests: Sequence[Array], order: float) ->
     return power, [complex(size[0], -size[1]) for size in sizes]
 
 
+def powers_of(records: Sequence[Record], rests: Sequence[Array], orders: Array) -> list[float]:
+    """`power_of` each of some lines by itself."""
+    total = np.zeros(orders.size)
+    for record, rest in zip(records, rests, strict=True):
+        angle = np.outer(orders, record.theta)
+        white = record.whiten(np.concatenate([rest[None], np.cos(angle), np.sin(angle)]))
+        rows = white[1:].reshape(2, orders.size, -1)
+        total += [_taken(white[0], rows[:, at])[0] for at in range(orders.size)]
+    return [float(power) for power in total]
+
+
 def explained(records: Sequence[Record], rests: Sequence[Array], rows: Sequence[Array]) -> tuple[float, list[Array]]:
     """Squares that rows of each run take off its whitened residual, and their sizes."""
     total, sizes = 0.0, []
     for record, rest, own in zip(records, rests, rows, strict=True):
         white = record.whiten(np.concatenate([rest[None], own]))
-        scale = np.maximum(np.linalg.norm(white[1:], axis=1), 1e-300)
-        unit = white[1:] / scale[:, None]
-        moment = unit @ white[0]
-        size = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True) @ moment
-        total += float(size @ moment)
-        sizes.append(size / scale)
+        squares, size = _taken(white[0], white[1:])
+        total += squares
+        sizes.append(size)
     return total, sizes
+
+
+def _taken(rest: Array, rows: Array) -> tuple[float, Array]:
+    """Squares that whitened rows take off a residual, and their sizes."""
+    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    unit = rows / scale[:, None]
+    moment = unit @ rest
+    size = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True) @ moment
+    return float(size @ moment), size / scale
 
 
 def _predicted(records: Sequence[Record], rests: Sequence[Array], order: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -60,7 +61,8 @@ class Gaps:
                 continue
             gaps = np.array(effect.values) @ own
             sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
-            yield Effect(key, dict(indices), tuple(map(float, sizes))), rows, _apart(gaps[None], rows)
+            share = float(np.linalg.norm(gaps - sizes @ rows) / max(float(np.linalg.norm(gaps)), 1e-300))
+            yield Effect(key, dict(indices), tuple(map(float, sizes))), rows, share
 
     def of(self, named: Named) -> Array | None:
         """Gaps per parameter of a source, at some angles; None where it closes none of its own."""
@@ -73,14 +75,16 @@ class Gaps:
         entry, indices = source(named[0]), named[1]
         if entry.at_output:
             return None
+        units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
+        if isinstance(self._contacts.error(units[0]), (Clearance, Compliance)):
+            return None
+        return np.array([_flat(error_closing(self._contacts, (unit,))) for unit in units])
+
+    @cached_property
+    def _contacts(self) -> Geometry:
         motion = pose(self.unit, 2 * np.pi * np.mod(_GOLDEN * np.arange(_ANGLES), 1), direction=1.0, torque=1.0)
         assert isinstance(motion, Contacts)
-        if isinstance(entry.vector(motion, **indices), (Clearance, Compliance)):
-            return None
-        contacts = Geometry(motion)
-        zero = _flat(error_closing(contacts, ()))
-        units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
-        return np.array([_flat(error_closing(contacts, (unit,))) - zero for unit in units])
+        return Geometry(motion)
 
 
 def _apart(rows: Array, others: Array) -> float:

@@ -19,7 +19,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, Flags, bounds, deviation, evaluated, fitted, moved
+from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, moved, solved
 from rverror.diagnosis.gears.hunt import identity, named
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.orders.table_set import TableSet
@@ -80,7 +80,7 @@ class Linear:
     def free(self) -> Flags:
         """Which values of the fit may move: not those that are exact, nor those at a bound."""
         low, high = bounds(self.fit)
-        return np.asarray(np.isfinite(self.fit.weights) & (low < 0) & (high > 0) & (not self.held))
+        return np.asarray(self.fit.free & (low < 0) & (high > 0) & (not self.held))
 
     @cached_property
     def rows(self) -> Array:
@@ -97,17 +97,15 @@ class Linear:
     @cached_property
     def off(self) -> Array:
         """How far each value is from the middle of its prior, shape (k,)."""
-        own = deviation(self.fit.model, self.fit.declared, self.bench.unit, 0)[self.free]
+        own = self.fit.off[self.free]
         return np.concatenate([own, np.zeros(sum(len(b.rows) for b in self.blocks))])
 
     def step(self, kept: Array | None = None) -> Array:
         """Step that lowers the objective most, of all numbers or of those that are kept, shape (k,)."""
         rest = np.concatenate(self.fit.rows, axis=1)[0]
         rows = self.rows if kept is None else self.rows[:, kept]
-        gram = rows @ rows.T + np.diag(self.weights)
         right = rows @ (rest if kept is None else rest[kept]) - self.weights * self.off
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        return np.asarray(np.linalg.solve(gram / np.outer(size, size) + 1e-12 * np.eye(size.size), right / size) / size)
+        return solved(rows @ rows.T, right, self.weights)
 
     def left(self, step: Array) -> Array:
         """What a step leaves, shape (m,)."""

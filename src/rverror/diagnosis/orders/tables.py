@@ -318,7 +318,7 @@ def _reach(fit: Fit, variance: float) -> float:
     """Half width of an interval; what is left counts as noise of its size already."""
     bench = fit.bench
     assert isinstance(bench, TableSet)
-    free = int(np.isfinite(fit.weights).sum())
+    free = int(fit.free.sum())
     spare = max(float(bench.values[1].sum()) - free, 4.0)
     return math.sqrt(variance) * student((1 - bench.policy.confidence) / 2, spare)
 

@@ -15,6 +15,7 @@ from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
 from rverror.diagnosis.samples.runs import RunData, highest_order
 
 _TURN = 2 * np.pi
+_EVEN = 1e-6  # of a step: samples nearer to even ones are taken as such
 
 
 class Coloured(Protocol):
@@ -53,6 +54,8 @@ def line_spectrum(theta: Array, residual: Array, noise: Coloured, lowest: float,
     used = (order >= lowest) & (order <= highest)
     order, lines = order[used], lines[used]
     moves = np.quantile(np.abs(np.diff(theta)), (np.arange(16) + 0.5) / 16)
+    if np.ptp(moves) < _EVEN * moves[0]:
+        moves = moves[:1]
     variance = np.mean([noise.spectrum(order * move) for move in moves], axis=0) * theta.size / 2
     return np.asarray(order, dtype=np.float64), np.asarray(lines / variance, dtype=np.float64)
 
