@@ -20,6 +20,7 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
+from rverror.base.threads import one_thread
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.tolerances.allocation import VERIFY, cost_front, terms
@@ -222,5 +223,5 @@ def _executor(jobs: int) -> Iterator[Executor | None]:
     if jobs == 1:
         yield None
         return
-    with ProcessPoolExecutor(jobs) as executor:
+    with ProcessPoolExecutor(jobs, initializer=one_thread) as executor:
         yield executor

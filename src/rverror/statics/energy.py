@@ -116,8 +116,20 @@ def by_contact(reducer: Reducer, *, pin: Array, along: Array, row: Array) -> dic
     }
 
 
-def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
-    """Sum what effects close at the contacts of the gear train, along the action lines."""
+def error_closing(contacts: Geometry, effects: tuple[Effect, ...], *, slides: bool = True) -> Errors:
+    """Sum what effects close at the contacts along the action lines, and how they move pins along the profiles.
+
+    Parameters
+    ----------
+    contacts : Geometry
+    effects : tuple of Effect
+    slides : bool
+        Whether it counts how far pins move along the profiles; else that is left at 0.
+
+    Returns
+    -------
+    Errors
+    """
     reducer, n = contacts.motion.reducer, contacts.motion.theta.size
     discs, cranks = reducer.discs, reducer.cranks
     made = {
@@ -140,7 +152,7 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...]) -> Errors:
             more = softer.setdefault(closings.contact, np.zeros(shape))
             more[(slice(None), *closings.at)] += samples_first(np.tensordot(effect.values, closings.share, axes=1))
             continue
-        for one in closings:
+        for one in (*closings, *(contacts.slides(effect) if slides else ())):
             total[one.contact][(slice(None), *one.at)] += one.total(effect.values)
     return Errors(
         **made,
@@ -187,8 +199,11 @@ class Geometry:
     def pin_rows(self) -> Array:
         """How each pin closes with x, y and angle of its disc, which moves against the normal, (n, discs, 3, pins)."""
         motion = self.motion
-        rows = -np.stack([motion.pin_normal[:, :, 0], motion.pin_normal[:, :, 1], motion.pin_arm], axis=1)
-        return samples_first(rows)
+        discs, pins, _, n = motion.pin_normal.shape
+        rows = np.empty((n, discs, 3, pins))
+        np.negative(motion.pin_normal.transpose(3, 0, 2, 1), out=rows[:, :, :2])
+        np.negative(motion.pin_arm.transpose(2, 0, 1), out=rows[:, :, 2])
+        return rows
 
     @cached_property
     def profile_lever(self) -> Array:
@@ -310,9 +325,21 @@ class Geometry:
     def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance | Compliance:
         if isinstance(error, (Clearance, Compliance)):
             return error
-        parts = error if isinstance(error, tuple) else (error,)
-        along = [_closing("along", p.at, p.along(self.profile_tangent[p.at])) for p in parts if p.contact == "pin"]
-        return (*(self._across(part) for part in parts), *along)
+        return tuple(self._across(part) for part in (error if isinstance(error, tuple) else (error,)))
+
+    def slides(self, effect: Effect) -> tuple[Closing, ...]:
+        """How it moves pins along the profiles, made once."""
+        name = (effect.key, *sorted(effect.indices.items()))
+        if name not in self._slides:
+            error = self.error(effect)
+            parts = (
+                () if isinstance(error, (Clearance, Compliance)) else error if isinstance(error, tuple) else (error,)
+            )
+            on_pins = [part for part in parts if part.contact == "pin"]
+            self._slides[name] = tuple(
+                _closing("along", part.at, part.along(self.profile_tangent[part.at])) for part in on_pins
+            )
+        return self._slides[name]
 
     def _across(self, error: Displacement) -> Closing:
         """Projection of an error vector onto the action lines of its contacts."""
@@ -328,6 +355,10 @@ class Geometry:
 
     @cached_property
     def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
+        return {}
+
+    @cached_property
+    def _slides(self) -> dict[tuple[Any, ...], tuple[Closing, ...]]:
         return {}
 
     @cached_property

@@ -410,9 +410,11 @@ class Statics:
         """
         first, felt_effects, idle = 0, felt(effects), not self.torque
         response = response or idle
+        slides = response or self.reducer.contact_law.profile_curvature > 0
         torque = abs(self.travel.output_turn) * self.torque or _trace(self.reducer)
         for contacts in self.travel.geometries():
-            errors = preloaded(error_closing(contacts, felt_effects), self.reducer)
+            errors = error_closing(contacts, felt_effects, slides=slides)
+            errors = preloaded(errors, self.reducer)
             try:
                 problem = loaded_problem(contacts, self.reducer, errors, torque, response=response)
             except ValueError as error:
@@ -584,7 +586,7 @@ class Settled:
             },
             contact_forces={
                 **self._vectors(self.solution.row_force),
-                "pin": samples_last(self.forces.pin_force)[:, :, None] * normal,
+                "pin": np.ascontiguousarray(samples_last(self.forces.pin_force))[:, :, None] * normal,
             },
             loaded_pins=(self.solution.pins > 0).sum(axis=2).T,
             steps=self.solution.steps,
@@ -727,7 +729,9 @@ class Settled:
             if isinstance(closings, (Clearance, Compliance)):
                 rows.append(self._yielding(closings))
                 continue
-            parts = [one.work(changes[one.contact]) for one in closings if one.contact != "along" or self.problem.share]
+            parts = [one.work(changes[one.contact]) for one in closings]
+            if self.problem.share:
+                parts += [one.work(changes[one.contact]) for one in self.contacts.slides(effect)]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 
