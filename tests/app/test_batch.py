@@ -19,6 +19,7 @@ import rverror
 from rverror import Drive, InputError, Model, diagnose_folder, effect, save_model, simulate, write_run
 from rverror.app import batch
 from rverror.app import command_line as cli
+from rverror.base.threads import threads
 
 WORM = Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5})
 MOTOR = effect("shaft.eccentricity", shaft="motor", harmonic=1, cos="30 arcsec", sin="-10 arcsec")
@@ -382,6 +383,7 @@ def test_workers_have_one_blas_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     with batch.processes(1) as pool:
         assert pool.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
         assert pool.submit(os.getenv, "OPENBLAS_NUM_THREADS").result() == "1"
+        assert pool.submit(threads).result() == 1
     assert os.environ["OMP_NUM_THREADS"] == "7"
 
 

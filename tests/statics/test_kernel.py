@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -162,6 +163,17 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch, floats: bool) -
         poses.append(settled(UNIT, errors, theta).x)
     np.testing.assert_array_equal(poses[1], poses[0])
     np.testing.assert_array_equal(poses[2], poses[0])
+
+
+def test_a_program_may_solve_on_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of them hands out work to the same two threads; nothing waits for ever, nothing is mixed up."""
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    theta = 2 * np.pi * np.arange(500) / 500
+    units = [bad_parts(UNIT, np.random.default_rng(seed), 4e-3) for seed in range(6)]
+    alone = [settled(UNIT, errors, theta).x for errors in units]
+    with ThreadPoolExecutor(3) as pool:
+        beside = list(pool.map(lambda errors: settled(UNIT, errors, theta).x, units))
+    np.testing.assert_array_equal(beside, alone)
 
 
 PLAIN = """
