@@ -33,8 +33,8 @@ from rverror.model.compose import influence, transmission_error
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
 from rverror.statics.friction import efficiency, hysteresis
-from rverror.statics.loaded_state import equilibrium
-from rverror.statics.prediction import Prediction, Predictor
+from rverror.statics.loaded_state import Prediction, equilibrium
+from rverror.statics.prediction import Predictor
 
 #: Size of an error where a source gives none, mm.
 ERROR = 0.005

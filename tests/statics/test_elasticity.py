@@ -191,30 +191,18 @@ def test_influences_are_the_derivatives_by_any_law(monkeypatch: pytest.MonkeyPat
 def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
     unit, effects = rverror.reducer("RV-40E"), errors(np.random.default_rng(4))
     other = replace(unit, stiffness=rverror.Stiffness(pin_contact=1.2e5), gear_backlash=5e-3, contact_law=LINE)
-    theta = np.linspace(0.2, 6.0, 300)
+    where = Conditions(np.linspace(0.2, 6.0, 300), 1.0, 30e3)
     for some in (effects, effects[2:4]):
-        for repeat in (False, True):
-            first = Predictor(unit, Conditions(theta, 1.0, 30e3))
-            near = first.predict(rverror.Model(unit, some)) if repeat else None
+        first = statics_of(unit, where)
+        for start in (None, first.predict(some).poses):
             second = first.elastic(other)
-            model = rverror.Model(other, some)
-            found = second.predict(model, near)
-            alone = Predictor(other, Conditions(theta, 1.0, 30e3)).predict(model)
+            found, alone = second.predict(some, start), statics_of(other, where).predict(some)
             for name in ("transmission_error", "matrix", "softening"):
                 one, expected = getattr(found, name), getattr(alone, name)
                 np.testing.assert_allclose(one, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
-            assert second.elastic(unit).predict(rverror.Model(unit, some)).softening.shape == (10, theta.size)
-            assert first._whole.travel is second._whole.travel
-
-
-def test_a_prediction_of_another_stiffness_is_not_the_answer() -> None:
-    unit = rverror.reducer("RV-40E")
-    soft = replace(unit, stiffness=rverror.Stiffness(pin_contact=1e5))
-    first = Predictor(unit, Conditions(THETA, 1.0, 30e3))
-    near = first.predict(rverror.Model(unit))
-    found = first.elastic(soft).predict(rverror.Model(soft), near)
-    assert np.abs(found.transmission_error - near.transmission_error).min() > 1e-6
-    assert first.predict(rverror.Model(unit), near) is near
+            assert second.elastic(unit).predict(some).softening.shape == (10, 300)
+            assert first.travel is second.travel
+            assert np.abs(found.transmission_error - first.predict(some).transmission_error).min() > 1e-6
 
 
 def test_the_closed_form_knows_no_stiffness() -> None:
@@ -225,10 +213,7 @@ def test_the_closed_form_knows_no_stiffness() -> None:
 def test_another_geometry_is_refused() -> None:
     unit = rverror.reducer("RV-40E")
     with pytest.raises(ValueError, match=r"pin_radius = 3.1, here 3.0: only stiffness, stiffness_uncertainty, gear"):
-        Predictor(unit, Conditions(THETA, 1.0, 1e3)).elastic(replace(unit, pin_radius=3.1))
-    drive = rverror.Drive(ratio=14.0)
-    with pytest.raises(ValueError, match="only the stiffness of a reducer"):
-        Predictor(drive, Conditions(THETA, 1.0)).elastic(unit)
+        statics_of(unit, Conditions(THETA, 1.0, 1e3)).elastic(replace(unit, pin_radius=3.1))
 
 
 @pytest.mark.parametrize("exponent", [0.99, 1.51, True, "10/9", math.nan])

@@ -75,17 +75,6 @@ def test_from_a_prediction_without_a_pin_one_with_it_is_solved_as_from_nothing()
     np.testing.assert_allclose(warm.matrix, cold.matrix, rtol=0, atol=1e-9 * np.abs(cold.matrix).max())
 
 
-def test_a_prediction_of_the_same_model_is_the_answer_under_the_same_conditions_only() -> None:
-    model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE[:1])
-    predictor = Predictor(model.mechanism, Conditions(turn(256), 1.0, 20e3))
-    near = predictor.predict(model)
-    assert predictor.predict(model, near) is near
-    changed = rverror.Model(model.mechanism, CARRIER_SIDE[2:3])
-    assert spread(predictor.predict(changed, near).transmission_error - near.transmission_error) > ARCSEC
-    other = Predictor(model.mechanism, Conditions(turn(256), -1.0, 20e3))
-    assert spread(other.predict(model, near).transmission_error - near.transmission_error) > ARCSEC
-
-
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("gears", [CARRIER_SIDE, CARRIER_SIDE + PINS], ids=["carrier side", "pins"])
 def test_it_is_the_equilibrium_at_every_angle(gears: tuple[Effect, ...], direction: float) -> None:

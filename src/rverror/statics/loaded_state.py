@@ -47,7 +47,7 @@ _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bound
 _NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
 
 
-#: What else the output depends on, in the order of rows of `Solved.softening`: the logarithm of the compliance (one
+#: What else the output depends on, in the order of rows of `Prediction.softening`: the logarithm of the compliance (one
 #: over the stiffness) of each kind of contact, backlash in mm, exponents of the contact law.
 SOFTENING = (
     "pin_contact",
@@ -427,13 +427,14 @@ class Statics:
             yield settled.unloaded() if idle else settled
             first = last
 
-    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Solved:
+    def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""
         parts = [
-            Solved(part.transmission_error, part.influences(effects), part.softening(), part.x)
+            (part.transmission_error, part.influences(effects), part.softening(), part.x.T)
             for part in self.solutions(effects, start, response=True)
         ]
-        return parts[0] if len(parts) == 1 else Solved.joined(parts)
+        error, matrix, softening, poses = (np.concatenate(one, axis=-1) for one in zip(*parts, strict=True))
+        return Prediction(error, matrix, softening, poses.T)
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque."""
@@ -462,8 +463,8 @@ class Statics:
 
 
 @dataclass(frozen=True)
-class Solved(OneLine):
-    """Turn of the output at n angles, and its change with all that it depends on.
+class Prediction(OneLine):
+    """Output error at n angles, and its change with all that it depends on.
 
     Attributes
     ----------
@@ -471,25 +472,17 @@ class Solved(OneLine):
         rad.
     matrix : ndarray, shape (parameters, n)
         Change per parameter of each effect.
-    softening : ndarray, shape (10, n)
-        Change per unit of each of `SOFTENING`.
-    poses : ndarray, shape (n, unknowns)
+    softening : ndarray, shape (10, n), optional
+        Change per unit of each of `SOFTENING`: of the logarithm of each compliance, of the backlash, mm, and of what
+        the contact law holds.  None where the closed form predicts, which knows none of them.
+    poses : ndarray, shape (n, unknowns), optional
+        Where the equilibrium predicts.
     """
 
     transmission_error: Array
     matrix: Array
-    softening: Array
-    poses: Array
-
-    @classmethod
-    def joined(cls, parts: list[Solved]) -> Solved:
-        """Of all stretches."""
-        return cls(
-            np.concatenate([part.transmission_error for part in parts]),
-            np.concatenate([part.matrix for part in parts], axis=1),
-            np.concatenate([part.softening for part in parts], axis=1),
-            np.concatenate([part.poses for part in parts]),
-        )
+    softening: Array | None = None
+    poses: Array | None = None
 
 
 def _side_by_side(forces: list[ContactForces]) -> ContactForces:

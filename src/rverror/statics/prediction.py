@@ -3,57 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.geartrain.action_line import ContactForces, Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import Conditions, Pose, frame_orders, true_period
-from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
-from rverror.geartrain.source import IndexValue
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model import sensor
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, effect_values, source_matrix
-from rverror.model.effects import Effect, Model
-from rverror.model.readings import Stand, felt
+from rverror.model.effects import Model
+from rverror.model.readings import felt
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Statics, statics_of
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What is predicted, and its change with the model.
-
-    Attributes
-    ----------
-    transmission_error : ndarray, shape (n,)
-        rad.
-    matrix : ndarray, shape (parameters, n)
-        Change per parameter of each effect.
-    poses : ndarray, shape (n, unknowns), optional
-        Where the equilibrium predicts.
-    softening : ndarray, shape (10, n), optional
-        Change per unit of each of `loaded_state.SOFTENING`: of the logarithm of each compliance, of the backlash, mm,
-        and of what the contact law holds.  None where the closed form predicts, which knows none of them.
-    effects : tuple of Effect
-        What it was predicted for.
-    mechanism : Reducer or Drive, optional
-        Of which.
-    conditions : Conditions, optional
-        Where.
-    """
-
-    transmission_error: Array
-    matrix: Array
-    poses: Array | None = None
-    softening: Array | None = None
-    effects: tuple[Effect, ...] = ()
-    mechanism: Mechanism | None = None
-    conditions: Conditions | None = None
+from rverror.statics.loaded_state import Prediction, Statics, statics_of
 
 
 def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
@@ -93,31 +58,6 @@ class Predictor:
 
     mechanism: Mechanism
     conditions: Conditions
-    _first: Predictor | None = None  # whose geometry is this one's
-
-    def elastic(self, mechanism: Mechanism) -> Predictor:
-        """The same for a reducer with other stiffness, backlash or contact law; what geometry gives is made once.
-
-        Parameters
-        ----------
-        mechanism : Reducer or Drive
-            A drive has no stiffness: only the same one.
-
-        Returns
-        -------
-        Predictor
-
-        Raises
-        ------
-        ValueError
-            If anything but stiffness, backlash and contact law differs.
-        """
-        if mechanism == self.mechanism:
-            return self
-        if not (isinstance(mechanism, Reducer) and isinstance(self.mechanism, Reducer)):
-            raise ValueError("only the stiffness of a reducer can be another one; make a new predictor for a drive")
-        check_same_geometry(self.mechanism, mechanism)
-        return Predictor(mechanism, self.conditions, self._first or self)
 
     def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
         """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.
@@ -127,91 +67,30 @@ class Predictor:
         model : Model
             Of this mechanism.
         near : Prediction, optional
-            Where it is of this very model under these conditions, it is the answer.
 
         Returns
         -------
         Prediction
         """
-        if near and near.conditions is self.conditions and near.effects == model.effects and self._made(near):
-            return near
-        found = self._predicted(model, near)
-        return replace(found, effects=model.effects, mechanism=self.mechanism, conditions=self.conditions)
-
-    def _made(self, near: Prediction) -> bool:
-        return near.mechanism is self.mechanism or near.mechanism == self.mechanism
-
-    def _predicted(self, model: Model, near: Prediction | None) -> Prediction:
         gears = felt(model.effects)
         if any(source(e.key).acts == "marks" for e in model.effects):
             _check_whole_periods(self.mechanism, self.conditions.theta)
             turned = self._ahead(model).predict(replace(model, effects=gears), near)
             return _as_read(model, motion(self.mechanism, self.conditions), turned)
         if not uses_equilibrium(model, self.conditions):
-            matrix = effect_matrix(*self.contact_state(model), model.effects)
+            where = motion(self.mechanism, self.conditions)
+            matrix = effect_matrix(where, closed_form_forces(where), model.effects)
             return Prediction(effect_values(model.effects) @ matrix, matrix)
         found = self._whole.predict(gears, near.poses if near else None)
-        loaded = Prediction(found.transmission_error, found.matrix, found.poses, softening=found.softening)
-        return _as_read(model, self._motion, loaded)
-
-    def influences(
-        self, model: Model, sources: Sequence[tuple[str, Mapping[str, IndexValue]]], near: Prediction | None = None
-    ) -> Array:
-        """Influence of sources on the output error of a model, with the contacts as they are closed in it.
-
-        Parameters
-        ----------
-        model : Model
-            Of this mechanism.
-        sources : sequence of (str, mapping)
-            Keys and indices.
-        near : Prediction, optional
-            Of the model or a similar one.
-
-        Returns
-        -------
-        ndarray, shape (parameters, n)
-            rad per mm or rad, one row per parameter of each source.
-        """
-        gears, forces = (self._ahead(model) if model.index_offset else self).contact_state(model, near)
-        where = Stand(replace(gears, theta=self.conditions.theta), gears)
-        return np.concatenate([source_matrix(where.of(key), forces, key, i) for key, i in sources])
+        return _as_read(model, replace(self._whole.motion, time=self.conditions.time), found)
 
     def _ahead(self, model: Model) -> Predictor:
         """Predictor of the gear train where it stands, its marks ahead of the bench's zero."""
         return Predictor(self.mechanism, self.conditions.at(self.conditions.theta + model.index_offset))
 
-    def contact_state(self, model: Model, near: Prediction | None = None) -> tuple[Pose, ContactForces]:
-        """Motion and contact forces per unit torque with the gear's marks at every sample's angle.
-
-        Parameters
-        ----------
-        model : Model
-            Of this mechanism.
-        near : Prediction, optional
-            Of the model or a similar one.
-
-        Returns
-        -------
-        Pose, mapping of str to ndarray
-        """
-        if uses_equilibrium(model, self.conditions):
-            forces = self._whole.forces(model.effects, near.poses if near else None)
-            return self._motion, forces
-        where = motion(self.mechanism, self.conditions)
-        return where, closed_form_forces(where)
-
-    @property
-    def _motion(self) -> Contacts:
-        """Motion at every sample, as what is read at the output needs it."""
-        return replace(self._whole.motion, time=self.conditions.time)
-
     @cached_property
     def _whole(self) -> Statics:
-        if self._first is None:
-            return statics_of(self.mechanism, replace(self.conditions, time=None))
-        assert isinstance(self.mechanism, Reducer)
-        return self._first._whole.elastic(self.mechanism)
+        return statics_of(self.mechanism, replace(self.conditions, time=None))
 
 
 def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:

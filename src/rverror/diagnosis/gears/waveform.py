@@ -138,8 +138,10 @@ class Conditioned:
         statics = self._statics(unit, grid, beside=beside)
         solved = statics.predict(effects, np.concatenate(poses) if len(poses) == len(starts) else None)
         parts = [slice(at * grid.points, (at + 1) * grid.points) for at in range(len(starts))]
-        error, rows, soft = solved.transmission_error, solved.matrix, solved.softening
-        return [Waveform(grid, error[p], rows[:, p], soft[:, p], effects, unit, solved.poses[p]) for p in parts]
+        error, rows, soft, found = solved.transmission_error, solved.matrix, solved.softening, solved.poses
+        assert soft is not None
+        assert found is not None
+        return [Waveform(grid, error[p], rows[:, p], soft[:, p], effects, unit, found[p]) for p in parts]
 
     def _near(self, near: Waveform | None, grid: AngleGrid) -> Array | None:
         return None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
