@@ -321,13 +321,8 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     Sources 000 (delta_31) and 002 (its e_pd projects by the angle of the pin, not of the normal).
     """
     here = only(disc)
-    return ErrorWaves(
-        contact="pin",
-        phase=contacts.pin_phase[here],
-        harmonic=harmonic,
-        direction=contacts.pin_normal[here],
-        at=(here,),
-    )
+    phase, direction = contacts.pin_phase[here], contacts.pin_normal[here]
+    return ErrorWaves(contact="pin", phase=phase, harmonic=harmonic, direction=direction, at=(here,))
 
 
 def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
@@ -408,13 +403,8 @@ def disc_pitch(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     Sources 001 (cumulative pitch error) and 002 (e_Apd).
     """
     here = only(disc)
-    return ErrorWaves(
-        contact="pin",
-        phase=contacts.pin_phase[here],
-        harmonic=harmonic,
-        direction=contacts.pin_behind[here],
-        at=(here,),
-    )
+    phase, direction = contacts.pin_phase[here], contacts.pin_behind[here]
+    return ErrorWaves(contact="pin", phase=phase, harmonic=harmonic, direction=direction, at=(here,))
 
 
 def pin_position(contacts: Contacts, *, pin: int) -> ErrorVector:

@@ -43,9 +43,6 @@ _MAX_STEPS = 40
 _MAX_STEPS_NEAR = 10  # from a pose that is likely near
 _MAX_STEPS_UNLOADING = 2000  # at each load; each few lower a convex energy, so only time runs out
 _FULL_LOAD = 5e-4  # torque at which all contacts settle easily, of pin stiffness times pin circle radius squared
-_BLOCK = (
-    64  # angles that are solved one from the other; a thread has whole blocks, so that the poses are always the same
-)
 
 
 @dataclass(frozen=True)
@@ -495,7 +492,7 @@ def solve(
         own = kernel.Solution._make(one[part] for one in made)
         kernel.solve(part_of(problem, part), start, own, kernel.scratch(problem))
 
-    each_part(some, n, _BLOCK)
+    each_part(some, n, kernel.BLOCK)
     return kernel.Solution._make(made)
 
 

@@ -53,7 +53,9 @@ _REGULAR = 1e-12
 _CREEPING = 1e-8
 _PATIENT = 40  # steps after which creeping ends
 _HALVINGS = 40  # of a step, to 1e-12 of it
-_TOGETHER = 64  # angles of which each but the first starts from the one before
+#: Angles of which each but the first starts from the one before; a thread has whole blocks of them, so that poses do
+#: not depend on how many there are.
+BLOCK = 64
 #: First unknown of the first disc, and angle of the carrier.
 _FIRST_DISC, _CARRIER_ANGLE = 3, 2
 #: Places in `loaded_state.SOFTENING`; those of bearings are in the problem.
@@ -784,7 +786,7 @@ def solve(problem: Problem, start: int, solution: Solution, s: _Scratch) -> None
     for i in range(len(solution.x)):
         rounding = _assemble_springs(problem, i, s)
         first = start
-        if start == COLD and i % _TOGETHER and solution.found[i - 1]:
+        if start == COLD and i % BLOCK and solution.found[i - 1]:
             _copy(solution.x[i - 1], solution.x[i])
             first = NEAR
         solution.steps[i], solution.found[i] = _settle(problem, i, solution.x[i], first, rounding, solution, s)
