@@ -75,9 +75,10 @@ from rverror.tolerances import distribution as distributions
 from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
 from rverror.tolerances.assembly import mounting_choices, phasing_gain
 from rverror.tolerances.closed_form import Budget, budget
-from rverror.tolerances.control_variate import ContactCorrection, contact_correction
 from rverror.tolerances.full_budget import ErrorBudget, error_budget
+from rverror.tolerances.loaded_allocation import allocate_at_load
 from rverror.tolerances.sampling import VirtualUnits, virtual_units
+from rverror.tolerances.specification import Limit, limit
 from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
@@ -118,7 +119,6 @@ __all__ = [
     "Comparison",
     "Compensation",
     "Conditions",
-    "ContactCorrection",
     "ContactLaw",
     "ContactPressure",
     "Correction",
@@ -138,6 +138,7 @@ __all__ = [
     "Inertia",
     "Influence",
     "InputError",
+    "Limit",
     "Linearisation",
     "Model",
     "Modes",
@@ -162,6 +163,7 @@ __all__ = [
     "WearCoefficients",
     "__version__",
     "allocate",
+    "allocate_at_load",
     "allocation_json",
     "allocation_text",
     "append_effects",
@@ -173,7 +175,6 @@ __all__ = [
     "coloured_noise",
     "compare",
     "compensate",
-    "contact_correction",
     "contact_pressure",
     "cost_front",
     "costs",
@@ -194,6 +195,7 @@ __all__ = [
     "hysteresis",
     "influence",
     "input_files",
+    "limit",
     "line_style",
     "linearise",
     "load_compensation",

@@ -21,11 +21,16 @@ from rverror.app.terminal import (
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.base.threads import one_thread
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
-from rverror.tolerances.allocation import VERIFY, cost_front, terms
+from rverror.statics.loaded_state import reducer_of
+from rverror.tolerances.allocation import VERIFY, Allocation, FrontPoint, cost_front, terms
 from rverror.tolerances.full_budget import error_budget
+from rverror.tolerances.loaded_allocation import allocate_at_load
+from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT
+from rverror.tolerances.specification import BENCH_TORQUE, QUANTITIES, Limit
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.envelope import input_files
@@ -43,34 +48,44 @@ def add_commands(commands: Any) -> None:
     """
     command = commands.add_parser("budget", help="what tolerances make of the output error")
     _add_inputs(command)
-    command.add_argument("--limit", metavar='"60 arcsec"', help="of the peak-to-peak: tells the yield")
-    command.add_argument(
-        "--torque",
-        metavar='"20 N*m"',
-        help="solve a sample at this load, contacts that open included; with --speed the load (default: the rated one)",
-    )
+    _add_limits(command)
     command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
     command.add_argument("--resume", metavar="FOLDER", help="keep finished chunks of units there, and go on from them")
     command.add_argument("--plot", metavar="OUT.png", help="draw contributions and the distribution")
     command.set_defaults(run=_budget)
 
-    command = commands.add_parser("allocate", help="the tolerances of least cost within a limit")
+    command = commands.add_parser("allocate", help="the tolerances of least cost within limits")
     _add_inputs(command)
-    command.add_argument("--limit", required=True, metavar='"60 arcsec"', help="of the peak-to-peak, or of the rms")
+    _add_limits(command)
     command.add_argument(
         "--kind",
-        choices=("yield", "worst", "rms"),
-        default="yield",
-        help="what is limited: a quantile of the peak-to-peak, its worst case, or the expected rms (default yield)",
+        choices=("load", "yield", "worst", "rms"),
+        default="load",
+        help="how it is limited: units solved at the load; or the closed form, contacts closed: a quantile of the "
+        "peak-to-peak, its worst case, the expected rms (default load; yield for a drive and with --speed)",
+    )
+    command.add_argument("--units", type=int, metavar="N", help="units that verify (default 2000; closed form: 65536)")
+    command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
+    command.add_argument("--plot", metavar="OUT.png", help="draw least cost against the limit; of a load the costs")
+    command.set_defaults(run=_allocate)
+
+
+def _add_limits(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--limit", metavar='"60 arcsec"', help="of the peak-to-peak transmission error")
+    command.add_argument("--lost-motion", metavar='"60 arcsec"', help="limit at 3 %% of the rated torque")
+    command.add_argument("--backlash", metavar='"60 arcsec"', help="limit of the play without load")
+    command.add_argument(
+        "--stiffness", metavar='"100 N*m/arcmin"', help="least torsional stiffness, 50 to 100 %% of load"
+    )
+    command.add_argument(
+        "--at",
+        "--torque",
+        metavar='"20 N*m,412 N*m"',
+        help="output torques of the transmission error (default: the rated torque and 20 N*m); with --speed the load",
     )
     command.add_argument(
         "--yield", dest="level", default="99 %", metavar='"99 %%"', help="share of good units (default 99 %%)"
     )
-    command.add_argument("--torque", metavar='"20 N*m"', help="with --speed: the load (default: the rated one)")
-    command.add_argument("--units", type=int, default=VERIFY, metavar="N", help="units that verify (default 65536)")
-    command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
-    command.add_argument("--plot", metavar="OUT.png", help="draw least cost against the limit")
-    command.set_defaults(run=_allocate)
 
 
 def _add_inputs(command: argparse.ArgumentParser) -> None:
@@ -92,16 +107,19 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
 def _budget(options: argparse.Namespace) -> None:
     model, tolerances = _inputs(options, options.json, options.html, options.plot)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
-    torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
+    speed = _speed(options)
+    asked = speed is None and bool(options.at or _of_load(options))
+    limits = _limits(options, model) if asked else ()
     _at_least_one("--units", options.units)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
             tolerances,
             direction=_direction(options),
-            torque=torque,
-            speed=_speed(options),
+            torque=_load_of_speed(options, speed) or max((one.torque or 0.0 for one in limits), default=None) or None,
+            speed=speed,
             count=options.units,
+            limits=limits,
             seed=options.seed,
             executor=executor,
             folder=options.resume,
@@ -123,26 +141,13 @@ def _budget(options: argparse.Namespace) -> None:
 
 def _allocate(options: argparse.Namespace) -> None:
     model, tolerances = _inputs(options, options.json, options.html, options.plot, options.save)
-    limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
-    level = _share(options.level)
-    _at_least_one("--units", options.units)
-    torque = _above_zero("--torque", options.torque, "torque", "20 N*m")
-    laid_out = stack(model, tolerances, direction=_direction(options), torque=torque, speed=_speed(options))
-    settings: dict[str, Any] = {
-        **terms(tolerances),
-        "kind": options.kind,
-        "level": level,
-        "verify": options.units,
-        "seed": options.seed,
-    }
-    factors = _FRONT if options.plot else (1.0,)
-    assert limit is not None
-    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
-        limits = [limit * factor for factor in factors]
-        front = cost_front(laid_out, limits=limits, executor=executor, progress=progress, **settings)
-    asked = front[factors.index(1.0)]
-    if (found := asked.allocation) is None:
-        raise InputError(asked.reason)
+    if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
+        options.kind = "yield"
+    front: tuple[FrontPoint, ...] = ()
+    if options.kind == "load":
+        found = _allocated_at_load(options, model, tolerances)
+    else:
+        found, front = _allocated_in_closed_form(options, model, tolerances)
     print(to_text(found), end="")
     files = input_files([options.model, options.tolerances])
     if options.json:
@@ -153,9 +158,96 @@ def _allocate(options: argparse.Namespace) -> None:
         say_replaced(options.save)
         save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
     if options.plot:
-        from rverror.views.plots.budgets import front_figure
+        from rverror.views.plots.budgets import allocation_figure, front_figure
 
-        write_picture(options.plot, front_figure(front, found))
+        write_picture(options.plot, front_figure(front, found) if front else allocation_figure(found))
+
+
+def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:
+    if options.limit is None and not _of_load(options):
+        raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
+    count = LOADED_COUNT if options.units is None else options.units
+    _at_least_one("--units", count)
+    with closing(_progress(options)) as progress:
+        return allocate_at_load(
+            model,
+            tolerances,
+            _limits(options, model),
+            direction=_direction(options),
+            verify=count,
+            seed=options.seed,
+            progress=progress,
+        )
+
+
+def _allocated_in_closed_form(
+    options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]
+) -> tuple[Allocation, tuple[FrontPoint, ...]]:
+    speed = _speed(options)
+    unused = _of_load(options) + (["--at"] if options.at and speed is None else [])
+    if unused:
+        raise InputError(
+            f"{unused[0]}: the closed form knows no load; leave it out, or leave out --kind {options.kind}"
+            if isinstance(model.mechanism, Reducer)
+            else f"{unused[0]}: a [drive] has no contacts to be loaded; leave it out"
+        )
+    limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
+    if limit is None:
+        raise InputError("no limit; give --limit '60 arcsec'")
+    count = VERIFY if options.units is None else options.units
+    _at_least_one("--units", count)
+    torque = _load_of_speed(options, speed)
+    laid_out = stack(model, tolerances, direction=_direction(options), torque=torque, speed=speed)
+    settings: dict[str, Any] = {
+        **terms(tolerances),
+        "kind": options.kind,
+        "level": _share(options.level),
+        "verify": count,
+        "seed": options.seed,
+    }
+    factors = _FRONT if options.plot else (1.0,)
+    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
+        limits = [limit * factor for factor in factors]
+        front = cost_front(laid_out, limits=limits, executor=executor, progress=progress, **settings)
+    asked = front[factors.index(1.0)]
+    if asked.allocation is None:
+        raise InputError(asked.reason)
+    return asked.allocation, front
+
+
+def _of_load(options: argparse.Namespace) -> list[str]:
+    """Options that limit what only the load tells."""
+    names = ("--lost-motion", "--backlash", "--stiffness")
+    return [name for name in names if getattr(options, name[2:].replace("-", "_")) is not None]
+
+
+def _limits(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
+    """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
+    level = _share(options.level)
+    unit = reducer_of(model.mechanism, "a limit at the load")
+    torques = [
+        _above_zero("--at", text.strip(), "torque", "20 N*m") for text in (options.at or "").split(",") if text.strip()
+    ]
+    if not torques and unit.rated_torque is None:
+        raise InputError("--at: at which torque? the reducer has no rated_torque; give --at '20 N*m'")
+    error = _above_zero("--limit", options.limit, "angle", "60 arcsec")
+    found = []
+    if error is not None or options.at:
+        found += [
+            Limit("transmission_error", error, torque, level)
+            for torque in dict.fromkeys(torques or (unit.rated_torque, min(BENCH_TORQUE, unit.rated_torque or 0.0)))
+        ]
+    for name in _of_load(options):
+        quantity = name[2:].replace("-", "_")
+        example = "100 N*m/arcmin" if quantity == "stiffness" else "60 arcsec"
+        value = _above_zero(name, getattr(options, quantity), QUANTITIES[quantity], example)
+        found.append(Limit(quantity, value, None, level))
+    return tuple(found)
+
+
+def _load_of_speed(options: argparse.Namespace, speed: float | None) -> float | None:
+    """Load of a reducer in motion."""
+    return _above_zero("--at", options.at, "torque", "20 N*m") if speed is not None else None
 
 
 def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:

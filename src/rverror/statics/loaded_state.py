@@ -411,7 +411,7 @@ class Statics:
         first, felt_effects, idle = 0, felt(effects), not self.torque
         response = response or idle
         slides = response or self.reducer.contact_law.profile_curvature > 0
-        torque = abs(self.travel.output_turn) * self.torque or _trace(self.reducer)
+        torque = abs(self.travel.output_turn) * self.torque or trace_of_load(self.reducer)
         for contacts in self.travel.geometries():
             errors = error_closing(contacts, felt_effects, slides=slides)
             errors = preloaded(errors, self.reducer)
@@ -422,7 +422,7 @@ class Statics:
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
             solution = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
-            _check_found(solution, contacts.motion.theta, idle=idle)
+            check_found(solution, contacts.motion.theta, idle=idle)
             settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
             yield settled.unloaded() if idle else settled
             first = last
@@ -489,12 +489,13 @@ def _side_by_side(forces: list[ContactForces]) -> ContactForces:
     return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
 
 
-def _trace(reducer: Reducer) -> float:
+def trace_of_load(reducer: Reducer) -> float:
     """Torque on the carrier that stands for none, N*mm."""
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
 
 
-def _check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
+def check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
+    """Refuse angles at which no equilibrium was found."""
     lost = ~solution.found
     if lost.any():
         where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[lost][:5])
@@ -720,7 +721,7 @@ class Settled:
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
-                rows.append(self._yielding(closings))
+                rows.append(self.yielding(closings))
                 continue
             parts = [one.work(changes[one.contact]) for one in closings]
             if self.problem.share:
@@ -728,7 +729,7 @@ class Settled:
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 
-    def _yielding(self, part: Clearance | Compliance) -> Array:
+    def yielding(self, part: Clearance | Compliance) -> Array:
         """`influences` of what lets a contact give way along its own force, and so against the motion."""
         solution = self.solution
         if isinstance(part, Clearance):

@@ -23,6 +23,7 @@ from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
 from rverror.tolerances.cost import Cost, Grades
 from rverror.tolerances.limited_error import MeanSquare, Quantile, WorstPeakToPeak
+from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.market import (
     CLOSE,
     ROUNDS,
@@ -38,25 +39,25 @@ from rverror.tolerances.market import (
 from rverror.tolerances.sampling import check_share, virtual_units
 from rverror.tolerances.stacking import Stack, Tolerance, check_tolerances, laid_out
 
-Kind = Literal["worst", "yield", "rms"]
+Kind = Literal["worst", "yield", "rms", "load"]
 
-#: Units on which a yield is optimised, and units that verify the result.
+#: Units on which a yield is optimised, and fresh units that check the result; in closed form both.
 SAMPLE, VERIFY = 2**14, 2**16
 
 _KINDS = ("worst", "yield", "rms")
-_NEAR = 5e-4  # relative; of a verified quantile to its limit
+_NEAR = 5e-4  # relative; of a quantile of fresh units to its limit
 _FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
 _IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
 _AT_BOUND = 1e-7  # of a width to its bound, relative
-_ATTEMPTS = 12  # to bring a verified quantile close to its limit, once it is met
+_ATTEMPTS = 12  # to bring a quantile of fresh units close to its limit, once it is met
 
 
 _COSTS = "give a cost for each entry, as of terms(tolerances)['costs']"
 
 
 @dataclass(frozen=True)
-class Verification:
-    """Quantile of the p-p by a simulation whose units took no part in finding the widths."""
+class ClosedFormQuantile:
+    """Quantile of the p-p in closed form, contacts closed, of units that took no part in finding the widths."""
 
     level: float  #: which quantile, such as 0.99
     quantile: float  #: rad
@@ -69,16 +70,16 @@ class Verification:
 
 @dataclass(frozen=True)
 class Rate:
-    """Exchange of cost against the limited error at the widths as given, for one entry.
+    """Exchange of cost against what is limited at the widths as given, for one entry, per `Allocation.step`.
 
     Both are None where an entry is fixed, or the width as given finer than all its grades.
     """
 
     label: str
-    #: Cost saved per arcsec given up by a wider tolerance; infinite where the width does not matter.  None where no
+    #: Cost saved per step given up by a wider tolerance; infinite where the width does not matter.  None where no
     #: wider one may be had.
     relax: float | None
-    #: Cost of an arcsec gained by a finer tolerance.  None where no finer one may be had, or gains nothing.
+    #: Cost of a step gained by a finer tolerance.  None where no finer one may be had, or gains nothing.
     tighten: float | None
 
 
@@ -91,9 +92,9 @@ class Allocation(Viewed):
     labels : tuple of str
         Name of each entry, as in the stack.
     kind : str
-        ``"worst"``, ``"yield"`` or ``"rms"``, as in `allocate`.
+        ``"worst"``, ``"yield"`` or ``"rms"``, as in `allocate`; ``"load"`` of `allocate_at_load`.
     limit : float
-        rad.
+        rad; 1 for ``"load"``, of which the share of its limits that a unit uses is limited.
     level : float
         The quantile, of the limit where the kind is ``"yield"`` and of the verification.
     widths_before, widths : tuple of float
@@ -106,11 +107,12 @@ class Allocation(Viewed):
     costs : tuple of float
         Of each entry.
     value_before, value : float
-        What is limited, rad.  For ``"yield"`` the upper end of the verified interval: it is this that meets the limit.
-    verified_before, verified : Verification
-        Simulated p-p with the widths as given and with those found.
+        What is limited, rad; for ``"load"`` a share.  For ``"yield"`` the upper end of the interval of the quantile: it
+        is this that meets the limit.
+    closed_form_before, closed_form : ClosedFormQuantile
+        Of the widths as given and of those found.
     shadow_price : float or None
-        Cost saved per arcsec by which the limit is raised, grades held.  None where only grades are free.
+        Cost saved per `step` by which the limit is raised, grades held.  None where only grades are free.
     bound_prices : tuple of float
         Cost saved per core unit by which a bound that holds is pushed out, 0 where none holds; positive also for a
         lower bound.
@@ -129,6 +131,8 @@ class Allocation(Viewed):
         ``"grade"`` of a table, ``"fixed"``.
     model : str
         Name of the unit, as in the stack.
+    verified : Verified, optional
+        Fresh units at the loads of all limits; of ``"load"`` alone, for a closed form verifies nothing.
     """
 
     labels: tuple[str, ...]
@@ -143,8 +147,8 @@ class Allocation(Viewed):
     costs: tuple[float, ...]
     value_before: float
     value: float
-    verified_before: Verification
-    verified: Verification
+    closed_form_before: ClosedFormQuantile
+    closed_form: ClosedFormQuantile
     shadow_price: float | None
     bound_prices: tuple[float, ...]
     rates: tuple[Rate, ...]
@@ -155,6 +159,12 @@ class Allocation(Viewed):
     speed: float | None = None
     held_by: tuple[str, ...] = ()
     model: str = ""
+    verified: Verified | None = None
+
+    @property
+    def step(self) -> float:
+        """Of what is limited, by which prices and rates count: an arcsec, or a per cent of all limits."""
+        return step_of(self.kind)
 
     @property
     def cost_before(self) -> float:
@@ -175,6 +185,11 @@ class Allocation(Viewed):
     def relax_first(self) -> tuple[Rate, ...]:
         """Entries that may be relaxed, the largest saving per arcsec first."""
         return tuple(sorted((r for r in self.rates if r.relax is not None), key=lambda r: -(r.relax or 0.0)))
+
+
+def step_of(kind: Kind) -> float:
+    """`Allocation.step` of a kind."""
+    return 0.01 if kind == "load" else ARCSEC
 
 
 @dataclass(frozen=True)
@@ -245,20 +260,20 @@ def allocate(
     fixed : sequence of bool, optional
         Entries that keep their width.
     sample, verify : int
-        Units on which a yield is optimised and, drawn afresh, verified.
+        Units on which a yield is optimised and, drawn afresh, checked: in closed form, contacts closed, both.
     confidence : float
-        Of the interval of the verified quantile.
+        Of the interval of the quantile in closed form.
     seed : int
         Fixes all draws.
     executor : concurrent.futures.Executor, optional
-        Where the units that verify are drawn, as for `virtual_units`.
+        Where the units that check are drawn, as for `virtual_units`.
     progress : callable, optional
         Called with a line of text as the work goes on.
 
     Returns
     -------
     Allocation
-        For ``"yield"`` the upper end of the verified interval is not above the limit.
+        For ``"yield"`` the upper end of the quantile's interval is not above the limit.
 
     Raises
     ------
@@ -419,7 +434,7 @@ class _Task:
     executor: Executor | None
     progress: Callable[[str], None]
 
-    def verified(self, widths: Array) -> Verification:
+    def checked(self, widths: Array) -> ClosedFormQuantile:
         """Quantile of the p-p of fresh units, the same ones at every call."""
         stack = replace(self.stack, width=widths)
         seed = self.seed + 1  # the sample has the seed itself
@@ -429,42 +444,42 @@ class _Task:
             seed=seed,
             draws="random",
             executor=self.executor,
-            progress=lambda text: self.progress(f"verifying by {text}"),
+            progress=lambda text: self.progress(f"checking by {text}"),
         )
         found = drawn.quantile(self.level, confidence=self.confidence)
-        return Verification(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
+        return ClosedFormQuantile(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
 
-    def counted(self, widths: Array, verified: Verification) -> float:
+    def counted(self, widths: Array, checked: ClosedFormQuantile) -> float:
         """What is compared with the limit, rad."""
-        return verified.high if self.kind == "yield" else self.limited.measure(widths)[0]
+        return checked.high if self.kind == "yield" else self.limited.measure(widths)[0]
 
     @cached_property
-    def verified_before(self) -> Verification:
+    def checked_before(self) -> ClosedFormQuantile:
         """With the widths as given."""
-        return self.verified(self.market.given)
+        return self.checked(self.market.given)
 
     @cached_property
     def value_before(self) -> float:
         """What is limited, with the widths as given."""
-        return self.counted(self.market.given, self.verified_before)
+        return self.counted(self.market.given, self.checked_before)
 
     @cached_property
     def least_value(self) -> float:
         """What is limited, with all widths at their least."""
         low = self.market.low
-        return self.verified(low).high if self.kind == "yield" else self.limited.measure(low)[0]
+        return self.checked(low).high if self.kind == "yield" else self.limited.measure(low)[0]
 
     @cached_property
     def rates(self) -> tuple[Rate, ...]:
         """Exchange of cost against the limited error at the widths as given."""
-        return _rates(self.market, slope_of(self.limited, self.market.given))
+        return rates_of(self.market, slope_of(self.limited, self.market.given), step=step_of(self.kind))
 
     def unreachable(self, limit: float) -> _UnreachableError:
         """Why the limit cannot be met, and what can be done."""
         market = self.market
         part = market.low * slope_of(self.limited, market.low)
         label = market.labels[int(part.argmax())]
-        name = {"worst": "worst-case p-p", "rms": "rms", "yield": f"p-p at {100 * self.level:g} % yield (verified)"}
+        name = {"worst": "worst-case p-p", "rms": "rms", "yield": f"p-p at {100 * self.level:g} % yield (closed form)"}
         return _UnreachableError(
             f"limit {limit / ARCSEC:.4g} arcsec: with every width at its least the {name[self.kind]} is "
             f"{self.least_value / ARCSEC:.4g} arcsec; raise the limit or allow finer widths, first of {label}"
@@ -525,33 +540,33 @@ def _solve(task: _Task, limit: float) -> Allocation:
         raise task.unreachable(limit)
     rows: list[Row] = []
     if task.kind == "yield":
-        found, target, verified = _verified(task, limit, rows)
+        found, target, checked = _checked(task, limit, rows)
     else:
         exact = least_cost(task.market, task.limited, limit, rows)
         if exact is None:
             raise task.unreachable(limit)
-        found, target, verified = exact, limit, task.verified(exact.widths)
-    return _described(task, limit, target, found, rows, verified)
+        found, target, checked = exact, limit, task.checked(exact.widths)
+    return _described(task, limit, target, found, rows, checked)
 
 
-def _verified(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float, Verification]:
-    """Least cost whose verified quantile meets the limit, the target on the sample that led there, and the check."""
+def _checked(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float, ClosedFormQuantile]:
+    """Least cost whose quantile of fresh units meets the limit, the target that led there, and the check."""
     market, target = task.market, limit
-    best: tuple[Found, float, Verification] | None = None
+    best: tuple[Found, float, ClosedFormQuantile] | None = None
     for attempt in range(ROUNDS):
         task.progress(f"least cost within {limit / ARCSEC:g} arcsec, solution {attempt + 1}")
         found = least_cost(market, task.limited, target, rows)
         if found is None:
             break
         held = market.holding(found.grades)
-        verified = task.verified(found.widths)
-        high = verified.high
+        checked = task.checked(found.widths)
+        high = checked.high
         if limit < high <= limit * (1 + _NEAR) and held.smooth.any():  # a hair above needs no new solution
-            found, verified = _shrunk(task, held, found, limit, verified)
-        if verified.high <= limit and (best is None or market.total(found.widths) < market.total(best[0].widths)):
-            best = found, target, verified
+            found, checked = _shrunk(task, held, found, limit, checked)
+        if checked.high <= limit and (best is None or market.total(found.widths) < market.total(best[0].widths)):
+            best = found, target, checked
         room = bool((held.smooth & (found.widths < held.high)).any())
-        met = limit * (1 - _NEAR if room else 0) <= verified.high <= limit
+        met = limit * (1 - _NEAR if room else 0) <= checked.high <= limit
         if best is not None and (met or attempt >= _ATTEMPTS):
             break
         target *= limit / high * (1 - CLOSE)
@@ -564,38 +579,90 @@ def _verified(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float,
 
 
 def _shrunk(
-    task: _Task, market: Market, found: Found, limit: float, verified: Verification
-) -> tuple[Found, Verification]:
-    """Smooth widths made smaller until the verified quantile meets the limit, further at each step."""
+    task: _Task, market: Market, found: Found, limit: float, checked: ClosedFormQuantile
+) -> tuple[Found, ClosedFormQuantile]:
+    """Smooth widths made smaller until the quantile of fresh units meets the limit, further at each step."""
     for step in range(10):
-        factor = (limit / verified.high * (1 - CLOSE)) ** (2**step)
+        factor = (limit / checked.high * (1 - CLOSE)) ** (2**step)
         widths = np.where(market.smooth, np.clip(found.widths * factor, market.low, market.high), found.widths)
         found = replace(found, widths=widths)
-        verified = task.verified(widths)
-        if verified.high <= limit:
+        checked = task.checked(widths)
+        if checked.high <= limit:
             break
-    return found, verified
+    return found, checked
 
 
 def _described(
-    task: _Task, limit: float, target: float, found: Found, rows: list[Row], verified: Verification
+    task: _Task, limit: float, target: float, found: Found, rows: list[Row], checked: ClosedFormQuantile
 ) -> Allocation:
-    """The result for people: prices, rates and what is proven."""
-    market, limited, widths = task.market, task.limited, found.widths
+    """The result for people."""
+    if task.kind == "yield":  # what the check brought the sample to
+        value, row = task.limited.measure(found.widths)
+        target, rows = min(target, value), [row]
+    return described(
+        task.stack,
+        task.market,
+        task.limited,
+        found,
+        kind=task.kind,
+        level=task.level,
+        limit=limit,
+        target=target,
+        rows=rows,
+        value_before=task.value_before,
+        value=task.counted(found.widths, checked),
+        closed_form_before=task.checked_before,
+        closed_form=checked,
+        rates=task.rates,
+    )
+
+
+def described(
+    stack: Stack,
+    market: Market,
+    limited: Limited,
+    found: Found,
+    *,
+    kind: Kind,
+    level: float,
+    limit: float,
+    target: float,
+    rows: list[Row],
+    **told: Any,
+) -> Allocation:
+    """An allocation with its prices and what is proven of it.
+
+    Parameters
+    ----------
+    stack : Stack
+    market : Market
+    limited : Limited
+    found : Found
+    kind, level, limit
+        As in `Allocation`.
+    target : float
+        What `limited` was brought to, where that is not the limit.
+    rows : list of Row
+        That may bind.
+    **told
+        The other fields of `Allocation` that do not follow from these.
+
+    Returns
+    -------
+    Allocation
+    """
+    widths = found.widths
     held = market.holding(found.grades)
     grades: list[str | None] = [None] * widths.size
     for (entry, table, _), grade in zip(market.tables, found.grades, strict=True):
         grades[entry] = table.names[grade]
-    value, row = limited.measure(widths)
-    if task.kind == "yield":
-        target, rows = min(target, value), [row]  # what the verification brought it to
+    _, row = limited.measure(widths)
     multipliers = multipliers_of(held, limited, target, [*rows, row], widths)
     # a row's target is the limit, or its square; that of the sample goes with the limit
     price = float(multipliers.values.sum()) * (2 * limit if limited.power == 2 else target / limit)
     cost = market.total(widths)
     lower = max(found.lower, -math.inf if market.tables else multipliers.lower)
-    gap = None if task.kind == "yield" else max(0.0, (cost - lower) / cost) if cost else 0.0
-    stack = task.stack
+    exact = kind in ("worst", "rms")
     first = [stack.components[block.components.start] for block in stack.blocks] if stack.components else []
     return Allocation(
         labels=market.labels,
@@ -604,24 +671,20 @@ def _described(
         speed=stack.speed,
         held_by=_held_by(market, widths),
         model=stack.model,
-        kind=task.kind,
+        kind=kind,
         limit=limit,
-        level=task.level,
+        level=level,
         widths_before=_floats(market.given),
         widths=_floats(widths),
         grades=tuple(grades),
         fixed=market.fixed,
         costs_before=_floats(market.before),
         costs=_floats(market.each(widths)),
-        value_before=task.value_before,
-        value=task.counted(widths, verified),
-        verified_before=task.verified_before,
-        verified=verified,
-        shadow_price=price * ARCSEC if held.smooth.any() else None,
+        shadow_price=price * step_of(kind) if held.smooth.any() else None,
         bound_prices=_floats(np.abs(multipliers.bounds)),
-        rates=task.rates,
-        gap=gap,
+        gap=(max(0.0, (cost - lower) / cost) if cost else 0.0) if exact else None,
         proof=found.proof,
+        **told,
     )
 
 
@@ -639,12 +702,12 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def _rates(market: Market, slope: Array) -> tuple[Rate, ...]:
-    """Of each entry, from the derivative of what is limited by the widths as given."""
+def rates_of(market: Market, slope: Array, *, step: float) -> tuple[Rate, ...]:
+    """Of each entry, from the derivative of what is limited by the widths as given; per step of it."""
     slopes = market.slopes(market.given)
     rates = [Rate(label, None, None) for label in market.labels]
     for e in map(int, np.flatnonzero(market.smooth)):
-        rate = _rate(-float(slopes[e]), float(slope[e]))
+        rate = _rate(-float(slopes[e]), float(slope[e]), step)
         relax = rate if market.given[e] < market.high[e] else None
         rates[e] = Rate(market.labels[e], relax, rate if market.given[e] > market.low[e] else None)
     for e, table, allowed in market.tables:
@@ -655,11 +718,11 @@ def _rates(market: Market, slope: Array) -> tuple[Rate, ...]:
         steps = []
         for others in (wider[:1], finer[-1:]):
             gain = [(table.prices[here] - table.prices[g], table.widths[g] - table.widths[here]) for g in others]
-            steps.append(_rate(gain[0][0] / gain[0][1], float(slope[e])) if gain else None)
+            steps.append(_rate(gain[0][0] / gain[0][1], float(slope[e]), step) if gain else None)
         rates[e] = Rate(market.labels[e], *steps)
     return tuple(rates)
 
 
-def _rate(saved: float, given_up: float) -> float:
-    """Cost per arcsec from cost and rad per width; without bound where the width does not matter."""
-    return saved / given_up * ARCSEC if given_up > 0 else math.inf
+def _rate(saved: float, given_up: float, step: float) -> float:
+    """Cost per step from cost and what is limited per width; without bound where the width does not matter."""
+    return saved / given_up * step if given_up > 0 else math.inf

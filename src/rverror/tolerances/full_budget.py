@@ -1,4 +1,4 @@
-"""The whole error budget of a model and its tolerances: closed form, virtual units, Sobol indices, contact."""
+"""The whole error budget of tolerances: closed form, virtual units, Sobol indices, units at the load."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from rverror.base.text import PathLike
 from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
-from rverror.tolerances.control_variate import ContactCorrection, contact_correction
+from rverror.tolerances.loaded_budget import LoadedBudget, loaded_budget
+from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
+from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack, Tolerance, stack
 
-#: Points of the Sobol indices, and units solved at the load, where no number is given.
-INDEX_COUNT, CONTACT_COUNT = 2**13, 64
+#: Points of the Sobol indices where no number is given.
+INDEX_COUNT = 2**13
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class ErrorBudget(Viewed):
         Peak-to-peak, max, rms and offset of many units.
     indices : SobolIndices, optional
         Of the peak-to-peak, one for each tolerance; None where no tolerance moves it.
-    contact : ContactCorrection, optional
-        What contacts that open at a load change; None without a load, and at a speed.
+    at_load : LoadedBudget, optional
+        Units solved at the loads of limits, contacts that open included; None without limits.
     """
 
     model: Model
@@ -49,7 +51,7 @@ class ErrorBudget(Viewed):
     closed: Budget
     units: VirtualUnits
     indices: SobolIndices | None
-    contact: ContactCorrection | None
+    at_load: LoadedBudget | None
 
 
 def error_budget(
@@ -62,7 +64,8 @@ def error_budget(
     speed: Any | None = None,
     count: int = COUNT,
     index_count: int = INDEX_COUNT,
-    contact_count: int = CONTACT_COUNT,
+    limits: Sequence[Limit] = (),
+    loaded_count: int = LOADED_COUNT,
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
@@ -78,17 +81,18 @@ def error_budget(
     theta, direction
         As for `stack`.
     torque : float or quantity, optional
-        Size of the output torque, N*mm.  With one, a sample of the units is solved at that load, contacts that open
-        included, and corrects the linear result.
+        Size of the output torque, N*mm, at a speed, and of ``load.torsion``.
     speed : float or quantity, optional
-        Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load,
-        and no unit is solved by itself.
+        Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load.
     count : int
         Virtual units.
     index_count : int
         Points of the Sobol indices.
-    contact_count : int
-        Units solved at the load.
+    limits : sequence of Limit, optional
+        Of transmission error, lost motion, backlash or stiffness at loads; one without a value asks for its
+        distribution.  Units are solved at each load by the equilibrium, contacts that open included.
+    loaded_count : int
+        Units that are.
     seed, executor, folder
         As for `virtual_units`.
     progress : callable, optional
@@ -119,18 +123,17 @@ def error_budget(
     indices = None
     if any(entry.effect == "wave" for entry in closed.contributions):
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
-    contact = None
-    if torque is not None and speed is None:
-        contact = contact_correction(
+    at_load = None
+    if limits:
+        at_load = loaded_budget(
             model,
             tolerances,
-            laid_out,
+            limits,
+            closed,
             units,
-            torque=torque,
             direction=direction,
-            count=contact_count,
+            count=loaded_count,
             seed=seed,
-            executor=executor,
             progress=progress,
         )
-    return ErrorBudget(model, tuple(tolerances), laid_out, direction, closed, units, indices, contact)
+    return ErrorBudget(model, tuple(tolerances), laid_out, direction, closed, units, indices, at_load)

@@ -171,7 +171,7 @@ class Quantile(Limited):
             starts = [np.clip(solved[near] * limit / near, market.low, market.high)]
         else:
             given = np.clip(market.given, market.low, market.high)
-            even = self._by_mean_square(market, limit, given)
+            even = self.of_mean_square(market, limit, given)
             starts = [given, even, np.sqrt(even * given)]
         widths = min((self._step(market, limit, start) for start in starts), key=market.total)
         for _ in range(_REFINEMENTS):
@@ -214,8 +214,8 @@ class Quantile(Limited):
         values = self._kept(widths.T, units)
         return np.asarray((values > limit * (1 + CLOSE)).sum(axis=0) <= allowed)
 
-    def _by_mean_square(self, market: Market, limit: float, widths: Array) -> Array:
-        """Least cost for the rms that the limit of the quantile comes to."""
+    def of_mean_square(self, market: Market, limit: float, widths: Array) -> Array:
+        """Least cost for the rms that the limit of the quantile comes to; within reach of the limit, and soon found."""
         for _ in range(3):
             value, _ = self.measure(widths)
             rms = limit * self.mean_square.measure(widths)[0] / value

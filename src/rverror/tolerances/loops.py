@@ -175,3 +175,58 @@ def normal_quantile(values: Array, places: npt.NDArray[np.intp], tails: Array) -
         for j in range(number):
             away = distance[j] if rest[j] <= 5.0 else _far(rest[j])
             some[places[j]] = math.copysign(away, some[places[j]])
+
+
+@compiled
+def sparse_products(
+    start: npt.NDArray[np.intp],
+    column: npt.NDArray[np.intp],
+    size: Array,
+    places: npt.NDArray[np.intp],
+    values: Array,
+    out: Array,
+) -> None:
+    """Write the products of values with some blocks of rows of a sparse matrix.
+
+    Parameters
+    ----------
+    start, column, size : ndarray
+        Compressed rows.
+    places : ndarray of int, shape (blocks,)
+        Which blocks of ``out.shape[1]`` rows.
+    values : ndarray, shape (columns,)
+    out : ndarray, shape (blocks, rows of a block)
+    """
+    width = out.shape[1]
+    for b in range(len(places)):
+        for r in range(width):
+            row, total = places[b] * width + r, 0.0
+            for e in range(start[row], start[row + 1]):
+                total += size[e] * values[column[e]]
+            out[b, r] = total
+
+
+@compiled
+def sparse_work(
+    start: npt.NDArray[np.intp],
+    column: npt.NDArray[np.intp],
+    size: Array,
+    places: npt.NDArray[np.intp],
+    forces: Array,
+    out: Array,
+) -> None:
+    """Add the products of the transposed blocks of rows with forces on them.
+
+    Parameters
+    ----------
+    start, column, size, places
+        As in `sparse_products`.
+    forces : ndarray, shape (blocks, rows of a block)
+    out : ndarray, shape (blocks, columns)
+    """
+    width = forces.shape[1]
+    for b in range(len(places)):
+        for r in range(width):
+            row, force = places[b] * width + r, forces[b, r]
+            for e in range(start[row], start[row + 1]):
+                out[b, column[e]] += size[e] * force

@@ -126,11 +126,8 @@ class VirtualUnits(Viewed):
         check_share("confidence", confidence)
         sizes = getattr(self, of)
         value = float(np.quantile(sizes, probability))
-        ordered, tail = np.sort(sizes), (1 - confidence) / 2
-        below = _binomial_quantile(tail, self.count, probability)  # least l with P(K <= l) above the tail
-        above = _binomial_quantile(1 - tail, self.count, probability) + 1
-        low = float(ordered[below - 1]) if below else (-math.inf if of == "offset" else 0.0)
-        high = float(ordered[above - 1]) if above <= self.count else math.inf
+        ends = order_statistics(np.sort(sizes), probability, confidence)
+        low, high = (ends.low if of == "offset" else max(ends.low, 0.0)), ends.high
         margin = self._scatter(sizes <= value, confidence) + 1 / self.count  # no share is known to less than a unit
         shares = np.clip([probability - margin, probability + margin], 0, 1)
         scramble = [math.nan] * 2 if math.isnan(margin) else np.quantile(sizes, shares).tolist()
@@ -392,6 +389,20 @@ def check_seed(seed: int) -> None:
     """Refuse what seeds nothing."""
     if seed < 0:
         raise InputError(f"seed = {seed}: must be 0 or more")
+
+
+def order_statistics(ordered: Array, probability: float, confidence: float) -> IntervalEstimate:
+    """Quantile of independent numbers in rising order, with the interval that holds whatever their distribution is.
+
+    ``low`` and ``high`` are x_(l), x_(u) with P(K < l) and P(K >= u) at most half of what the confidence leaves, K
+    binomial; infinite where there are too few numbers.
+    """
+    count, tail = ordered.size, (1 - confidence) / 2
+    below = _binomial_quantile(tail, count, probability)  # least l with P(K <= l) above the tail
+    above = _binomial_quantile(1 - tail, count, probability) + 1
+    low = float(ordered[below - 1]) if below else -math.inf
+    high = float(ordered[above - 1]) if above <= count else math.inf
+    return IntervalEstimate(float(np.quantile(ordered, probability)), low, high, math.nan, math.nan)
 
 
 def share_interval(good: float, count: float, confidence: float) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from rverror.tolerances.stacking import Stack
 COUNT = 2**13
 
 _REPLICATES = 16
-_FEWEST = 16  # points of a replicate
+_FEWEST = 8  # points of a replicate
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,17 @@ class _Replicate:
     count: int
     points: int
     seed: int
+    outputs: int
 
     def __call__(self, index: int) -> Array:
-        """Values, shape (groups + 2, points)."""
-        values = np.empty((self.count + 2, self.points))
+        """Values, shape (groups + 2, points, outputs)."""
+        values = np.empty((self.count + 2, self.points, self.outputs))
         dimensions, done = self.groups.size, 0
         for block in uniforms(self.points, 2 * dimensions, seed=self.seed, index=index):
             a, b = block[:, :dimensions], block[:, dimensions:]
             mixed = (np.where(self.groups == group, b, a) for group in range(self.count))
             for row, points in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
-                row[done : done + len(block)] = self.function(points)
+                row[done : done + len(block)] = self.function(points).reshape(len(block), -1)
             done += len(block)
         return values
 
@@ -122,25 +123,49 @@ def sobol_indices(
     >>> found.first.round(2).tolist(), found.total.round(2).tolist()
     ([0.8, 0.2], [0.8, 0.2])
     """
+    settings = {"count": count, "seed": seed, "confidence": confidence, "executor": executor, "progress": progress}
+    (found,) = indices_of_outputs(function, groups, 1, **settings)
+    if found is None:
+        raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
+    return found
+
+
+def indices_of_outputs(
+    function: Callable[[Array], Array],
+    groups: npt.ArrayLike,
+    outputs: int,
+    *,
+    count: int = COUNT,
+    seed: int = 0,
+    confidence: float = 0.95,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[SobolIndices | None, ...]:
+    """`sobol_indices` of a function of several outputs, shape (points, outputs); None of one that does not vary."""
     check_share("confidence", confidence)
     check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
     number = int(belongs.max(initial=-1)) + 1
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
-    task = _Replicate(function, belongs, number, points, int(seed))
-    values = np.empty((_REPLICATES, number + 2, points))
+    task = _Replicate(function, belongs, number, points, int(seed), outputs)
+    values = np.empty((_REPLICATES, number + 2, points, outputs))
     replicates = computed(task, range(_REPLICATES), executor)
     for index, found in told(replicates, progress, "Sobol indices", _REPLICATES):
         values[index] = found
-    values -= values[:, :2].mean()
+    return tuple(_indices(values[..., output], confidence) for output in range(outputs))
+
+
+def _indices(values: Array, confidence: float) -> SobolIndices | None:
+    """Indices from the values of A, of B, and of A with each group from B, shape (replicates, groups + 2, points)."""
+    values = values - values[:, :2].mean()
     a, b, mixed = values[:, :1], values[:, 1:2], values[:, 2:]
     variances = (a**2 + b**2).mean(axis=2) / 2  # (replicates, 1)
     variance = float(variances.mean())
     if not variance > 0:
-        raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
+        return None
     first = _ratio((b * (mixed - a)).mean(axis=2), variances, confidence)
     total = _ratio(((mixed - a) ** 2).mean(axis=2) / 2, variances, confidence)
-    return SobolIndices(*first, *total, variance=variance, points=points * _REPLICATES)
+    return SobolIndices(*first, *total, variance=variance, points=values.shape[0] * values.shape[2])
 
 
 def stack_indices(
@@ -168,10 +193,14 @@ def stack_indices(
         executor=executor,
         progress=progress,
     )
-    together = [e for e, block in enumerate(stack.blocks) if block.joined]
-    for name in ("first", "first_low", "first_high", "total", "total_low", "total_high"):
-        getattr(found, name)[together] = np.nan
-    return found
+    return without_joined(found, stack)
+
+
+def without_joined(found: SobolIndices, stack: Stack) -> SobolIndices:
+    """The same, not a number for entries that are correlated with others, and so are no cause by themselves."""
+    joined = np.array([block.joined for block in stack.blocks])
+    ends = ("first", "first_low", "first_high", "total", "total_low", "total_high")
+    return replace(found, **{name: np.where(joined, np.nan, getattr(found, name)) for name in ends})
 
 
 def _ratio(numerators: Array, variances: Array, confidence: float) -> tuple[Array, Array, Array]:

@@ -456,8 +456,12 @@ class Tolerance:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and largest width for allocation: `bounds`, else a tenth to ten times the width."""
-        return self.bounds or (self.width / 10, min(10 * self.width, self._room))
+        """Least and largest width for allocation: `bounds`, else a tenth to ten times the width.
+
+        What is wider than a workshop's parts are, nobody asked for.
+        """
+        plausible = max(self.width, min(item.plausible for item in self.chosen))
+        return self.bounds or (self.width / 10, min(10 * self.width, self._room, plausible))
 
     @property
     def label(self) -> str:

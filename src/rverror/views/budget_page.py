@@ -67,7 +67,8 @@ def budget_html(found: ErrorBudget, *, limit: float | None = None, files: Sequen
         _contributions(data),
         _figure("Peak-to-peak of the units", *_distribution_pictures(data, sizes)),
         _quantiles(data),
-        _contact(data),
+        _at_load(data["limits"], data.get("all_limits")),
+        _loaded_shares(data["limits"]),
         inputs(data["inputs"], data["version"]),
         _as_text(budget_text(found, limit=limit)),
     ]
@@ -100,6 +101,7 @@ def allocation_html(found: Allocation, *, files: Sequence[InputFile] = ()) -> st
     data = allocation_json(found, files=files)
     sections = [
         _allocation_head(found, data),
+        _at_load(data["verified"], data.get("all_limits")),
         _figure("Cost of each tolerance", *_cost_pictures(data)),
         _entries(data),
         _rates(data),
@@ -123,10 +125,9 @@ def _budget_head(data: Data) -> str:
         if first["share_of_variance"]
         else "No tolerance moves more than the offset."
     )
-    if data["contact"] is not None:
-        loaded = data["contact"]["peak_to_peak_arcsec"]["p99"]
-        said += f" With contacts that open at {brief(data['contact']['torque_nm'])} N*m it is {brief(loaded['value'])} "
-        said += f"arcsec (95 % interval {_ends(loaded)})."
+    for one in data["limits"]:
+        said += f" At the load, contacts that open included, P99 of the {_named(one)} is {brief(one['p99']['value'])} "
+        said += f"{one['unit']} (interval {_ends(one['p99'])})."
     good = data["yield"]
     boxes = [
         ("P99 of the peak-to-peak, 95 % interval of the estimate", f"{number(p99['value'])} arcsec [{_ends(p99)}]"),
@@ -139,12 +140,11 @@ def _budget_head(data: Data) -> str:
             else f"{_percent(good['value'])} % [{_percent(good['low'])} to {_percent(good['high'])}]",
         ),
     ]
-    torque, speed = data["output_torque_newton_metre"], data["input_speed_rpm"]
+    speed = data["input_speed_rpm"]
     about = [
         data["model"],
         data["direction"],
-        "closed form, no load" if torque is None and speed is None else "",
-        "" if torque is None else f"output torque {brief(torque)} N*m",
+        "closed form, contacts closed" if speed is None else "",
         "" if speed is None else f"input at {brief(speed)} rpm",
         f"{count_of(len(entries), 'tolerance')}, {count_of(data['components'], 'component')}",
         f"{data['units']} virtual units, seed {data['seed']}",
@@ -247,59 +247,109 @@ def _quantiles(data: Data) -> str:
     )
 
 
-def _contact(data: Data) -> str:
-    contact = data["contact"]
-    if contact is None:
+def _named(entry: Data) -> str:
+    """Quantity and torque of a limit."""
+    return entry["quantity"].replace("_", " ") + ("" if entry["torque"] is None else f" at {entry['torque']}")
+
+
+def _at_load(entries: Sequence[Data], together: Data | None) -> str:
+    """Limits at the load, with yields."""
+    if not entries:
         return ""
     rows = []
-    for name in ("peak_to_peak", "max", "rms"):
-        for statistic in ("mean", *_TOLD):
-            one = contact[f"{name}_arcsec"][statistic]
-            what = _SIZES[f"{name}_arcsec"] if statistic == "mean" else ""
-            shown = statistic.upper() if statistic != "mean" else statistic
-            rows.append([what, shown, number(one["linear"]), f"{number(one['value'])} [{_ends(one)}]"])
-    good = contact["yield"]
-    told = f"<p>Yield at the limit: {_percent(good['value'])} % [{_percent(good['low'])} to " if good else ""
-    told += f"{_percent(good['high'])}], linear {_percent(good['linear'])} %.</p>" if good else ""
+    for one in entries:
+        told = "–" if one["yield"] is None else _yield(one["yield"], one["interval"])
+        closed = one.get("closed_form_yield")
+        rows.append(
+            [
+                escaped(_named(one)),
+                escaped(one["limit"] or "–"),
+                *(number(one[p]["value"]) for p in _TOLD),
+                escaped(one["unit"]),
+                told,
+                "–" if closed is None else f"{_percent(closed)} %",
+            ]
+        )
+    if len(entries) > 1 and together is not None and together["yield"] is not None:
+        rows.append(["all limits together", *[""] * 5, _yield(together["yield"], together["interval"]), ""])
+    heads = ["at the load", "limit", *(p.upper() for p in _TOLD), "unit", "yield [interval]", "closed form"]
     return (
-        f"<h2>With contacts that open, at {brief(contact['torque_nm'])} N*m</h2>\n"
-        + scrolled(["arcsec", "", "linear", "at the load [95 % interval]"], rows, numbers=(2, 3))
-        + told
-        + f'<p class="soft">{contact["units"] - contact["failed"]} of {contact["units"]} units were solved by the '
-        "loaded equilibrium and carry the linear result over to it. [..]: 95 % interval of that estimate.</p>"
+        "<h2>At the load, contacts that open included</h2>\n"
+        + scrolled(heads, rows, numbers=(2, 3, 4))
+        + (
+            f'<p class="soft">{entries[0]["units"]} units drawn afresh and solved by the equilibrium. [..]: '
+            f"{100 * entries[0]['confidence']:g} % interval of the yield. P99 of the stiffness: what 99 % of the units "
+            "do not fall below.</p>"
+        )
     )
+
+
+def _loaded_shares(entries: Sequence[Data]) -> str:
+    """What each tolerance makes of each quantity at the load."""
+    told = [one for one in entries if one["shares"]]
+    if not told:
+        return ""
+    labels = [share["label"] for share in told[0]["shares"]]
+    order = sorted(range(len(labels)), key=lambda e: -max(one["shares"][e]["value"] or 0.0 for one in told))
+    rows = [
+        [
+            f"<code>{escaped(labels[e])}</code>",
+            *(f"{number(rounded(one['shares'][e]['value'], 2))} [{_ends(one['shares'][e], 2)}]" for one in told),
+        ]
+        for e in order
+    ]
+    heads = ["total Sobol index [95 % interval]", *map(_named, told)]
+    return "<h2>What each tolerance makes at the load</h2>\n" + scrolled(heads, rows, numbers=range(1, len(heads)))
+
+
+def _yield(share: float, interval: Sequence[float]) -> str:
+    return f"{_percent(share)} % [{_percent(interval[0])} to {_percent(interval[1])}]"
 
 
 # --- the allocation ----------------------------------------------------------------------------------------------
 
 
 def _allocation_head(found: Allocation, data: Data) -> str:
-    what, limit = limited_by(found), data["limit_arcsec"]
+    what, loaded = limited_by(found), bool(data["verified"])
+    within = "its limits at the load" if loaded else f"{brief(data['limit_arcsec'])} arcsec"
     binds = "limit" in [entry["held_by"] for entry in data["entries"]]
-    said = f"Least cost for {what} within {brief(limit)} arcsec: {brief(data['cost'])}, before "
+    said = f"Least cost for {what} within {within}: {brief(data['cost'])}, before "
     said += f"{'unknown' if data['cost_before'] is None else brief(data['cost_before'])}. "
-    said += "The limit of the error binds." if binds else "Bounds and grades bind, not the limit of the error alone."
-    price, check = data["shadow_price_per_arcsec"], data["verified"]
-    ends = f"{number(check['low_arcsec'])} to {number(check['high_arcsec'])}"
+    said += "The limit holds some widths." if binds else "Bounds and grades alone hold the widths."
+    check, per = data["closed_form"], "percent_of_limits" if loaded else "arcsec"
+    price, ends = data[f"shadow_price_per_{per}"], f"{number(check['low_arcsec'])} to {number(check['high_arcsec'])}"
+    before, after, unit = (
+        (data["used_before_percent"], data["used_percent"], "% of the limits")
+        if loaded
+        else (data["value_before_arcsec"], data["value_arcsec"], "arcsec")
+    )
     boxes = [
         ("cost, before → after", f"{number(data['cost_before'])} → {number(data['cost'])}"),
         (
             f"{what}, before → after" + (", upper end of its 95 % interval" if found.kind == "yield" else ""),
-            f"{number(data['value_before_arcsec'])} → {number(data['value_arcsec'])} arcsec",
+            f"{number(before)} → {number(after)} {unit}",
         ),
         (
-            f"verified P{100 * check['level']:g} of the peak-to-peak, {100 * data['confidence']:g} % interval of the "
-            "estimate",
+            f"closed form, contacts closed: P{100 * check['level']:g} of the peak-to-peak, "
+            f"{100 * data['confidence']:g} % interval of the estimate",
             f"{number(check['quantile_arcsec'])} arcsec [{ends}]",
         ),
-        ("one arcsec more would save", "–" if price is None else number(price)),
+        (
+            f"one {'per cent of the limits' if loaded else 'arcsec'} more would save",
+            "–" if price is None else number(price),
+        ),
     ]
+    if loaded:
+        both = data["all_limits"]
+        boxes[2:2] = [("verified yield of all limits", _yield(both["yield"], both["interval"]))]
     speed = data["input_speed_rpm"]
     about = [
         data["model"],
-        f"limit {brief(limit)} arcsec of {what}",
-        "closed form, no load" if speed is None else f"input at {brief(speed)} rpm",
-        f"verified by {check['units']} fresh units, seed {check['seed']}",
+        f"{what} within {within}",
+        "" if loaded else "closed form, contacts closed" if speed is None else f"input at {brief(speed)} rpm",
+        f"{data['verified'][0]['units']} fresh units solved at the load, seed {data['seed']}"
+        if loaded
+        else f"checked by {check['units']} fresh units, seed {check['seed']}",
     ]
     return _head("Tolerances of least cost", about, said, boxes)
 
@@ -347,14 +397,16 @@ def _entries(data: Data) -> str:
 
 
 def _rates(data: Data) -> str:
+    per = "percent_of_limits" if data["verified"] else "arcsec"
     rows = [
         [
             f"<code>{escaped(one['label'])}</code>",
-            *(number(one[name]) for name in ("cost_per_arcsec_gained", "saved_per_arcsec_given_up")),
+            *(number(one[name]) for name in (f"cost_per_{per}_gained", f"saved_per_{per}_given_up")),
         ]
         for one in data["entries"]
     ]
-    heads = ["from the width as given", "cost of an arcsec gained", "saved per arcsec given up"]
+    step = "per cent of the limits" if data["verified"] else "arcsec"
+    heads = ["from the width as given", f"cost of one {step} gained", f"saved per {step} given up"]
     return "<h2>What to tighten, what to relax</h2>\n" + scrolled(heads, rows, numbers=(1, 2))
 
 
@@ -385,8 +437,8 @@ def _as_text(text: str) -> str:
     return f"<details><summary>The same as text</summary>\n<pre>{escaped_lines(text)}</pre></details>"
 
 
-def _ends(one: Data) -> str:
-    return " to ".join("–" if one[end] is None else brief(one[end]) for end in ("low", "high"))
+def _ends(one: Data, digits: int = 4) -> str:
+    return " to ".join("–" if one[end] is None else brief(one[end], digits) for end in ("low", "high"))
 
 
 def _percent(share: float) -> str:

@@ -15,17 +15,17 @@ from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
-from rverror.tolerances.allocation import Allocation, Rate, Verification
+from rverror.tolerances.allocation import Allocation, ClosedFormQuantile, Rate
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.control_variate import LEVELS
 from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.loaded_budget import LoadedBudget
 from rverror.tolerances.sampling import IntervalEstimate, Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.tolerances.stacking import Stack
-from rverror.views.contact_report import contact_content, contact_lines
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.kinds import described
 from rverror.views.variables import columns
+from rverror.views.yield_report import LEVELS, together_entry, yield_entries, yield_lines
 
 _ROUNDING = 1e-9 * ARCSEC
 #: Of all intervals that are told: of the estimate, where other draws of as many units would put it.
@@ -108,8 +108,8 @@ def budget_text(found: ErrorBudget | Budget, *, limit: Any | None = None) -> str
     if drawn:
         lines.append(f"* [..] is the {OF_ESTIMATE}: of {drawn.count} drawn units, not their spread")
     lines += ["", *_contribution_lines(closed, indices)]
-    if isinstance(found, ErrorBudget) and found.contact is not None:
-        lines += ["", *contact_lines(found.contact, limit=limit)]
+    if isinstance(found, ErrorBudget) and found.at_load is not None:
+        lines += ["", *yield_lines(found.at_load.verified), "", *_loaded_lines(found, found.at_load)]
     quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
     return joined(lines + (["", "Moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []))
 
@@ -243,7 +243,6 @@ def budget_json(
     content = {
         "model": found.model.name or found.model.mechanism.name,
         "confidence": CONFIDENCE,
-        "output_torque_newton_metre": None if found.contact is None else rounded(found.contact.torque / 1e3),
         "direction": way(found.direction),
         "angles": closed.mean.size,
         "input_speed_rpm": _rpm(found.stack.speed),
@@ -257,9 +256,48 @@ def budget_json(
             {"label": entry["label"], "key": tolerance.key, **entry, **_cause(found, at)}
             for at, (tolerance, entry) in enumerate(zip(found.tolerances, entries, strict=True))
         ],
-        "contact": None if found.contact is None else contact_content(found.contact, limit=limit),
+        "limits": [] if found.at_load is None else _loaded_entries(found, found.at_load),
+        **({} if found.at_load is None else together_entry(found.at_load.verified)),
     }
     return enveloped("ErrorBudget", content, files)
+
+
+def _loaded_lines(found: ErrorBudget, loaded: LoadedBudget) -> list[str]:
+    """What the closed form says of the limits, the worst parts, and what each tolerance makes at the load."""
+    lines = []
+    for one, share, worst in zip(loaded.verified.limits, loaded.closed_form, loaded.worst_parts, strict=True):
+        told = [] if share is None else [f"closed form, contacts closed: yield {100 * share:.4g} %"]
+        told += [] if worst is None else [f"the worst parts of the closed form make {worst / ARCSEC:.4g} arcsec"]
+        lines += [f"{one.limit.label}: {'; '.join(told)}"] if told else []
+    every = [(one.limit.label, indices) for one, indices in zip(loaded.verified.limits, loaded.shares, strict=True)]
+    shown = [(label, indices) for label, indices in every if indices is not None]
+    if not shown:
+        return lines
+    labels = [item.label for item in found.closed.contributions]
+    width = max(map(len, labels))
+    lines += ["", "Total Sobol index at the load", f"{'':{width}s} " + " ".join(f"{label:>34s}" for label, _ in shown)]
+    order = np.argsort(-np.max([indices.total for _, indices in shown], axis=0))
+    for e in order:
+        cells = (_share(indices, "total", e, waves=True) for _, indices in shown)
+        lines.append(f"{labels[e]:{width}s} " + " ".join(f"{cell:>34s}" for cell in cells))
+    return lines
+
+
+def _loaded_entries(found: ErrorBudget, loaded: LoadedBudget) -> list[dict[str, Any]]:
+    """Entries of the limits in JSON, with what the closed form says and the share of each tolerance."""
+    labels = [item.label for item in found.closed.contributions]
+    beside = zip(yield_entries(loaded.verified), loaded.closed_form, loaded.worst_parts, loaded.shares, strict=True)
+    return [
+        {
+            **entry,
+            "closed_form_yield": rounded(share),
+            "worst_parts_arcsec": in_arcsec(worst),
+            "shares": []
+            if indices is None
+            else [{"label": label, **(_sobol_json(indices, "total", e) or {})} for e, label in enumerate(labels)],
+        }
+        for entry, share, worst, indices in beside
+    ]
 
 
 def _cause(found: ErrorBudget, at: int) -> dict[str, Any]:
@@ -358,13 +396,18 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     """
     what = limited_by(found)
     width = max(len(label) for label in found.labels)
+    loaded = found.verified is not None
+    unit, size = ("% of the limits", 0.01) if loaded else ("arcsec", ARCSEC)
+    limits = "its limits at the load" if loaded else f"{found.limit / ARCSEC:g} arcsec{at_input_speed(found.speed)}"
     lines = [
-        f"Least cost for {what} within {found.limit / ARCSEC:g} arcsec{at_input_speed(found.speed)}",
+        f"Least cost for {what} within {limits}",
         "",
         f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
-        f"{what[:40]:12s} {found.value_before / ARCSEC:12.4g} -> {found.value / ARCSEC:.4g} arcsec"
+        f"{what[:40]:12s} {found.value_before / size:12.4g} -> {found.value / size:.4g} {unit}"
         + (" (upper end of its interval)" if found.kind == "yield" else ""),
-        f"{'verified':12s} {_verified(found.verified)}",
+        "",
+        *([] if found.verified is None else [*yield_lines(found.verified), ""]),
+        f"Closed form, contacts closed: {_closed_form(found.closed_form)}",
         "",
         f"{'tolerance':{width}s} {'before':>12s} {'allocated':>12s} {'cost':>9s} {'':>9s}",
     ]
@@ -376,10 +419,12 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
         costs = f"{found.costs_before[e]:9.4g} {found.costs[e]:9.4g}"
         lines.append(f"{label:{width}s} {before:>12s} {after:>12s} {costs}  {mark}".rstrip())
     if found.shadow_price is not None:
-        lines += ["", f"One arcsec more would save {found.shadow_price:.4g}."]
+        more = "One per cent more of all limits" if loaded else "One arcsec more"
+        lines += ["", f"{more} would save {found.shadow_price:.4g}."]
+    one = "per cent of the limits" if loaded else "arcsec"
     for title, rates, which in (
-        ("From the widths as given, tighten first (cost of an arcsec gained)", found.tighten_first, "tighten"),
-        ("From the widths as given, relax first (cost saved per arcsec given up)", found.relax_first, "relax"),
+        (f"From the widths as given, tighten first (cost of one {one} gained)", found.tighten_first, "tighten"),
+        (f"From the widths as given, relax first (cost saved per {one} given up)", found.relax_first, "relax"),
     ):
         if rates:
             lines += ["", f"{title}:", *(f"  {rate.label:{width}s} {_price(rate, which)}" for rate in rates)]
@@ -390,7 +435,8 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
 def limited_by(found: Allocation) -> str:
     """What an allocation limits, in words."""
     quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms"}[found.kind]
+    used = f"P{100 * found.level:g} of what a unit uses"
+    return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms", "load": used}[found.kind]
 
 
 def _price(rate: Rate, which: str) -> str:
@@ -398,12 +444,12 @@ def _price(rate: Rate, which: str) -> str:
     return "the width does not matter" if math.isinf(value) else f"{value:.4g}"
 
 
-def _verified(verified: Verification) -> str:
-    level = f"P{100 * verified.level:g}"
+def _closed_form(found: ClosedFormQuantile) -> str:
+    level = f"P{100 * found.level:g}"
     return (
-        f"{level} of the peak-to-peak {verified.quantile / ARCSEC:.4g} arcsec [{verified.low / ARCSEC:.4g}, "
-        f"{verified.high / ARCSEC:.4g}] in {verified.units} fresh units, seed {verified.seed}; [..] is the "
-        f"{100 * verified.confidence:g} % interval of that quantile's estimate"
+        f"{level} of the peak-to-peak {found.quantile / ARCSEC:.4g} arcsec [{found.low / ARCSEC:.4g}, "
+        f"{found.high / ARCSEC:.4g}] in {found.units} fresh units, seed {found.seed}; [..] is the "
+        f"{100 * found.confidence:g} % interval of that quantile's estimate"
     )
 
 
@@ -436,41 +482,58 @@ def allocation_json(
     [(5.0, 'um')]
     """
     widths = ("width_before", "width", "unit", "grade", "fixed", "cost_before", "cost")
-    names = (*widths, "saved_per_arcsec_given_up", "cost_per_arcsec_gained")
+    loaded = found.verified is not None
+    per = "percent_of_limits" if loaded else "arcsec"
+    names = (*widths, f"saved_per_{per}_given_up", f"cost_per_{per}_gained")
     shown = _entries(found, {name: name for name in names})
     named = zip(found.labels, found.keys, found.grades, shown, strict=True)
     entries = [{"label": label, "key": key, **entry, "grade": grade} for label, key, grade, entry in named]
     for entry, held in zip(entries, found.held_by, strict=False):
         entry["held_by"] = held
+    if found.verified is None:
+        sizes = {
+            "limit_arcsec": in_arcsec(found.limit),
+            "input_speed_rpm": _rpm(found.speed),
+            "value_before_arcsec": in_arcsec(found.value_before),
+            "value_arcsec": in_arcsec(found.value),
+        }
+        verified: dict[str, Any] = {"verified": []}
+    else:
+        sizes = {
+            "limit_arcsec": None,
+            "input_speed_rpm": None,
+            "used_before_percent": rounded(100 * found.value_before),
+            "used_percent": rounded(100 * found.value),
+        }
+        verified = {"verified": yield_entries(found.verified), **together_entry(found.verified)}
     content = {
         "model": found.model or None,
         "kind": found.kind,
         "level": found.level,
-        "limit_arcsec": in_arcsec(found.limit),
-        "input_speed_rpm": _rpm(found.speed),
-        "value_before_arcsec": in_arcsec(found.value_before),
-        "value_arcsec": in_arcsec(found.value),
+        **sizes,
         "cost_before": rounded(found.cost_before),
         "cost": rounded(found.cost),
-        "confidence": found.verified.confidence,
-        "shadow_price_per_arcsec": rounded(found.shadow_price),
+        "confidence": found.closed_form.confidence,
+        f"shadow_price_per_{per}": rounded(found.shadow_price),
         "optimality_gap": rounded(found.gap),
         "proof": found.proof,
         "entries": entries,
-        "verified_before": _verification_json(found.verified_before),
-        "verified": _verification_json(found.verified),
+        **verified,
+        "closed_form_before": _closed_form_json(found.closed_form_before),
+        "closed_form": _closed_form_json(found.closed_form),
         "tighten_first": [rate.label for rate in found.tighten_first],
         "relax_first": [rate.label for rate in found.relax_first],
     }
     return enveloped("Allocation", content, files)
 
 
-def _verification_json(verified: Verification) -> dict[str, Any]:
+def _closed_form_json(found: ClosedFormQuantile) -> dict[str, Any]:
     return {
-        "level": verified.level,
-        "quantile_arcsec": in_arcsec(verified.quantile),
-        "low_arcsec": in_arcsec(verified.low),
-        "high_arcsec": in_arcsec(verified.high),
-        "units": verified.units,
-        "seed": verified.seed,
+        "method": "closed form, contacts closed",
+        "level": found.level,
+        "quantile_arcsec": in_arcsec(found.quantile),
+        "low_arcsec": in_arcsec(found.low),
+        "high_arcsec": in_arcsec(found.high),
+        "units": found.units,
+        "seed": found.seed,
     }

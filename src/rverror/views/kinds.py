@@ -38,8 +38,8 @@ from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.control_variate import LEVELS, SIZES, ContactCorrection
 from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
 from rverror.views.variables import (
@@ -63,6 +63,7 @@ from rverror.views.variables import (
     Variable,
     unit_of,
 )
+from rverror.views.yield_report import LEVELS
 
 _SIGNAL = {"angle": ANGLE, "torque": TORQUE}
 _GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE}
@@ -830,31 +831,17 @@ def _of_error_budget(result: ErrorBudget) -> Table:
         shares = {f"sobol_{name}": (getattr(result.indices, name), NUMBER) for name in ends}
         variables |= _along("tolerance", **shares)
     about = {"model": _name(result.model), "direction": way(result.direction), **drawn.about}
-    if result.contact is not None:
-        variables |= _at_load(result.contact)
-        about["contact_failures"] = "\n".join(result.contact.failures)
+    if (loaded := result.at_load) is not None:
+        variables |= _yields(loaded.verified)
+        beside = {"closed_form_yield": (loaded.closed_form, NUMBER), "worst_parts": (loaded.worst_parts, ANGLE)}
+        variables |= _along("limit_at_load", **beside)
+        about["units_without_equilibrium"] = "\n".join(loaded.verified.failures)
+        for name in ("total", "total_low", "total_high"):
+            rows = [
+                np.full(len(result.tolerances), np.nan) if one is None else getattr(one, name) for one in loaded.shares
+            ]
+            variables[f"loaded_sobol_{name}"] = Variable(("limit_at_load", "tolerance"), np.array(rows), NUMBER)
     return Table("ErrorBudget", "tolerance", variables, about)
-
-
-def _at_load(contact: ContactCorrection) -> dict[str, Variable]:
-    """Means and quantiles at the load, with what they are without contacts that open."""
-    found = [[one.mean(), *map(one.quantile, LEVELS)] for one in (getattr(contact, size) for size in SIZES)]
-    variables = {
-        **_along("size", size=list(SIZES)),
-        **_along("statistic", statistic=["mean", *(f"P{level * 100:g}" for level in LEVELS)]),
-        **_single(
-            torque=(contact.torque, TORQUE),
-            contact_lag=(contact.lag, ANGLE),
-            contact_thinning=(contact.thinning, ANGLE),
-            contact_thinning_most=(contact.thinning_most, ANGLE),
-            contact_count=(contact.count, NUMBER),
-            contact_points=(contact.points, NUMBER),
-        ),
-    }
-    for name in ("value", "low", "high", "linear"):
-        values = np.array([[getattr(one, name) for one in row] for row in found])
-        variables[f"contact_{name}"] = Variable(("size", "statistic"), values, ANGLE)
-    return variables
 
 
 @_table.register
@@ -871,7 +858,12 @@ def _of_allocation(result: Allocation, *, stack: Stack | None = None) -> Table:
         raise InputError("stack: its tolerances are not those of the allocation; give the stack that was allocated")
     own = _each("unit", result.dimensions)
     prices = Each("bound_price_unit", tuple(Unit(f"1/{u.core}", f"1/{u.shown}", 1 / u.size) for u in own.units))
-    checks = (result.verified_before, result.verified)
+    checks = (result.closed_form_before, result.closed_form)
+    per, price, limited = ("percent_of_limits", NUMBER, NUMBER) if result.verified else ("arcsec", PER_ARCSEC, ANGLE)
+    rates = {
+        f"saved_per_{per}_given_up": ([rate.relax for rate in result.rates], price),
+        f"cost_per_{per}_gained": ([rate.tighten for rate in result.rates], price),
+    }
     variables = {
         **_along(
             "tolerance",
@@ -883,24 +875,43 @@ def _of_allocation(result: Allocation, *, stack: Stack | None = None) -> Table:
             cost_before=(result.costs_before, NUMBER),
             cost=(result.costs, NUMBER),
             bound_price=(result.bound_prices, prices),
-            saved_per_arcsec_given_up=([rate.relax for rate in result.rates], PER_ARCSEC),
-            cost_per_arcsec_gained=([rate.tighten for rate in result.rates], PER_ARCSEC),
+            **rates,
         ),
         **_along(
             "stage",
             stage=["before", "after"],
-            value=([result.value_before, result.value], ANGLE),
+            value=([result.value_before, result.value], limited),
             total_cost=([result.cost_before, result.cost], NUMBER),
-            verified=([check.quantile for check in checks], ANGLE),
-            verified_low=([check.low for check in checks], ANGLE),
-            verified_high=([check.high for check in checks], ANGLE),
+            closed_form=([check.quantile for check in checks], ANGLE),
+            closed_form_low=([check.low for check in checks], ANGLE),
+            closed_form_high=([check.high for check in checks], ANGLE),
         ),
-        **_single(
-            limit=(result.limit, ANGLE), gap=(result.gap, NUMBER), shadow_price=(result.shadow_price, PER_ARCSEC)
-        ),
+        **_single(limit=(result.limit, limited), gap=(result.gap, NUMBER), shadow_price=(result.shadow_price, price)),
+        **({} if result.verified is None else _yields(result.verified)),
     }
     about = {"limited": result.kind, "level": result.level, "proof": result.proof}
     return Table("Allocation", "tolerance", variables, about)
+
+
+def _yields(found: Verified) -> dict[str, Variable]:
+    """Rows of limits at the load, values in the unit that people read."""
+    rows = found.limits
+    values = {"limit_value": [one.limit.value for one in rows]} | {
+        f"p{100 * level:g}": [one.quantile(level).value for one in rows] for level in LEVELS
+    }
+    shown = {
+        name: [None if x is None else one.limit.shown(x) for one, x in zip(rows, row, strict=True)]
+        for name, row in values.items()
+    }
+    return _along(
+        "limit_at_load",
+        limit_at_load=[one.limit.label for one in rows],
+        limit_unit=[one.limit.unit for one in rows],
+        **shown,
+        **{"yield": ([None if one.limit.value is None else one.share for one in rows], NUMBER)},
+        yield_low=([None if one.limit.value is None else one.interval[0] for one in rows], NUMBER),
+        yield_high=([None if one.limit.value is None else one.interval[1] for one in rows], NUMBER),
+    )
 
 
 def _of_front(result: Sequence[FrontPoint]) -> Table:

@@ -17,12 +17,10 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.control_variate import ContactCorrection
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.budget_page import allocation_html, budget_html
 from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
 from rverror.views.compensation_report import compensation_html, compensation_json
-from rverror.views.contact_report import contact_json, contact_text
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
 from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
@@ -39,7 +37,7 @@ def to_text(result: Any, /, **options: Any) -> str:
     Parameters
     ----------
     result
-        A Diagnosis, Compensation, Budget, ErrorBudget, ContactCorrection, VirtualUnits, Allocation, Comparison,
+        A Diagnosis, Compensation, Budget, ErrorBudget, VirtualUnits, Allocation, Comparison,
         Equilibrium, TorsionCurve, Hysteresis, Efficiency, ContactPressure, Wear, Modes, SpeedResponse, RunUp,
         Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
@@ -168,7 +166,6 @@ for _kind, _text, _json in (
     (Diagnosis, diagnosis_text, diagnosis_json),
     (Budget, budget_text, budget_json),
     (ErrorBudget, budget_text, budget_json),
-    (ContactCorrection, contact_text, contact_json),
     (Allocation, allocation_text, allocation_json),
 ):
     to_text.register(_kind, _text)

@@ -39,16 +39,16 @@ from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.control_variate import LEVELS
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
 from rverror.views.bench_report import BESIDE
-from rverror.views.budget_report import SIZES, worst_of
+from rverror.views.budget_report import SIZES, limited_by, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
 from rverror.views.kinds import described
 from rverror.views.variables import NUMBER, columns
+from rverror.views.yield_report import LEVELS
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -822,31 +822,46 @@ def _of_error_budget(thing: ErrorBudget) -> Sheet:
     bounds = {size: worst_of(thing.closed, size) for size, _, _ in SIZES}
     drawn = f"{thing.units.count} virtual units, seed {thing.units.seed}"
     at_load: Sheet = ()
-    if thing.contact is not None:
-        found = thing.contact.peak_to_peak.quantile(0.99)
-        value, low, high = (brief(x / ARCSEC) for x in (found.value, found.low, found.high))
-        at_load = _line(
-            f"At {with_unit(thing.contact.torque, 'torque')}, contacts that open included: P99 of the peak-to-peak "
-            f"{value} arcsec, 95 % interval {low} to {high}"
-        )
+    if thing.at_load is not None:
+        at_load = _yields(thing)
     where = f"{way(thing.direction)}{at_input_speed(thing.stack.speed)}, {drawn}"
     title = _title("Error budget", thing.model.name or thing.model.mechanism.name, where)
     return title + _quantiles(thing.units, bounds) + at_load + _contributions(thing)
 
 
+def _yields(thing: ErrorBudget | Allocation) -> Sheet:
+    """Limits at the load: quantiles of what the units have, and yields."""
+    heads = (
+        "limit_value",
+        *(f"p{100 * level:g}" for level in LEVELS),
+        "limit_unit",
+        "yield",
+        "yield_low",
+        "yield_high",
+    )
+    found, _ = _shown(thing, "limit_at_load")
+    named = {"at the load": found["limit_at_load"]} | {head.replace("_", " "): found[head] for head in heads}
+    return _beside(named)
+
+
 @sheet.register
 def _of_allocation(thing: Allocation) -> Sheet:
-    what = {"worst": "worst-case peak-to-peak", "yield": f"P{100 * thing.level:g} of the peak-to-peak", "rms": "rms"}
+    loaded = thing.verified is not None
+    within = "its limits at the load" if loaded else _angle(thing.limit)
     stages, _ = _shown(thing, "stage")
     found, _ = _shown(thing)
     grades = (grade or ("fixed" if fixed else "") for grade, fixed in zip(found["grade"], thing.fixed, strict=True))
     gap = "" if thing.gap is None else f"; the gap is {100 * thing.gap:.2g} % of the cost"
     return (
-        _title("Allocation", f"{what[thing.kind]} within {_angle(thing.limit)}{at_input_speed(thing.speed)}")
+        _title("Allocation", f"{limited_by(thing)} within {within}{at_input_speed(thing.speed)}")
         + _grid(
             ("", "before", "allocated", "unit"),
-            [("cost", *stages["total_cost"], ""), (what[thing.kind], *stages["value"], "arcsec")],
+            [
+                ("cost", *stages["total_cost"], ""),
+                (limited_by(thing), *stages["value"], "of the limits" if loaded else "arcsec"),
+            ],
         )
+        + (_yields(thing) if loaded else ())
         + _beside(
             {
                 "tolerance": found["tolerance"],

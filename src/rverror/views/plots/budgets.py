@@ -25,6 +25,7 @@ from rverror.views.plots.figure import (
     axes_for,
     for_drawing,
     legend_below,
+    line_style,
     new_figure,
     over_angle,
     plain,
@@ -53,10 +54,15 @@ def _unit(found: object) -> list[str]:
 
 
 def budget_figure(found: ErrorBudget, *, limit: Any | None = None) -> Figure:
-    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad or with a unit."""
-    figure, (upper, lower) = new_figure(2, height=3.6)
+    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad or with a unit.
+
+    Below both stand the units at the load, where there are any.
+    """
+    figure, (upper, middle, *lower) = new_figure(2 if found.at_load is None else 3, height=3.6)
     contributions(found, ax=upper)
-    distribution(found, limit=limit, ax=lower)
+    distribution(found, limit=limit, ax=middle)
+    for ax in lower:
+        at_load(found, ax=ax)
     return figure
 
 
@@ -141,6 +147,48 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def _within(found: Allocation) -> str:
+    return f"{found.limit / ARCSEC:g} arcsec" if found.verified is None else "limits at the load"
+
+
+def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
+    """Share of the units over what they use of each limit at the load; of a quantity without a limit, of its P99.
+
+    Raises
+    ------
+    InputError
+        If no unit was solved at a load.
+    """
+    loaded = found.at_load and found.at_load.verified if isinstance(found, ErrorBudget) else found.verified
+    if loaded is None:
+        raise InputError("no unit was solved at a load; give limits, such as limit('transmission_error', '60 arcsec')")
+    ax = axes_for(ax)
+    for number, one in enumerate(loaded.limits):
+        reference = one.quantile(0.99).value if one.limit.value is None else one.limit.value
+        known = one.values[np.isfinite(one.values)]
+        used = 100 * np.sort(one.limit.turned(known) / one.limit.turned(reference))
+        told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {_ends(one.interval)}"
+        label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
+        ax.plot(used, 100 * np.arange(1, used.size + 1) / used.size, label=label, **line_style(number))
+    ax.axvline(100, color=_LIMIT, lw=0.8)
+    ax.set(xlabel="used of the limit (without one: of the P99), %", ylabel="units that use no more, %")
+    titled(ax, f"{loaded.limits[0].units} units at the load, contacts that open included", *_unit(found))
+    legend_below(ax, columns=1)
+    return ax
+
+
+def _ends(interval: tuple[float, float]) -> str:
+    return f"{100 * interval[0]:.4g} to {100 * interval[1]:.4g}"
+
+
+def allocation_figure(found: Allocation) -> Figure:
+    """Units at the load above the cost of each tolerance."""
+    figure, (upper, lower) = new_figure(2, height=3.6)
+    at_load(found, ax=upper)
+    costs(found, ax=lower)
+    return figure
+
+
 def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     """Each tolerance over what it was: tighter to the left, wider to the right."""
     ratio = np.divide(found.widths, found.widths_before)
@@ -160,7 +208,7 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.set_xticks(marks, [f"{m:g}" for m in marks])
     ax.minorticks_off()
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Widths of least cost for {found.limit / ARCSEC:g} arcsec", found.kind)
+    titled(ax, f"Widths of least cost for {_within(found)}", found.kind)
     ax.set(xlabel="tolerance found over tolerance as given (a number)")
     if held.any():
         legend_below(ax)
@@ -176,7 +224,7 @@ def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
     ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Cost of each tolerance for {found.limit / ARCSEC:g} arcsec", found.kind)
+    titled(ax, f"Cost of each tolerance for {_within(found)}", found.kind)
     ax.set(xlabel=_COST)
     legend_below(ax)
     return ax

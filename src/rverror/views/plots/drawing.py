@@ -31,7 +31,7 @@ from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.views.plots.budgets import contributions, costs, distribution, envelope, front_of, widths
+from rverror.views.plots.budgets import at_load, contributions, costs, distribution, envelope, front_of, widths
 from rverror.views.plots.compensated import compensated_orders, compensated_waveform
 from rverror.views.plots.diagnosed import (
     candidates,
@@ -118,9 +118,14 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         },
         Compensation: {"orders": compensated_orders, "waveform": compensated_waveform},
         Budget: {"contributions": contributions, "envelope": envelope},
-        ErrorBudget: {"contributions": contributions, "distribution": distribution, "envelope": envelope},
+        ErrorBudget: {
+            "contributions": contributions,
+            "distribution": distribution,
+            "envelope": envelope,
+            "at_load": at_load,
+        },
         VirtualUnits: {"distribution": distribution},
-        Allocation: {"widths": widths, "costs": costs, "front": front_of},
+        Allocation: {"widths": widths, "costs": costs, "front": front_of, "at_load": at_load},
     }
 )
 

@@ -1,0 +1,443 @@
+"""Least cost for limits at the load: widths whose yield holds where contacts open, verified by units drawn afresh.
+
+Page ``theory/at-the-load.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.model.effects import Model
+from rverror.tolerances.allocation import (
+    Allocation,
+    ClosedFormQuantile,
+    described,
+    rates_of,
+    step_of,
+    terms,
+)
+from rverror.tolerances.limited_error import Quantile
+from rverror.tolerances.loaded_units import LoadedUnits, Solved
+from rverror.tolerances.loaded_yield import COUNT, Verified, counted, loaded_units, standard_draws, verified
+from rverror.tolerances.market import (
+    CLOSE,
+    Found,
+    Limited,
+    Market,
+    Row,
+    least_cost,
+    market_of,
+    minimised,
+    pulled_in,
+    slope_of,
+)
+from rverror.tolerances.sampling import share_interval, virtual_units
+from rverror.tolerances.specification import Limit
+from rverror.tolerances.stacking import Tolerance
+
+#: Units on which the widths are optimised.
+SAMPLE = 384
+
+_ROUNDS = 10  # of linearisation
+_FEW = 128  # units of the sample on which the first rounds are
+_REACH, _LEAST_REACH = 2.0, 1.15  # factor by which a round may change a width, at first and at least
+_SETTLED = 0.02  # relative change of the cost at which rounds end
+_FARTHEST = 0.05  # relative; from what the linear form foretold, at which the next round goes less far
+_ATTEMPTS = 6  # at a verification; each has half of what the confidence leaves of the one before
+_SLACK = 0.05  # of the cost, which a verified list may be dearer than it seems to need be
+_MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
+_LOST = 1e3  # share of its limits that a unit without an equilibrium uses
+_CLOSED_SAMPLE, _CLOSED_UNITS = 2**10, 2**14  # units of the closed form
+
+
+def allocate_at_load(
+    model: Model,
+    tolerances: Sequence[Tolerance],
+    limits: Sequence[Limit],
+    *,
+    direction: float = 1.0,
+    sample: int = SAMPLE,
+    verify: int = COUNT,
+    confidence: float = 0.95,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Allocation:
+    """Find the widths of least cost with which units meet limits at the load, contacts that open included.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer.
+    tolerances : sequence of Tolerance
+        With their costs, bounds and what is fixed.
+    limits : sequence of Limit
+        Each holds for its share of the units; all of them together for the least of these shares.
+    direction : float
+        +1 forward, -1 reverse: of the transmission error.
+    sample, verify : int
+        Units on which the widths are optimised and, drawn afresh, verified.
+    confidence : float
+        Of the verified intervals.
+    seed : int
+        Fixes all draws.
+    progress : callable, optional
+        Called with a line of text as the work goes on.
+
+    Returns
+    -------
+    Allocation
+        Of the kind ``"load"``.  The interval of each verified yield is at its level or above.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of its bounds, or the limits cannot be met: the message says what holds them up.
+
+    Notes
+    -----
+    The closed form begins.  Then every unit of a sample is solved at the loads, with the change of its largest turns
+    with every width from the influences there, and the least cost of this linear form within a factor of the widths
+    is taken, again and again.  Fresh units verify; where they do not, they tell how much is missing.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit, cost = rverror.Model(rverror.reducer("RV-40E")), rverror.costs.Reciprocal(12.0, 0.005)
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=cost)]
+    >>> limits = [rverror.limit("transmission_error", "30 arcsec", torque="412 N*m")]
+    >>> found = allocate_at_load(unit, cams, limits, sample=128, verify=500)
+    >>> found.verified.limits[0].share > 0.99
+    True
+    """
+    units = loaded_units(model, tolerances, limits, direction=direction)
+    if any(one.value is None for one in units.limits):
+        raise InputError("limits: one has no value; give it, such as limit('transmission_error', '60 arcsec')")
+    said = terms(tolerances)
+    market = market_of(units.stack.labels, units.stack.width, said["costs"], said["bounds"], said["fixed"])
+    search = _Search(
+        units,
+        market,
+        sample=sample,
+        verify=verify,
+        confidence=confidence,
+        seed=seed,
+        progress=progress or (lambda text: None),
+    )
+    return search.allocation()
+
+
+# --- quantiles of what units use of their limits ----------------------------------------------------------------------
+
+
+class LoadedQuantile(Limited):
+    """Share of its limits that a unit uses: its quantiles over a sample, about the widths at which it was solved.
+
+    Each turn of a unit is a linear row in the widths.  A quantile is that of a normal distribution through the mean of
+    the units in the middle and of those in the tail: a sample knows these two well, and its own extremes badly.
+    """
+
+    proof = "no small change of the widths costs less, by the influences at the load; nothing more is proven"
+
+    def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float) -> None:
+        """Take the rows of a sample; `target` is the share of the units that all limits together must let pass."""
+        assert solved.near is not None
+        assert solved.slopes is not None
+        allowed = np.array([one.allowed for one in units.limits])[:, None]
+        known = np.isfinite(solved.turns)[:, :, None]
+        self.near = np.where(known, solved.near / allowed, _LOST)
+        self.slopes = np.where(known[..., None], solved.slopes / allowed[..., None], 0.0)
+        self.at = widths
+        # a limit that asks for more than all together has a quantile of its own
+        levels = [one.level for one in units.limits]
+        own = [([k], target + level - min(levels)) for k, level in enumerate(levels) if level > min(levels)]
+        self.aims = [(numbers, self._weights(level)) for numbers, level in [(list(range(len(levels))), target), *own]]
+
+    def _weights(self, level: float) -> Array:
+        """Weight of each unit of the sample, from the one that uses least, in the quantile at a level."""
+        rank = (np.arange(len(self.near)) + 0.5) / len(self.near)
+        score = scipy.special.ndtri(rank)
+        bands = [((rank > first) & (rank < last)) for first, last in (_MIDDLE, _TAIL)]
+        middle, tail = (band / band.sum() for band in bands)
+        share = (scipy.special.ndtri(level) - score @ middle) / (score @ tail - score @ middle)
+        return np.asarray((1 - share) * middle + share * tail)
+
+    def _used(self, widths: Array, numbers: list[int]) -> tuple[Array, Array]:
+        """Share of some limits that each unit uses, and its change with the widths, in rising order."""
+        rows = self.near[:, numbers] + self.slopes[:, numbers] @ (widths - self.at)
+        rows = rows.reshape(len(rows), -1)
+        leading = rows.argmax(axis=1)
+        order = np.argsort(rows[np.arange(len(rows)), leading])
+        slopes = self.slopes[:, numbers].reshape(*rows.shape, -1)
+        return rows[order, leading[order]], slopes[order, leading[order]]
+
+    def quantiles(self, widths: Array) -> tuple[Array, Array]:
+        """Quantile of each aim, and its change with the widths, shapes (aims,) and (aims, entries)."""
+        every = [(weight, self._used(widths, numbers)) for numbers, weight in self.aims]
+        values, slopes = zip(*((weight @ used, weight @ change) for weight, (used, change) in every), strict=True)
+        return np.array(values), np.array(slopes)
+
+    def of_limit(self, number: int, widths: Array) -> tuple[float, Array]:
+        """Quantile of one limit alone, and its change with the widths."""
+        used, change = self._used(widths, [number])
+        return float(self.aims[0][1] @ used), np.asarray(self.aims[0][1] @ change)
+
+    def measure(self, widths: Array) -> tuple[float, Row]:
+        """The largest quantile, and its row."""
+        values, slopes = self.quantiles(widths)
+        worst = int(values.argmax())
+        return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
+
+    def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
+        """By sequential quadratic programs from the widths at hand, then drawn in until the limit is met."""
+        if self.measure(market.low)[0] > limit:
+            return None
+        if self.measure(market.high)[0] <= limit:
+            return market.high
+
+        def constraint(widths: Array) -> tuple[Array, Array]:
+            values, slopes = self.quantiles(widths)
+            return 1 - values / limit, -slopes / limit
+
+        widths = minimised(market, np.clip(self.at, market.low, market.high), constraint, accuracy=1e-9)
+        return pulled_in(market, self, limit, widths)
+
+
+# --- the search -------------------------------------------------------------------------------------------------------
+
+
+class _Search:
+    """Rounds of linearisation, and verifications, for one set of limits."""
+
+    def __init__(
+        self,
+        units: LoadedUnits,
+        market: Market,
+        *,
+        sample: int,
+        verify: int,
+        confidence: float,
+        seed: int,
+        progress: Callable[[str], None],
+    ) -> None:
+        """Draw the sample, and see how many bad units a verification may have."""
+        self.units, self.market, self.verify, self.confidence = units, market, verify, confidence
+        self.seed, self.progress = seed, progress
+        self.level = min(one.level for one in units.limits)
+        most = max(one.level for one in units.limits)
+        bad = -1
+        while share_interval(verify - bad - 1, verify, 1 - self._leaves(0))[0] >= most:
+            bad += 1
+        if bad < 0:
+            needed = math.ceil(math.log(self._leaves(0) / 2) / math.log(most))
+            raise InputError(
+                f"verify = {verify}: too few units to verify a yield of {100 * most:g} %; give {needed} or more"
+            )
+        #: Units that may be beyond the limits at the widths aimed at: half of those with which a verification still
+        #: succeeds, so that chance seldom makes it fail.
+        self.beyond = bad // 2
+        self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
+
+    def _leaves(self, attempt: int) -> float:
+        """What the confidence of an attempt leaves: half of what that of all before it leaves, so that all hold."""
+        return (1 - self.confidence) / 2 ** (attempt + 1)
+
+    def allocation(self) -> Allocation:
+        """Widths of least cost that fresh units verify."""
+        sample = len(self.drawn)
+        few = min(sample, _FEW)
+        given = self._local(self.market.given, "the widths as given", few)
+        found, _ = self._settled(self._begun(), 1.0, count=few, rounds=_ROUNDS)
+        found, local = self._settled(found, 1.0, count=sample, rounds=2)
+        best: tuple[Found, LoadedQuantile, Verified] | None = None
+        for attempt in range(_ATTEMPTS):
+            fresh = self._verified(found.widths, attempt)
+            used = self._used(fresh, self.beyond)
+            if self._met(fresh) and (best is None or self._cost(found) < self._cost(best[0])):
+                best = found, local, fresh
+            # what the sample tells of these widths is what fresh units use of the limits
+            aim = local.measure(found.widths)[0] + 1 - used
+            ahead = self._step(local, found, aim, _REACH, hold=self._any_smooth(found))
+            change = self._change(found, ahead)
+            if best is not None and (attempt > 1 or change < _SLACK or self._cost(ahead) > self._cost(found)):
+                break
+            found, local = (
+                (ahead, local) if change < 2 * _FARTHEST else self._settled(found, aim, count=sample, rounds=2)
+            )
+        if best is None:
+            raise InputError(
+                f"limits: after {_ATTEMPTS} verifications the yield of fresh units is {100 * fresh.together:.4g} %, "
+                f"not verified at {100 * self.level:g} %; give {4 * self.verify} units that verify"
+            )
+        found, local, fresh = best
+        return described(
+            self.units.stack,
+            self.market,
+            local,
+            found,
+            kind="load",
+            level=self.level,
+            limit=1.0,
+            target=local.measure(found.widths)[0],
+            rows=[],
+            value_before=given.measure(self.market.given)[0],
+            value=self._used(fresh, round((1 - self.level) * self.verify)),
+            closed_form_before=self._closed_form(self.market.given),
+            closed_form=self._closed_form(found.widths),
+            rates=rates_of(self.market, slope_of(given, self.market.given), step=step_of("load")),
+            verified=fresh,
+        )
+
+    def _begun(self) -> Found:
+        """Widths of the closed form by the mean square; those as given where it knows none of the limits."""
+        stack, given = self.units.stack, self.market.given
+        grades = tuple(
+            min(max(table.index(max(given[e], table.widths[0])), allowed[0]), allowed[-1])
+            for e, table, allowed in self.market.tables
+        )
+        market = self.market.holding(grades)
+        widths = np.clip(market.given, market.low, market.high)
+        # what does nothing there may do much here
+        waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
+        idle = np.array([not waves[block.components].any() for block in stack.blocks]) & market.smooth
+        angles = [one.allowed for one in self.units.limits if one.quantity == "transmission_error"]
+        if angles and stack.dependence is None and (market.smooth & ~idle).any():
+            low, high = (np.where(idle, widths, end) for end in (market.low, market.high))
+            closed = Quantile(stack, level=self.level, sample=_CLOSED_SAMPLE, seed=self.seed)
+            widths = closed.of_mean_square(replace(market, low=low, high=high), min(angles), widths)
+        return Found(widths, grades)
+
+    def _local(self, widths: Array, what: str, count: int) -> LoadedQuantile:
+        """The first units of the sample solved at some widths."""
+        tell = counted(lambda text: self.progress(f"{what}: {text}"), "units of the sample", count)
+        solved = self.units.solved(self.drawn[:count], widths, slopes=True, progress=tell)
+        return LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond, 0.5) / self.verify)
+
+    def _settled(self, found: Found, aim: float, *, count: int, rounds: int) -> tuple[Found, LoadedQuantile]:
+        """Least cost with a quantile of the sample at the aim, by rounds of linear forms."""
+        local = self._local(found.widths, "first widths", count)
+        reach, costs = _REACH, dict[tuple[int, ...], float]()
+        for number in range(rounds):
+            ahead = self._next(local, found, aim, reach, costs)
+            foretold = local.measure(ahead.widths)[0]
+            near = self._change(found, ahead) <= _SETTLED and foretold <= aim * (1 + CLOSE)
+            found = ahead
+            if near:
+                return found, local
+            local = self._local(found.widths, f"round {number + 1}", count)
+            if abs(local.measure(found.widths)[0] / foretold - 1) > _FARTHEST:  # the form does not hold as far
+                reach = max(math.sqrt(reach), _LEAST_REACH)
+        return self._step(local, found, aim, reach, hold=bool(self.market.tables)), local
+
+    def _change(self, one: Found, other: Found) -> float:
+        """Relative change of the cost, of which other grades are a whole one."""
+        before, after = self._cost(one), self._cost(other)
+        return (
+            abs(after - before) / max(before, after)
+            if one.grades == other.grades and before != after
+            else float(one.grades != other.grades)
+        )
+
+    def _next(
+        self, local: LoadedQuantile, found: Found, aim: float, reach: float, costs: dict[tuple[int, ...], float]
+    ) -> Found:
+        """The next widths; grades that were tried count by the cost that they came to where they were."""
+        market = self.market.holding(found.grades)
+        if self.market.tables and local.measure(np.minimum(market.low, found.widths))[0] > aim:
+            return self._step(local, found, aim, reach, hold=False)  # these grades do not lead there
+        held = self._step(local, found, aim, reach, hold=True)
+        if not self.market.tables or local.measure(held.widths)[0] > aim * (1 + CLOSE):
+            return held
+        costs[held.grades] = self._cost(held)
+        free = self._step(local, found, aim, reach, hold=False)
+        return free if costs.get(free.grades, self._cost(free)) < costs[held.grades] else held
+
+    def _step(self, local: LoadedQuantile, at: Found, aim: float, reach: float, *, hold: bool) -> Found:
+        """Least cost of the linear form within reach of the widths; as near to the aim as that leads."""
+        market = self.market.holding(at.grades) if hold else self.market
+        widths, smooth = at.widths, market.smooth
+        low = np.where(smooth, np.clip(widths / reach, market.low, market.high), market.low)
+        high = np.where(smooth, np.clip(widths * reach, market.low, market.high), market.high)
+        tables = tuple(
+            (e, table, _within(table.widths, allowed, widths[e], reach)) for e, table, allowed in market.tables
+        )
+        for e, table, allowed in tables:
+            low[e], high[e] = table.widths[allowed[0]], table.widths[allowed[-1]]
+        near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
+        least = local.measure(low)[0]
+        if least > aim and (low <= self.market.low).all():
+            raise self._unreachable(local, low, least / aim)
+        found = least_cost(near, local, max(aim, least * (1 + CLOSE)), [])
+        assert found is not None  # the least widths meet it
+        return replace(found, grades=at.grades) if hold else found
+
+    def _verified(self, widths: Array, attempt: int) -> Verified:
+        return verified(
+            self.units,
+            widths,
+            count=self.verify,
+            seed=self.seed,
+            stream=attempt + 1,
+            confidence=1 - self._leaves(attempt),
+            decide=True,
+            progress=lambda text: self.progress(f"verification {attempt + 1}: {text}"),
+        )
+
+    def _met(self, fresh: Verified) -> bool:
+        return fresh.together_interval[0] >= self.level and all(one.met for one in fresh.limits)
+
+    def _used(self, fresh: Verified, beyond: int) -> float:
+        """Share of all limits that no more than so many fresh units exceed."""
+        shares = [one.limit.turned(one.values) / one.limit.allowed for one in fresh.limits]
+        used = np.sort(np.nan_to_num(np.max(shares, axis=0), nan=_LOST))
+        return float(used[-1 - beyond])
+
+    def _any_smooth(self, found: Found) -> bool:
+        market = self.market.holding(found.grades)
+        return bool((market.smooth & (market.high > market.low)).any())
+
+    def _cost(self, found: Found) -> float:
+        return self.market.total(found.widths)
+
+    def _closed_form(self, widths: Array) -> ClosedFormQuantile:
+        """What the closed form says of the same list."""
+        stack = replace(self.units.stack, width=widths)
+        found = virtual_units(stack, _CLOSED_UNITS, seed=self.seed, draws="random")
+        share = found.quantile(self.level, confidence=self.confidence)
+        return ClosedFormQuantile(
+            self.level, share.value, share.low, share.high, self.confidence, _CLOSED_UNITS, self.seed
+        )
+
+    def _unreachable(self, local: LoadedQuantile, widths: Array, over: float) -> InputError:
+        """Why the limits cannot be met: which of them, and what holds it up."""
+        units = self.units
+        shares = [local.of_limit(number, widths) for number in range(len(units.limits))]
+        worst = int(np.argmax([value for value, _ in shares]))
+        one = units.limits[worst]
+        still = units.solved(np.zeros((1, self.drawn.shape[1])), widths).turns[0, worst]
+        assert one.value is not None
+        said = f"{one.label} within {one.shown(one.value):.4g} {one.unit}: with every width at its least "
+        said += f"{100 * self.level:g} % of the units need {over:.3g} times what all limits allow"
+        if still > one.allowed:
+            said += (
+                f"; without any spread it is {one.shown(one.turned(still)):.4g} {one.unit}: raise the limit, or change "
+                "the means of the tolerances (clearances) or the declared model"
+            )
+        else:
+            label = self.market.labels[int((shares[worst][1] * widths).argmax())]
+            said += f"; raise the limit or allow finer widths, first of {label}"
+        return InputError(said)
+
+
+def _within(offered: Sequence[float], allowed: tuple[int, ...], width: float, reach: float) -> tuple[int, ...]:
+    """Grades within reach of a width, and the next one to either side."""
+    near = [g for g in allowed if width / reach <= offered[g] <= width * reach]
+    below = [g for g in allowed if offered[g] < width / reach][-1:]
+    above = [g for g in allowed if offered[g] > width * reach][:1]
+    return (*below, *near, *above)

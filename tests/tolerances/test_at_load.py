@@ -1,0 +1,188 @@
+"""Limits at the load: units against models written effect by effect, slopes, yields and least costs of known laws."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from rverror.base.units import ARCSEC
+from rverror.tolerances.loaded_allocation import allocate_at_load
+from rverror.tolerances.loaded_units import LoadedUnits, instances_of
+from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
+from rverror.tolerances.specification import Limit, limit
+
+EVERY_LIMIT = (
+    limit("transmission_error", "30 arcsec", torque="20 N*m"),
+    limit("transmission_error", "30 arcsec", torque="412 N*m"),
+    limit("lost_motion", "60 arcsec"),
+    limit("backlash", "60 arcsec"),
+    limit("stiffness", "70 N*m/arcmin"),
+)
+
+
+def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.Tolerance]]:
+    """A model with declared effects, and tolerances of every way in which a source acts."""
+    unit = rverror.reducer("RV-40E", **changes)
+    declared = (
+        rverror.effect("cycloid.pin_position", pin=7, radial="3 um"),
+        rverror.effect("crank.bearing_clearance", clearance="1 um"),
+        rverror.effect("sensor.encoder_eccentricity", cos="2 arcsec"),
+    )
+    tolerances = [
+        rverror.tolerance("cycloid.pin_position", "4 um"),
+        rverror.tolerance("cycloid.disc_pitch", "5 um", harmonic=(1, 2)),
+        rverror.tolerance("crank.eccentricity", "3 um"),
+        rverror.tolerance("coupling.carrier_bore_position", "4 um"),
+        rverror.tolerance("involute.tooth_thinning", "6 um", mean="10 um", member="sun"),
+        rverror.tolerance("crank.bearing_clearance", "2 um", mean="3 um"),
+        rverror.tolerance("coupling.bearing_clearance", "1 um", mean="2 um"),
+        rverror.tolerance("cycloid.profile_modification", "2 um", parameters=("equidistant",), mean="3 um"),
+        rverror.tolerance("crank.bearing_compliance", "0.2 um/kN", disc=0, crank=0),
+        rverror.tolerance("cycloid.pin_compliance", "0.2 um/kN", pin="all"),
+        rverror.tolerance("sensor.encoder_eccentricity", "3 arcsec"),
+    ]
+    return rverror.Model(unit, declared), tolerances
+
+
+def of_effects(units: LoadedUnits, drawn: np.ndarray) -> rverror.Model:
+    """The model of one unit, written effect by effect."""
+    values = units.means + drawn * units.stack.width[units.stack.entry]
+    effects = tuple(one.effect(values) for one in instances_of(units.stack))
+    return rverror.Model(units.model.mechanism, (*units.model.effects, *effects))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"contact_law": rverror.ContactLaw(pin_exponent=10 / 9, profile_curvature=1.0)}, {"output": "housing"}],
+    ids=["linear", "power law on curved profiles", "output at the housing"],
+)
+def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes: dict[str, Any]) -> None:
+    model, tolerances = mixed(**changes)
+    units = loaded_units(model, tolerances, EVERY_LIMIT)
+    drawn = standard_draws(units.stack, 3, seed=4, stream=0)
+    turns = units.solved(drawn, units.stack.width).turns
+    turn, places = (2 * np.pi * np.arange(n) / n for n in (4096, 48))
+    for unit in range(3):
+        one = of_effects(units, drawn[unit])
+        for at, torque in enumerate(("20 N*m", "412 N*m")):
+            full = np.ptp(rverror.equilibrium(one, turn, torque=torque, direction=1.0).transmission_error)
+            assert 0.97 * full <= turns[unit, at] <= full * (1 + 1e-9)  # of all angles, a few of which are solved
+        assert turns[unit, 2] == pytest.approx(rverror.lost_motion(one, places).max(), rel=1e-7)
+        assert turns[unit, 3] == pytest.approx(rverror.backlash(one, places).max(), rel=1e-4)
+        stiffness = units.limits[4].turned(turns[unit, 4])
+        assert stiffness == pytest.approx(rverror.torsional_stiffness(one, places).min(), rel=1e-7)
+
+
+@pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.ContactLaw(profile_curvature=1.0)}])
+def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None:
+    model, tolerances = mixed(**changes)
+    limits = [one for one in EVERY_LIMIT if one.quantity != "backlash"]  # its contacts are about to change
+    units = loaded_units(model, tolerances, limits)
+    drawn, widths = standard_draws(units.stack, 4, seed=1, stream=0), units.stack.width
+    found = units.solved(drawn, widths, slopes=True)
+    assert found.near is not None and found.slopes is not None
+    first = np.argmax(found.near, axis=2)[..., None]
+    for entry in range(len(widths)):
+        step = np.where(np.arange(len(widths)) == entry, 1e-4 * widths, 0.0)
+        rise = units.solved(drawn, widths + step).turns - units.solved(drawn, widths - step).turns
+        told = np.take_along_axis(found.slopes[..., entry], first, axis=2)[..., 0]
+        np.testing.assert_allclose(rise / (2 * step[entry]), told, rtol=2e-5, atol=1e-5 * np.abs(told).max())
+
+
+def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.Tolerance], float, float]:
+    """One tolerance whose lost motion is that of the perfect unit and thinning / (r1 R): and these two, rad."""
+    unit = rverror.reducer("RV-40E")
+    tolerance = rverror.tolerance("involute.tooth_thinning", width, mean="20 um", member="sun", **more)
+    perfect = float(rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(48) / 48).max())
+    return rverror.Model(unit), [tolerance], perfect, 1 / (unit.sun_teeth * unit.module / 2 * unit.ratio)
+
+
+def test_yield_is_that_of_a_normal_lost_motion() -> None:
+    model, tolerances, perfect, each = thinned()
+    sigma = 2e-3  # T is three of them
+    for share in (0.5, 0.9, 0.99):
+        z = {0.5: 0.0, 0.9: 1.2815515655, 0.99: 2.3263478740}[share]
+        asked = Limit("lost_motion", perfect + each * (20e-3 + z * sigma))
+        units = loaded_units(model, tolerances, [asked])
+        (one,) = verified(units, units.stack.width, count=1000, seed=3, confidence=0.999).limits
+        assert one.interval[0] <= share <= one.interval[1]
+        assert one.quantile(share).low <= asked.value <= one.quantile(share).high
+
+
+def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
+    """The widest tolerance whose yield fresh units verify lies between those with 99 % and 99.95 % of good units."""
+    cost = rverror.costs.Reciprocal(10.0, 0.006)
+    model, tolerances, perfect, each = thinned("12 um", cost=cost)
+    asked = Limit("lost_motion", perfect + each * 26e-3)
+    found = allocate_at_load(model, tolerances, [asked], sample=256, verify=1500, seed=5)
+    assert found.verified is not None
+    assert found.verified.limits[0].met
+    widest, narrow = (3 * 6e-3 / z for z in (2.3263, 3.2905))
+    assert narrow < found.widths[0] < widest
+    assert found.held_by == ("limit",)
+    assert found.cost == pytest.approx(10.0 * 0.006 / found.widths[0])
+    assert found.closed_form.quantile == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
+
+
+def test_grades_beside_smooth_costs_meet_two_limits() -> None:
+    """Of the grades the cheapest with which the rest may be as wide as the limit lets it be: all other ones cost more."""
+    smooth, table = (
+        rverror.costs.Reciprocal(10.0, 0.006),
+        rverror.costs.Grades((0.002, 0.006, 0.010), (30.0, 12.0, 9.0), ("fine", "medium", "coarse")),
+    )
+    model, tolerances, perfect, each = thinned("12 um", cost=smooth)
+    other = rverror.tolerance("involute.tooth_thinning", "6 um", mean="20 um", member="planet", cost=table)
+    asked = [Limit("lost_motion", perfect + each * 50e-3), Limit("transmission_error", 1.0, 412e3)]
+    found = allocate_at_load(model, [*tolerances, other], asked, sample=256, verify=1500, seed=2)
+    assert found.verified is not None
+    assert found.verified.together_interval[0] >= 0.99
+    z = 2.8  # about where half of the bad units are aimed at
+    costs = []
+    for grade, price in zip(table.widths, table.prices, strict=True):
+        room = (10e-3 / z) ** 2 - (grade / 3) ** 2
+        costs.append(price + 10.0 * 0.006 / (3 * math.sqrt(room)) if room > 0 else math.inf)
+    assert found.widths[1] == table.widths[int(np.argmin(costs))]
+    assert found.cost == pytest.approx(min(costs), rel=0.1)
+
+
+def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
+    model, tolerances, perfect, each = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
+    low = Limit("lost_motion", perfect + each * 10e-3)  # the mean is 20
+    with pytest.raises(rverror.InputError, match=r"lost motion at 12.36 N\*m .*without any spread .* change the means"):
+        allocate_at_load(model, tolerances, [low], sample=64, verify=600)
+    narrow = Limit("lost_motion", perfect + each * 20.3e-3)
+    with pytest.raises(rverror.InputError, match="raise the limit or allow finer widths, first of involute.tooth"):
+        allocate_at_load(model, tolerances, [narrow], sample=64, verify=600)
+
+
+def test_a_few_units_verify_nothing() -> None:
+    model, tolerances, perfect, _ = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
+    with pytest.raises(rverror.InputError, match="verify = 100: too few units .* give 4[0-9][0-9] or more"):
+        allocate_at_load(model, tolerances, [Limit("lost_motion", 2 * perfect)], verify=100)
+
+
+@pytest.mark.parametrize(
+    ("said", "problem"),
+    [
+        (lambda: limit("noise", "3 arcsec"), "quantity = 'noise': must be one of 'transmission_error'"),
+        (lambda: limit("lost_motion", "3 N*m"), "lost_motion"),
+        (lambda: limit("lost_motion", "0 arcsec"), "must be above 0"),
+        (lambda: limit("backlash", "1 arcmin", torque="3 N*m"), "backlash: is read without a torque"),
+        (lambda: limit("stiffness", "3 N*m/arcmin", torque="-3 N*m"), "torque = -3 N"),
+        (lambda: loaded_units(rverror.Model(rverror.reducer("RV-40E")), [], []), "there is none"),
+    ],
+)
+def test_limits_that_cannot_be_are_refused(said: Any, problem: str) -> None:
+    with pytest.raises(ValueError, match=problem):
+        said()
+
+
+def test_a_stiffness_and_its_turn_are_each_others_inverse() -> None:
+    one = limit("stiffness", "100 N*m/arcmin", torque="412 N*m")
+    assert one.turned(one.turned(one.value)) == pytest.approx(one.value)
+    assert one.allowed / ARCSEC == pytest.approx(412 * 60 / 100)  # half of the torque, in both senses
+    assert one.shown(one.value) == pytest.approx(100.0)
