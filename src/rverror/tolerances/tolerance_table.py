@@ -13,11 +13,11 @@ from rverror.base.toml import Place, TomlText
 from rverror.model.catalogue import CATALOGUE
 
 #: Columns of texts, of bare numbers, and of the rest of a row; those of the indices have the names of the catalogue.
-_TEXTS = ("name", "key", "tolerance", "grade", "size", "distribution", "mean", "phase", "at")
+_TEXTS = ("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution", "mean", "phase", "at")
 _NUMBERS = ("capability", "shape", "correlation", "price", "base")
 _OTHERS = ("lower", "upper", "parameter", "correlated_with", "least", "largest", "fixed", "curve")
 _INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
-_WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "at", "least", "largest")
+_WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "diameter", "module", "at", "least", "largest")
 _CURVE = ("curve", "price", "at", "base")
 _YES, _NO = ("true", "yes", "1", "x"), ("false", "no", "0", "")
 _EXAMPLE = "write a first line such as 'key, tolerance[um], distribution'"
