@@ -156,7 +156,8 @@ def stack_indices(
     """Indices of a size of the output error, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
-    those of `sobol_indices`.  Entries that are correlated with others are no independent causes: theirs are nan.
+    those of `sobol_indices`.  Entries that are correlated or matched with others are no independent
+    causes: theirs are nan.
     """
     function = _SizeOf(sampler(stack), size)
     found = sobol_indices(
@@ -168,7 +169,9 @@ def stack_indices(
         executor=executor,
         progress=progress,
     )
-    together = [e for e, block in enumerate(stack.blocks) if block.joined]
+    if stack.dependence is None:
+        return found
+    together = np.unique(stack.entry[stack.dependence.components])
     for name in ("first", "first_low", "first_high", "total", "total_low", "total_high"):
         getattr(found, name)[together] = np.nan
     return found

@@ -22,7 +22,7 @@ from rverror.tolerances.distribution import Lognormal
 from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.stacking import Tolerance, correlations, tolerance
+from rverror.tolerances.stacking import Tolerance, correlations, fits, tolerance
 from rverror.tolerances.tolerance_table import is_table, read_table
 
 _TAKEN_OUT = "\0"
@@ -48,6 +48,8 @@ _KEYS = (
     "mean",
     "correlation",
     "correlated_with",
+    "classes",
+    "fit",
     "phase",
     "fixed",
     "bounds",
@@ -214,6 +216,7 @@ def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
     )
     try:
         correlations(found)
+        fits(found)
     except InputError as error:
         raise InputError(f"{where.path}: {error}") from error
     return found
@@ -261,6 +264,8 @@ class _Entry:
                 bounds=self._bounds(),
                 cost=self._cost(),
                 correlated_with=self._correlated_with(),
+                classes=self._classes(),
+                fit=table.get("fit"),
                 **given,
                 **self._indices(),
             )
@@ -335,6 +340,12 @@ class _Entry:
                 (*self.place, *place, name), f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
             )
         return float(value)
+
+    def _classes(self) -> int:
+        number = self._number("classes") if "classes" in self.table else 1.0
+        if not number.is_integer():
+            self.refuse("classes", f"classes = {number:g}: must be a whole number; write classes = 4")
+        return int(number)
 
     def _flag(self, name: str) -> bool:
         value = self.table.get(name, False)
