@@ -13,16 +13,17 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from rverror.base.errors import InputError
+from rverror.geartrain.involute import PLANET_ECCENTRICITY, PLANET_PITCH, SUN_ECCENTRICITY, SUN_PITCH
 
 #: What of a toothing is measured.
 Deviation = Literal["single pitch", "cumulative pitch", "runout"]
 
 #: Deviation that a class limits, by the catalogue's keys.
 KEYS: Mapping[str, Deviation] = {
-    "involute.sun_eccentricity": "runout",
-    "involute.planet_eccentricity": "runout",
-    "involute.sun_pitch": "cumulative pitch",
-    "involute.planet_pitch": "cumulative pitch",
+    SUN_ECCENTRICITY: "runout",
+    PLANET_ECCENTRICITY: "runout",
+    SUN_PITCH: "cumulative pitch",
+    PLANET_PITCH: "cumulative pitch",
 }
 
 CLASSES = range(1, 12)

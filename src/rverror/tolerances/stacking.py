@@ -792,7 +792,8 @@ def stack(
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
         forces = closed_form_forces(where.gears)
-        nominal = transmission_error(model, where.read.theta, direction=direction, torque=torque, forces=forces)
+        load = None if where.read.torque is None else units.InCore(where.read.torque)
+        nominal = transmission_error(model, where.read.theta, direction=direction, torque=load, forces=forces)
         angles, rounding = where.read.theta, _ROUNDING
         sources = (
             source_matrix(where.of(item.key), forces, item.key, indices)
