@@ -914,9 +914,9 @@ class Drive:
 #: What has an output error: a reducer whose parts are known, or any drive of which only the orders are.
 Mechanism = Reducer | Drive
 
-#: Least and largest load of a bench, of the rated torque.  Makers let 2.5 times the rated torque start and stop a
-#: reducer; a thousandth of that is the least, so that no number is a load both in N*m and in N*mm.
-_LOADS = (2.5e-3, 2.5)
+#: Least and largest load of a bench, of the rated torque; makers let some twice the rated torque start and stop a
+#: reducer.  What is one of these in N*m is 0.2 % of the rated torque at most in N*mm, less than a bench holds steadily.
+_LOADS = (5e-3, 2.0)
 
 
 def core_torque(mechanism: Mechanism, torque: Any, *, name: str = "torque") -> float:
@@ -970,7 +970,7 @@ def doubt_torque(mechanism: Mechanism, torques: Any, *, name: str = "torque") ->
     Warns
     -----
     UserWarning
-        If the number is below 1/400 of the rated torque, and a thousand times that is not.
+        If a thousand times the number is from 0.5 % to twice the rated torque.
     """
     rated = mechanism.rated_torque if isinstance(mechanism, Reducer) else None
     given = torques.tolist() if isinstance(torques, np.ndarray) else torques
@@ -979,7 +979,7 @@ def doubt_torque(mechanism: Mechanism, torques: Any, *, name: str = "torque") ->
     if not rated or not plain or len(plain) < len(listed):
         return
     size, (least, largest) = max(plain), _LOADS
-    if least * rated <= size or not least * rated <= 1e3 * size <= largest * rated:
+    if not least * rated <= 1e3 * size <= largest * rated:
         return
     what, remedy = (name, f"{name}=") if len(listed) == 1 else (f"largest of {name}", "")
     warnings.warn(
