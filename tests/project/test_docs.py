@@ -282,7 +282,7 @@ TORQUE, SECONDS = 7.0, 0.5  # N*mm; s for each radian of the output
 def plane(sign):
     theta = np.linspace(0, 1.4, 211)[::sign]
     g = Plane(theta, sign)
-    return g, pose(g.unit, theta, direction=sign, time=SECONDS * abs(theta - theta[0]), torque=TORQUE)
+    return g, pose(g.unit, theta, direction=sign, time=SECONDS * abs(theta - theta[0]), torque=f"{TORQUE} N*mm")
 
 
 def same_vectors(error, expected):

@@ -226,7 +226,7 @@ def test_without_load_a_law_leaves_the_limit_of_a_vanishing_one() -> None:
     unit, effects = rverror.reducer("RV-40E", contact_law=LINE), errors(np.random.default_rng(8))
     none, *slight = (
         rverror.equilibrium(rverror.Model(unit, effects), THETA, torque=torque, direction=1).transmission_error
-        for torque in (0.0, 1e-1, 10.0)
+        for torque in ("0 N*mm", "0.1 N*mm", "10 N*mm")
     )
     little, more = (np.abs(one - none).max() for one in slight)
     assert little < 0.05 * more < 1e-6

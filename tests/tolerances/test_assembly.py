@@ -1,4 +1,4 @@
-"""Phasing and selective assembly: against geometry, symmetries of the gear, enumeration and closed forms."""
+"""Phasing: against geometry, symmetries of the gear, enumeration and closed forms."""
 
 import itertools
 import math
@@ -12,15 +12,13 @@ from hypothesis import strategies as st
 import rverror
 from rverror.base.errors import InputError
 from rverror.tolerances.assembly import (
-    Matched,
     exchange,
     mounting_choices,
     phasing,
     phasing_gain,
-    selective_assembly,
     turn,
 )
-from rverror.tolerances.distribution import Normal, Rayleigh, Ring, Uniform
+from rverror.tolerances.distribution import Rayleigh, Ring
 from rverror.tolerances.stacking import Block, Component, Stack, stack, tolerance
 
 TURN = 2 * np.pi
@@ -356,71 +354,6 @@ def test_units_without_waves_gain_nothing():
     assert (found.random_mean, found.gain, found.gain_error) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
 
 
-# --- selective assembly --------------------------------------------------------------------------------------------
-
-
-def two_sizes(law, instances=1):
-    """Sizes whose difference makes the p-p: two entries, opposite influences."""
-    waves = np.concatenate([np.tile([0.5, -0.5], (instances, 1)), np.tile([-0.5, 0.5], (instances, 1))])
-    components = tuple(
-        Component(key, {"crank": crank}, "radial", "length")
-        for key in ("a.bore", "b.cam")
-        for crank in range(instances)
-    )
-    blocks = (Block(0, 0, instances, 1, law), Block(instances, instances, instances, 1, law))
-    entry = np.repeat([0, 1], instances)
-    return Stack(np.zeros(2), waves, components, entry, np.ones(2), ("bore", "cam"), blocks)
-
-
-@pytest.mark.parametrize("classes", [2, 3, 10])
-def test_difference_of_uniform_sizes_shrinks_by_the_classes(classes):
-    """|u - v| of one class is the k-th part of that at random, whose mean is 2/3 and quantile 2 (1 - sqrt(1 - q))."""
-    found = selective_assembly(two_sizes(Uniform()), [Matched(0), Matched(1)], classes, level=0.9, units=20_000)
-    assert found.random == pytest.approx(2 * (1 - math.sqrt(0.1)), rel=0.02)
-    assert found.matched == pytest.approx(found.random / classes, rel=1e-9)
-    assert found.random_mean == pytest.approx(2 / 3, rel=0.02)
-    assert found.matched_mean == pytest.approx(found.random_mean / classes, rel=1e-9)
-    assert found.fall == pytest.approx(1 - 1 / classes)
-
-
-def test_one_class_is_no_sorting():
-    found = selective_assembly(two_sizes(Normal()), [Matched(0), Matched(1, opposite=True)], 1)
-    assert (found.matched, found.matched_mean, found.fall) == (found.random, found.random_mean, 0.0)
-
-
-def test_many_classes_of_opposite_sizes_double_the_difference():
-    """A large one with a small one: the difference becomes twice the size."""
-    found = selective_assembly(two_sizes(Normal()), [Matched(0), Matched(1, opposite=True)], 10_000, level=0.9)
-    assert found.matched == pytest.approx(2 * 1.6449 / 3, rel=0.02)
-    assert found.fall == pytest.approx(1 - math.sqrt(2), abs=0.03)
-
-
-@pytest.mark.parametrize(("by", "variance"), [("place", 3 * 2 / 3 / 100), ("unit", 3 * 2 / 3 / 100)])
-def test_what_is_matched_by_place_or_by_unit(by, variance):
-    """Three pairs: their differences add. Either way each pair is of one class; by unit all three are of the same."""
-    unit = two_sizes(Uniform(), instances=3)
-    found = selective_assembly(unit, [Matched(0), Matched(1)], 10, by=by, level=0.9)
-    assert found.matched / found.random == pytest.approx(0.1, rel=1e-6)
-
-
-@pytest.mark.parametrize(("by", "factor"), [("place", math.sqrt(3)), ("unit", 3.0)])
-def test_one_entry_by_unit_makes_all_alike(by, factor):
-    """Three sizes of one entry that add: alike by unit, independent by place."""
-    unit = two_sizes(Normal(), instances=3)
-    alone = replace(unit, influence=unit.influence * np.array([[1.0]] * 3 + [[0.0]] * 3))
-    found = selective_assembly(alone, [Matched(0)], 10_000, by=by, level=0.9, units=20_000)
-    assert found.matched == pytest.approx(factor * 1.6449 / 3, rel=0.03)
-
-
-def test_sorting_keeps_the_distribution_of_each_size():
-    """Of one entry alone by place nothing changes but which unit gets which."""
-    unit = two_sizes(Normal())
-    alone = replace(unit, influence=unit.influence * np.array([[1.0], [0.0]]))
-    found = selective_assembly(alone, [Matched(0)], 7, level=0.9, units=20_000)
-    assert found.matched == pytest.approx(found.random, rel=0.03)
-    assert found.matched_mean == pytest.approx(found.random_mean, rel=0.03)
-
-
 # --- what is refused -----------------------------------------------------------------------------------------------
 
 
@@ -465,23 +398,8 @@ def test_parts_without_tolerance_cannot_change_places():
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
-    [
-        ({"classes": 0}, "classes = 0: must be 1 or more"),
-        ({"units": 1}, "units = 1: must be 2 or more"),
-        ({"level": 1.0}, "level = 1: must lie between"),
-        ({"by": "lot"}, "by = 'lot': must be 'unit' or 'place'"),
-        ({"matched": [Matched(5)]}, "entry 5: the stack has the entries 0 to 1"),
-    ],
+    [({"units": 1}, "units = 1: must be 2 or more"), ({"level": 1.0}, "level = 1: must lie between")],
 )
-def test_arguments_of_selective_assembly(arguments, says):
+def test_arguments_of_a_gain(arguments, says):
     with pytest.raises(InputError, match=says):
-        selective_assembly(two_sizes(Normal()), **({"matched": [Matched(0)], "classes": 2} | arguments))
-
-
-def test_what_cannot_be_sorted():
-    with pytest.raises(InputError, match="t: only one number can be sorted by size"):
-        selective_assembly(two_parts(), [Matched(0)], 2)
-    unit = two_sizes(Normal(), instances=2)
-    tied = replace(unit, blocks=(replace(unit.blocks[0], correlation=0.5), unit.blocks[1]))
-    with pytest.raises(InputError, match="bore: has a correlation"):
-        selective_assembly(tied, [Matched(0)], 2)
+        phasing_gain(two_parts(), [], **arguments)

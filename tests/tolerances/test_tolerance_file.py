@@ -335,7 +335,22 @@ def test_a_column_that_is_not_there(written) -> None:  # type: ignore[no-untyped
 
 
 WORDS = st.sampled_from(
-    ['"5 um"', '"x"', "1", "-1.5", "true", "nan", "inf", "[]", '["1 um"]', "{}", '{ a = "1 um" }', "1979-05-27"]
+    [
+        '"5 um"',
+        '"ISO 1328 5"',
+        '"9 mm"',
+        '"x"',
+        "1",
+        "-1.5",
+        "true",
+        "nan",
+        "inf",
+        "[]",
+        '["1 um"]',
+        "{}",
+        '{ a = "1 um" }',
+        "1979-05-27",
+    ]
 )
 
 
@@ -348,6 +363,8 @@ WORDS = st.sampled_from(
                 "tolerance",
                 "grade",
                 "size",
+                "diameter",
+                "module",
                 "samples",
                 "distribution",
                 "capability",
@@ -362,7 +379,7 @@ WORDS = st.sampled_from(
         WORDS,
         max_size=4,
     ),
-    st.sampled_from(["crank.eccentricity", "crank.index", "crank.bearing_clearance", "cycloid.disc_pitch"]),
+    st.sampled_from(["crank.eccentricity", "crank.index", "crank.bearing_clearance", "involute.sun_pitch"]),
 )
 @settings(deadline=None, max_examples=300)
 def test_nothing_but_an_input_error_comes_of_a_bad_file(tmp_path_factory, keys: dict[str, str], key: str) -> None:  # type: ignore[no-untyped-def]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rverror.app.terminal import check_outputs, quantity, tell, write_json, write_picture
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
@@ -119,8 +120,9 @@ def _hysteresis(options: argparse.Namespace) -> None:
         raise InputError(f"--torque: {options.torque!r} makes no loop; give more than 0")
     lost = None if unit.rated_torque is None else _LOST_MOTION * unit.rated_torque
     sizes = {share * top for share in _SHARES} | ({lost} if lost is not None and lost <= top else set())
+    torques = [units.InCore(size) for size in sorted({0.0, *sizes, *(-size for size in sizes)})]
     with _of_file(options.model):
-        found = hysteresis(model, [angle], torques=sorted({0.0, *sizes, *(-size for size in sizes)}))
+        found = hysteresis(model, [angle], torques=torques)
     print(to_text(found), end="")
     marked = lost is not None and lost <= top
     if marked:

@@ -110,7 +110,7 @@ def write_picture(path: str | Path, figure: Any) -> None:
 def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
     """Value of an option with a unit, in the core unit; refused with the option's name and how it is written."""
     try:
-        return units.parse(text, dimension)
+        return units.InCore(units.parse(text, dimension))
     except ValueError as problem:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
 

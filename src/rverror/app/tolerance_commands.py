@@ -21,6 +21,7 @@ from rverror.app.terminal import (
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.base.threads import one_thread
+from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
@@ -234,7 +235,7 @@ def _limits(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     found = []
     if error is not None or options.at:
         found += [
-            Limit("transmission_error", error, torque, level)
+            Limit("transmission_error", error, InCore(torque or 0.0), level)
             for torque in dict.fromkeys(torques or (unit.rated_torque, min(BENCH_TORQUE, unit.rated_torque or 0.0)))
         ]
     for name in _of_load(options):

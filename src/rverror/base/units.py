@@ -101,6 +101,12 @@ _LARGEST_ANGLE = 1e4  # rad in one unit
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
+class InCore(float):
+    """A number that is known to be in the core unit: computed, or given with a unit.  Nobody doubts it."""
+
+    __slots__ = ()
+
+
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
     import pint
@@ -258,8 +264,8 @@ def to_core(value: Any, dimension: str) -> float:
     >>> to_core("90 deg", "angle") == math.pi / 2
     True
     """
-    if type(value) is float and math.isfinite(value):
-        return value
+    if type(value) in (float, InCore) and math.isfinite(value):
+        return float(value)
     if isinstance(value, str):
         return parse(value, dimension)
     if isinstance(value, bool) or np.ndim(getattr(value, "magnitude", value)) != 0:

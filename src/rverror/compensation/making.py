@@ -29,6 +29,7 @@ from rverror.compensation.regular import (
     records_of,
     regular,
 )
+from rverror.geartrain.mechanism import core_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -103,7 +104,7 @@ def compensate(
     if not runs:
         raise InputError("compensate: there is no run; give one or more")
     index = _one_zero([*runs, *unseen])
-    asked = [units.named_core("torques", torque, "torque") for torque in torques]
+    asked = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
     notes: list[str] = []
     foretold = Foretold(model, notes, marked=index != "unknown")
     data = _gathered(foretold, runs, notes)

@@ -170,7 +170,7 @@ def closed_form_states(mechanism: Mechanism, travel: tuple[float, float] | None 
     turns = min(true_period(mechanism), _LONGEST_PERIOD)
     low, high = travel or (0.0, 2 * math.pi * turns)
     theta = np.linspace(low, high, _GRID if travel else turns * _GRID, endpoint=False)
-    motions = {way: pose(mechanism, theta, direction=way, time=way * theta, torque=1.0) for way in (1.0, -1.0)}
+    motions = {way: pose(mechanism, theta, direction=way, time=way * theta, torque="1 N*mm") for way in (1.0, -1.0)}
     return {way: (motion, closed_form_forces(motion)) for way, motion in motions.items()}
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.loaded_motion import ReducedMotion, Share, held_waves, in_frames, loaded_motion
@@ -148,8 +149,9 @@ def moving_reducer(
     period = _period((*unread(model).effects, *causes), unit)
     count = samples_needed(unit) * period
     theta = 2 * math.pi * period * np.arange(count) / count
+    load = units.InCore(size)
     where, between = (
-        stand(model, pose(unit, angle, torque=size, direction=direction)) for angle in (theta, theta + theta[1] / 2)
+        stand(model, pose(unit, angle, torque=load, direction=direction)) for angle in (theta, theta + theta[1] / 2)
     )
     train = Train(unit, model.bench)
     solutions, halfway = (

@@ -113,7 +113,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     unit, size = loaded_reducer(model, torque)
     angle = units.to_core(theta, "angle")
     train = Train(unit, model.bench)
-    where = stand(model, pose(unit, [angle], torque=size, direction=direction)).gears
+    where = stand(model, pose(unit, [angle], torque=units.InCore(size), direction=direction)).gears
     (tangent,) = statics_of(unit, where).tangents(model.effects)
     groups = {name: matrix[0] for name, matrix in train.stiffness(tangent).items()}
     root = np.sqrt(train.mass)

@@ -21,6 +21,7 @@ from rverror.dynamics.moving_reducer import moving_reducer
 from rverror.dynamics.time_integration import Periodic, periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.mechanism import doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, unread
 
@@ -144,14 +145,15 @@ def run_up(
     """
     check_model(model)
     profile = _profile(model, times, speeds, torque=torque, direction=direction, smooth=smooth)
-    unit, size = loaded_reducer(model, profile.reference)
+    load = units.InCore(profile.reference)
+    unit, size = loaded_reducer(model, load)
     if model.bench.position_control_stiffness == 0:
         raise InputError(
             "position_control_stiffness = 0: nothing makes the input follow a speed; give a control, or leave it out "
             "for an input that does"
         )
     fastest = float(np.abs(profile.turn).max())
-    made = moving_reducer(model, torque=size, direction=direction, fastest=fastest * unit.ratio, kept=kept)
+    made = moving_reducer(model, torque=load, direction=direction, fastest=fastest * unit.ratio, kept=kept)
     moving, beyond = made.motion, added(unread(model).effects, made.where.read)
     driven = max(fundamental_orders(unit).values()) * fastest / (2 * math.pi)
     followed = slice(moving.basis.shape[1])
@@ -235,7 +237,8 @@ def _profile(model: Model, times: Any, speeds: Any, *, torque: Any, direction: f
         load = _row("torque", torque, "torque")
         if load.shape != time.shape or not (load >= 0).all():
             raise InputError("torque: give one, or as many as times, each 0 or more")
-        unit, reference = loaded_reducer(model, float(load[-1]))
+        unit, reference = loaded_reducer(model, units.InCore(load[-1]))
+        doubt_torque(unit, torque)
     return _Profile(time, direction * speed / unit.ratio, direction * (load - reference), reference, smooth)
 
 

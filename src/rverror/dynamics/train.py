@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.inertias import whole_inertia
 from rverror.geartrain.kinematics import frame_orders
-from rverror.geartrain.mechanism import OUTPUTS, Inertia, Reducer
+from rverror.geartrain.mechanism import OUTPUTS, Inertia, Reducer, core_torque
 from rverror.model.effects import Model
 from rverror.model.ends import Bench
 from rverror.statics.energy import Layout
@@ -53,7 +52,7 @@ def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
     if torque is None:
         raise InputError(f"torque: reducer {unit.name!r} has no rated_torque; give one of them, e.g. torque='20 N*m'")
     try:
-        size = units.named_core("torque", torque, "torque")
+        size = core_torque(unit, torque)
     except ValueError as error:
         raise InputError(str(error)) from error
     if size < 0:

@@ -19,7 +19,7 @@ from rverror.geartrain.crank import cam_forces, spline_torque
 from rverror.geartrain.cycloid import pin_contacts, pin_forces
 from rverror.geartrain.involute import mesh_forces, mesh_normal
 from rverror.geartrain.kinematics import Conditions, DrivePose, Pose, frame_orders, motion_direction
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, core_torque
 
 
 def pose(
@@ -58,7 +58,8 @@ def pose(
         if not direction is time is torque is None:
             raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
         return motion(mechanism, theta)
-    return _placed(mechanism, _checked(theta, direction, time=time, torque=torque))
+    load = None if torque is None else core_torque(mechanism, torque)
+    return _placed(mechanism, _checked(theta, direction, time=time, torque=load))
 
 
 def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:

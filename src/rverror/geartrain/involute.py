@@ -26,6 +26,8 @@ from rverror.geartrain.source import (
 )
 
 #: The source that wear makes.
+SUN_ECCENTRICITY, PLANET_ECCENTRICITY = "involute.sun_eccentricity", "involute.planet_eccentricity"
+SUN_PITCH, PLANET_PITCH = "involute.sun_pitch", "involute.planet_pitch"
 TOOTH_THINNING = "involute.tooth_thinning"
 #: Sign of the tangential motion that each flank drives: flank 0 forward, flank 1 reverse.
 _FLANK_SIGN = np.array([1.0, -1.0])
@@ -364,7 +366,7 @@ SOURCES = (
         hidden="turns with the carrier, as the line of action does",
     ),
     Source(
-        "involute.sun_eccentricity", sun_eccentricity, (), lengths(50, "x", "y"),
+        SUN_ECCENTRICITY, sun_eccentricity, (), lengths(50, "x", "y"),
         "sun", constant, "004, table 2", "eccentricity of the sun's toothing",
         equation=r"$\delta = C(R\theta)\,(x, y)$",
         hidden="a floating sun between evenly spaced planets gives way",
@@ -376,18 +378,18 @@ SOURCES = (
         hidden="the sun floats",
     ),
     Source(
-        "involute.planet_eccentricity", planet_eccentricity, (CRANK,), lengths(50, "x", "y"),
+        PLANET_ECCENTRICITY, planet_eccentricity, (CRANK,), lengths(50, "x", "y"),
         "planet", leads("planet"), "004, table 2", "eccentricity of a planet's toothing",
         equation=r"$\delta = -C(\nu\theta)\,(x, y)$",
     ),
     Source(
-        "involute.sun_pitch", sun_pitch, (harmonics(1, 4),), lengths(50, "cos", "sin"),
+        SUN_PITCH, sun_pitch, (harmonics(1, 4),), lengths(50, "cos", "sin"),
         "sun", _sun_pitch_orders, "001, section 2", "cumulative pitch error of the sun",
         equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j - R\theta$",
         hidden="the meshes cancel what is no multiple of the number of planets",
     ),
     Source(
-        "involute.planet_pitch", planet_pitch, (CRANK, harmonics(1, 3)), lengths(50, "cos", "sin"),
+        PLANET_PITCH, planet_pitch, (CRANK, harmonics(1, 3)), lengths(50, "cos", "sin"),
         "planet", leads("planet"), "001, section 2", "cumulative pitch error of a planet",
         equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from rverror.base import units
 from rverror.base.errors import InputError, check_kind
@@ -910,3 +913,77 @@ class Drive:
 
 #: What has an output error: a reducer whose parts are known, or any drive of which only the orders are.
 Mechanism = Reducer | Drive
+
+#: Least and largest load of a bench, of the rated torque; makers let some twice the rated torque start and stop a
+#: reducer.  What is one of these in N*m is 0.2 % of the rated torque at most in N*mm, less than a bench holds steadily.
+_LOADS = (5e-3, 2.0)
+
+
+def core_torque(mechanism: Mechanism, torque: Any, *, name: str = "torque") -> float:
+    """A torque on the output in N*mm, doubted where it was meant in N*m.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+        What bears it.
+    torque : float, str or quantity
+    name : str
+        What the caller names it.
+
+    Returns
+    -------
+    float
+        N*mm.
+
+    Raises
+    ------
+    ValueError
+        As `units.to_core`.
+
+    Warns
+    -----
+    UserWarning
+        As `doubt_torque`.
+
+    Examples
+    --------
+    >>> core_torque(reducer("RV-40E"), "412 N*m")
+    412000.0
+    """
+    size = units.named_core(name, torque, "torque")
+    doubt_torque(mechanism, torque, name=name)
+    return size
+
+
+def doubt_torque(mechanism: Mechanism, torques: Any, *, name: str = "torque") -> None:
+    """Warn of a plain number that is a load in N*m and none in N*mm, in which it is taken.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+        What bears it; without a rated torque nothing is known.
+    torques : float, str, quantity or array_like
+        As typed.  What has a unit is believed; of several plain numbers the largest counts.
+    name : str
+        What the caller names it.
+
+    Warns
+    -----
+    UserWarning
+        If a thousand times the number is from 0.5 % to twice the rated torque.
+    """
+    rated = mechanism.rated_torque if isinstance(mechanism, Reducer) else None
+    given = torques.tolist() if isinstance(torques, np.ndarray) else torques
+    listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    plain = [abs(float(one)) for one in listed if isinstance(one, (int, float)) and not isinstance(one, units.InCore)]
+    if not rated or not plain or len(plain) < len(listed):
+        return
+    size, (least, largest) = max(plain), _LOADS
+    if not least * rated <= 1e3 * size <= largest * rated:
+        return
+    what, remedy = (name, f"{name}=") if len(listed) == 1 else (f"largest of {name}", "")
+    warnings.warn(
+        f"{what} = {size:g} is taken as {size:g} N*mm, {size / rated:.2g} of the rated torque ({rated / 1e3:g} N*m); "
+        f"write {remedy}'{size:g} N*m', or '{size:g} N*mm' where that is meant",
+        stacklevel=4,
+    )

@@ -23,7 +23,7 @@ from rverror.base.numbers import way
 from rverror.base.text import shown
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, samples_needed
-from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, doubt_torque
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error
 from rverror.model.effects import Model, check_model
@@ -184,7 +184,7 @@ def simulate_runs(
         raise InputError(f"points * revolutions = {points * revolutions}: must be {_LARGEST} or fewer; ask for fewer")
     if method not in ("closed", "equilibrium"):
         raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
-    sizes = [None if torque is None else _torque(torque, method) for torque in torques] or [None]
+    sizes = [None if torque is None else _torque(unit, torque, method) for torque in torques] or [None]
     if noise is None and correlation is not None:
         raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
     bench = _Bench(
@@ -354,8 +354,9 @@ def _speed(value: Any) -> float:
     return size
 
 
-def _torque(value: Any, method: str) -> float:
+def _torque(mechanism: Mechanism, value: Any, method: str) -> float:
     size = _size("torque", value, "torque", "20 N*m")
+    doubt_torque(mechanism, value)
     if size == 0 and method == "equilibrium":
         return size
     if size == 0:

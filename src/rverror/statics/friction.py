@@ -25,7 +25,7 @@ from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
 from rverror.geartrain.kinematics import Conditions, frame_orders
-from rverror.geartrain.mechanism import Friction, Reducer
+from rverror.geartrain.mechanism import Friction, Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Layout, part_of, refined, samples_first, solve, with_discs
@@ -285,6 +285,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     check_model(model)
     friction = _declared(_reducer(model)) if friction is None else friction
     unit, turns = _straight(unread(model)), row_of_torques(torques)
+    doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
     branches = [
         [_wound_up(unit, theta, torque, along, friction) - (lower + upper) / 2 for torque in turns]
@@ -298,7 +299,7 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     unit = _reducer(model)
     by, carried = _coefficients(unit, friction), torque - along * friction.drag
     side = math.copysign(1.0, carried) if carried else -along
-    read = pose(unit, theta, torque=abs(torque), direction=-math.copysign(1.0, torque))
+    read = pose(unit, theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
     under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
     found = []
     for settled in statics_of(unit, under).solutions(felt(model.effects), matrix=True):

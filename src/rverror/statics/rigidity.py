@@ -20,7 +20,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import unread
 from rverror.statics.loaded_state import equilibrium, reducer_of
@@ -194,6 +194,7 @@ def torsion_curve(model: Model, theta: Any | None = None, *, torques: Any) -> To
     """
     check_model(model)
     size = row_of_torques(torques)
+    doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = _ends(model, theta, 0.0)
     middle = (lower + upper) / 2
     angle = [np.zeros(middle.size) if value == 0 else _position(model, theta, value) - middle for value in size]
@@ -256,7 +257,7 @@ def _position(model: Model, theta: Any | None, torque: float) -> Array:
     What only misreads it is no turn of the output; the gear train stands where its marks are.
     """
     _reducer(model)
-    found = equilibrium(unread(model), theta, torque=abs(torque), direction=-math.copysign(1.0, torque))
+    found = equilibrium(unread(model), theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
     return found.transmission_error
 
 

@@ -28,7 +28,7 @@ from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
 from rverror.geartrain.involute import TOOTH_THINNING
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Reducer, doubt_torque
 from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
@@ -253,6 +253,7 @@ def wear(
         "gear_width": (gear_width, "length"),
     }
     size = {name: units.named_core(name, *given) for name, given in asked.items()}
+    doubt_torque(unit, torque)
     for name, value in size.items():
         if not 0 < value < math.inf:
             dimension = asked[name][1]

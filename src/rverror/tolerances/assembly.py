@@ -1,4 +1,4 @@
-"""What assembly can do about given parts: phasing, which puts them where their errors cancel, and selective assembly.
+"""What assembly can do about given parts: phasing, which puts them where their errors cancel.
 
 Page ``theory/allocation.md``.
 """
@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, permutations, product
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,7 @@ from rverror.base.errors import InputError, check_kind
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
-from rverror.tolerances.distribution import Scalar
-from rverror.tolerances.extremes import direct_kernel, kernel
+from rverror.tolerances.extremes import direct_kernel
 from rverror.tolerances.sampling import check_share
 from rverror.tolerances.stacking import PAIRS, Stack
 
@@ -30,9 +29,6 @@ Ints = npt.NDArray[np.intp]
 MOST_ARRANGEMENTS = 20_000
 
 _SAME = 1e-9  # relative: p-p's nearer than this are rounding
-
-
-# --- phasing -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -343,7 +339,9 @@ def phasing_gain(
     (2, True)
     """
     check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
-    _check(units, level)
+    if units < 2:
+        raise InputError(f"units = {units}: must be 2 or more")
+    check_share("level", level, 0.99)
     number = _number(choices)
     drawn = stack.standard(np.random.default_rng(seed).random((units, stack.dimensions))) * stack.width[stack.entry]
     sizes = np.array([_all_sizes(stack, choices, values) for values in drawn])
@@ -441,119 +439,3 @@ def _vector(
     if not set(mates) <= rows.keys():
         raise InputError(f"{name}: {component} turns with its other component, which has no tolerance; give it one")
     return (rows[mates[0]], rows[mates[1]]), int(turns)
-
-
-# --- selective assembly ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Matched:
-    """Sizes that are sorted into classes."""
-
-    entry: int  #: of the stack, one scalar parameter without correlation
-    opposite: bool = False  #: whether the largest go with the smallest of the others
-
-
-@dataclass(frozen=True)
-class SelectiveAssembly:
-    """What sorting into classes brings."""
-
-    classes: int
-    level: float
-    random: float  #: rad; this quantile of the p-p of parts taken at random
-    matched: float  #: rad; and of the same distribution matched by class
-    random_mean: float  #: rad; mean p-p
-    matched_mean: float  #: rad
-    units: int
-
-    @property
-    def fall(self) -> float:
-        """Share by which the quantile falls; negative where it rises."""
-        return 1 - self.matched / self.random if self.random else 0.0
-
-
-def selective_assembly(
-    stack: Stack,
-    matched: Sequence[Matched],
-    classes: int,
-    *,
-    by: Literal["unit", "place"] = "unit",
-    level: float = 0.99,
-    units: int = 16384,
-    seed: int = 0,
-) -> SelectiveAssembly:
-    """P-p where parts are sorted into classes of equal number by size, and matched class by class.
-
-    Parameters
-    ----------
-    matched : sequence of Matched
-        Entries whose sizes are sorted.
-    classes : int
-        1 or more; 1 is no sorting.
-    by : str
-        ``"unit"``: all matched parts of a unit are of one class.  ``"place"``: those with the same indices are, each
-        place of a unit by itself.
-    level : float
-        Quantile to compare, above 0 and below 1.
-    units : int
-        2 or more.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of its bounds or the sizes cannot be sorted.
-
-    Notes
-    -----
-    A size is the quantile of ``(J + v) / classes`` with the class J common to what is matched; both samples share v.
-    """
-    _check(units, level)
-    if classes < 1:
-        raise InputError(f"classes = {classes}: must be 1 or more")
-    if by not in ("unit", "place"):
-        raise InputError(f"by = {by!r}: must be 'unit' or 'place'")
-    rng = np.random.default_rng(seed)
-    uniforms = rng.random((units, stack.dimensions))
-    sorted_uniforms = uniforms.copy()
-    of_place: dict[frozenset[tuple[str, IndexValue]], Array] = {}
-    for item in matched:
-        _check_sorted(stack, item)
-        block = stack.blocks[item.entry]
-        # one variate for each component, in their order
-        for variate, component in zip(
-            range(block.variates.start, block.variates.stop), stack.components[block.components], strict=True
-        ):
-            place = frozenset(component.indices.items()) if by == "place" else frozenset()
-            if place not in of_place:
-                of_place[place] = rng.integers(0, classes, units).astype(np.float64)
-            own = of_place[place]
-            sorted_uniforms[:, variate] = (
-                (classes - 1 - own if item.opposite else own) + uniforms[:, variate]
-            ) / classes
-    ready = kernel(stack.scaled(), stack.nominal)
-    random, sized = (ready.extremes(stack.standard(u)).peak_to_peak for u in (uniforms, sorted_uniforms))
-    return SelectiveAssembly(
-        classes,
-        level,
-        random=float(np.quantile(random, level)),
-        matched=float(np.quantile(sized, level)),
-        random_mean=float(random.mean()),
-        matched_mean=float(sized.mean()),
-        units=units,
-    )
-
-
-def _check_sorted(stack: Stack, item: Matched) -> None:
-    if not 0 <= item.entry < len(stack.blocks):
-        raise InputError(f"entry {item.entry}: the stack has the entries 0 to {len(stack.blocks) - 1}")
-    block, label = stack.blocks[item.entry], stack.labels[item.entry]
-    if block.terms != 1 or not isinstance(block.distribution, Scalar):
-        raise InputError(f"{label}: only one number can be sorted by size; give one of its parameters alone")
-    if block.correlation or block.random_phase or block.joined:
-        raise InputError(f"{label}: has a correlation or a random phase; parts are sorted one by one, leave it out")
-
-
-def _check(units: int, level: float) -> None:
-    if units < 2:
-        raise InputError(f"units = {units}: must be 2 or more")
-    check_share("level", level, 0.99)

@@ -207,7 +207,8 @@ def _by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
     for block in blocks:
         waves = scaled[block.components].reshape(block.instances, block.terms, -1)
         own = np.einsum("itn,itn->n", waves, waves)
-        shared = (waves.sum(axis=0) ** 2).sum(axis=0)
+        alike = np.array(block.alike)
+        shared = np.sum([(waves[alike == group].sum(axis=0) ** 2).sum(axis=0) for group in set(block.alike)], axis=0)
         rho = block.remaining_correlation
         variances.append(block.distribution.variance * ((1 - rho) * own + rho * shared))
     return np.array(variances)
@@ -282,6 +283,6 @@ def _towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Arra
         direction = gradient[group.components].sum(axis=0)
         length = float(np.hypot.reduce(direction))
         if length > 0:
-            values[group.components] = group.radius * direction / length
+            values[group.components] += group.radius * direction / length
         parts[g] = group.radius * length
     return values, parts

@@ -20,11 +20,27 @@ _TAKES_PART = 1e-6  # of the square of a direction
 
 @dataclass(frozen=True)
 class Dependence:
-    """How components of several entries are drawn together: normal variables ``factor @ z``, then their quantiles."""
+    """How components of several entries are drawn together.
 
-    components: npt.NDArray[np.intp]  #: (k,); rows of the stack, entry by entry
-    factor: Array  #: (k, k); its product with its transpose is the correlation of the normal variables
+    Correlated ones: normal variables ``factor @ z``, then their quantiles.  Those matched by classes: the variates that
+    choose the classes of the one are those of the other.
+    """
+
+    components: npt.NDArray[np.intp]  #: (k,); rows of the stack, entry by entry, the correlated ones first
+    #: Square, for the correlated ones; its product with its transpose is the correlation of the normal variables.
+    factor: Array
     between: Array  #: (k, k); covariance of the standard draws, 0 within an entry
+    #: Columns of the uniform variates: to, from, and whether turned about 1/2; no column is both.
+    classes: tuple[tuple[int, int, bool], ...] = ()
+
+    def matched(self, uniforms: Array) -> Array:
+        """Uniform variates, shape (units, dimensions), in which matched parts choose their classes together."""
+        if not self.classes:
+            return uniforms
+        together = uniforms.copy()
+        for to, origin, opposite in self.classes:
+            together[:, to] = 1 - uniforms[:, origin] if opposite else uniforms[:, origin]
+        return together
 
 
 def dependence(

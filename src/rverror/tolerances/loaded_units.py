@@ -19,6 +19,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
+from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.contacts import pose
@@ -128,7 +129,7 @@ class _Motion:
     def of(cls, model: Model, stack: Stack, *, angles: int, direction: float, torque: float, reads: bool) -> _Motion:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
-        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
+        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=InCore(torque)))
         assert isinstance(where.gears, Contacts) and isinstance(model.mechanism, Reducer)
         geometry, every = Geometry(where.gears), instances_of(stack)
         counted = {"contacts", "output", *(("reading",) if reads else ())}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
 from rverror.tolerances.loaded_units import LoadedUnits, Solved
@@ -127,7 +128,7 @@ def loaded_units(
     """
     check_model(model)
     read = check_limits(limits, model.mechanism)
-    laid = stack(model, tolerances, direction=direction, torque=max(one.torque or 0.0 for one in read) or None)
+    laid = stack(model, tolerances, direction=direction, torque=InCore(max(one.torque or 0.0 for one in read)) or None)
     means = [tolerances[e].mean.get(c.parameter, 0.0) for c, e in zip(laid.components, laid.entry, strict=True)]
     return LoadedUnits(model, laid, np.array(means), read, direction)
 

@@ -181,7 +181,8 @@ def stack_indices(
     """Indices of a size of the output error, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
-    those of `sobol_indices`.  Entries that are correlated with others are no independent causes: theirs are nan.
+    those of `sobol_indices`.  Entries that are correlated or matched with others are no independent
+    causes: theirs are nan.
     """
     function = _SizeOf(sampler(stack), size)
     found = sobol_indices(
@@ -198,7 +199,9 @@ def stack_indices(
 
 def without_joined(found: SobolIndices, stack: Stack) -> SobolIndices:
     """The same, not a number for entries that are correlated with others, and so are no cause by themselves."""
-    joined = np.array([block.joined for block in stack.blocks])
+    if stack.dependence is None:
+        return found
+    joined = np.isin(np.arange(len(stack.blocks)), stack.entry[stack.dependence.components])
     ends = ("first", "first_low", "first_high", "total", "total_low", "total_high")
     return replace(found, **{name: np.where(joined, np.nan, getattr(found, name)) for name in ends})
 

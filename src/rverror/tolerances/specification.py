@@ -9,7 +9,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError, check_each
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer, doubt_torque
 from rverror.tolerances.sampling import check_share
 
 #: Dimension of each quantity that can be limited.
@@ -72,6 +72,8 @@ class Limit:
         """The same with the torque that it is read at."""
         if not isinstance(mechanism, Reducer):
             raise InputError(f"{self.name}: a [drive] has no contacts to be loaded; leave the load out")
+        if self.torque is not None:
+            doubt_torque(mechanism, self.torque)
         if self.torque is not None or self.quantity == "backlash":
             return self
         if mechanism.rated_torque is None:
@@ -146,6 +148,10 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
     InputError
         If a value has the wrong unit or is out of its bounds.
 
+    Notes
+    -----
+    A plain number for a torque is N*mm; one that can only be meant in N*m is doubted where the limit meets its reducer.
+
     Examples
     --------
     >>> limit("lost_motion", "60 arcsec").label
@@ -154,7 +160,10 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
     if quantity not in QUANTITIES:
         raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(map(repr, QUANTITIES))}")
     size = None if value is None else units.named_core(quantity, value, QUANTITIES[quantity])
-    return Limit(quantity, size, None if torque is None else units.named_core("torque", torque, "torque"), level)
+    load = None if torque is None else units.named_core("torque", torque, "torque")
+    if load is not None and not isinstance(torque, (int, float)):
+        load = units.InCore(load)  # it has a unit: nobody doubts it
+    return Limit(quantity, size, load, level)
 
 
 def check_limits(limits: Sequence[Limit], mechanism: Mechanism) -> tuple[Limit, ...]:

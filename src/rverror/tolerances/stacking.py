@@ -50,6 +50,7 @@ from rverror.tolerances.distribution import (
     turned,
 )
 from rverror.tolerances.limits import width_and_centre
+from rverror.tolerances.selection import Matching, SelectedFit, Side, check_classes, fit_of, with_fit
 
 Instances = IndexValue | tuple[IndexValue, ...]
 
@@ -113,11 +114,26 @@ class Block:
     random_phase: bool = False
     #: Whether it is drawn together with other entries, by `Stack.dependence`, which holds its correlation too.
     joined: bool = False
+    #: Into how many classes of equal number its parts, of one parameter, are sorted by size; 1 is no sorting.
+    classes: int = 1
+    #: Which instances get parts of one class, by the number of the class variate; all where empty.
+    class_of: tuple[int, ...] = ()
 
     @property
     def variates(self) -> slice:
         """Columns of the uniform variates."""
-        return slice(self.first_variate, self.first_variate + self._drawn + self._turns)
+        return slice(self.first_variate, self.class_variates.stop)
+
+    @property
+    def class_variates(self) -> slice:
+        """Those of them that choose the classes, after all others."""
+        first = self.first_variate + self._drawn + self._turns
+        return slice(first, first + (max(self.alike) + 1 if self.classes > 1 else 0))
+
+    @property
+    def alike(self) -> tuple[int, ...]:
+        """Group of each instance within which values are correlated."""
+        return self.class_of or (0,) * self.instances
 
     @property
     def components(self) -> slice:
@@ -158,13 +174,21 @@ class Block:
         Of an entry by itself: of one that is `joined` the stack draws.
         """
         number = uniforms.shape[0]
-        drawn = self._values(uniforms[:, : self._drawn])
+        drawn = self._values(self._sorted(uniforms))
         if self._turns:
             angles = uniforms[:, self._drawn :].reshape(number, self.instances, self._vectors)
             vectors = np.broadcast_to(drawn, (number, self.instances, self.terms)).reshape(*angles.shape, 2)
             drawn = turned(vectors, angles)
         shape = (number, self.instances, self.terms)
         return np.broadcast_to(drawn.reshape(number, -1, self.terms), shape).reshape(number, -1)
+
+    def _sorted(self, uniforms: Array) -> Array:
+        """Variates of the values: those of parts of one class lie within one of its `classes` shares."""
+        own = uniforms[:, : self._drawn]
+        if self.classes == 1:
+            return own
+        chosen = np.minimum(np.floor(self.classes * uniforms[:, self._drawn :]), self.classes - 1)
+        return np.asarray((chosen[:, self.alike] + own) / self.classes, dtype=np.float64)
 
     def _values(self, uniforms: Array) -> Array:
         """Values before turning, shape (units, instances or 1 for all, terms)."""
@@ -178,9 +202,12 @@ class Block:
         z = normal_quantile(uniforms).reshape(number, self.instances + 1, self.terms)
         return law.from_normal(math.sqrt(r) * z[:, :1] + math.sqrt(1 - r) * z[:, 1:])
 
-    @property
+    @cached_property
     def remaining_correlation(self) -> float:
-        """Correlation of one component between two instances: none where each vector is turned by itself."""
+        """Correlation of one component between two `alike` instances: none where each vector is turned by itself."""
+        if self.classes > 1:
+            assert isinstance(self.distribution, Scalar)
+            return self.distribution.class_correlation(self.classes)
         return 0.0 if self.random_phase else self.correlation
 
     def covariance(self) -> Array:
@@ -188,19 +215,38 @@ class Block:
 
         Random phases leave the variance of a component, for it is half the mean square length.
         """
-        among = (1 - self.remaining_correlation) * np.eye(self.instances) + self.remaining_correlation
+        same = np.equal.outer(self.alike, self.alike)
+        among = (1 - self.remaining_correlation) * np.eye(self.instances) + self.remaining_correlation * same
         return np.asarray(self.distribution.variance * np.kron(among, np.eye(self.terms)), dtype=np.float64)
 
     def worst_groups(self) -> tuple[WorstGroup, ...]:
-        """Components that the worst case chooses together, in widths; correlation counts where it is exactly 1."""
+        """Components that the worst case chooses together, in widths; correlation counts where it is exactly 1.
+
+        Parts of one class: what they have in common, and what the widest class leaves to each.
+        """
         rows = np.arange(self.components.start, self.components.stop, dtype=np.intp)
         circles = self.distribution.vector or self.random_phase
         by_vector = rows.reshape(self.instances, -1, 2 if circles else 1)
         as_one = self.correlation == 1 and not self.random_phase
         kept = [by_vector[:, v] for v in range(by_vector.shape[1])]
+        if self.classes > 1:
+            return self._worst_of_classes(rows)
         groups = kept if as_one else [vector[i : i + 1] for i in range(self.instances) for vector in kept]
         radius = 1.0 if self.distribution.vector or not circles else math.sqrt(2)  # a box turned about its corner
         return tuple(WorstGroup("circle" if circles else "box", group, radius) for group in groups)
+
+    def _worst_of_classes(self, rows: npt.NDArray[np.intp]) -> tuple[WorstGroup, ...]:
+        assert isinstance(self.distribution, Scalar)
+        own = self.distribution.widest_class(self.classes)
+        groups: list[WorstGroup] = []
+        for place in dict.fromkeys(self.alike):
+            members = rows[np.equal(self.alike, place)]
+            if members.size == 1:
+                groups.append(WorstGroup("box", members[:, None]))
+                continue
+            groups.append(WorstGroup("box", members[:, None], 1 - own))
+            groups += [WorstGroup("box", members[i : i + 1, None], own) for i in range(members.size)]
+        return tuple(groups)
 
 
 @dataclass(frozen=True)
@@ -266,11 +312,13 @@ class Stack(OneLine):
     def standard(self, uniforms: Array) -> Array:
         """Standard draws s, shape (units, m), width 1 and mean 0, from variates in 0..1, shape (units, dimensions)."""
         drawn = np.empty((uniforms.shape[0], self.influence.shape[0]))
+        if self.dependence is not None:
+            uniforms = self.dependence.matched(uniforms)
         for block in self.blocks:
             if not block.joined:
                 drawn[:, block.components] = block.standard(uniforms[:, block.variates])
-        if self.dependence is not None:
-            together = [block for block in self.blocks if block.joined]
+        together = [block for block in self.blocks if block.joined]
+        if self.dependence is not None and together:
             normal = normal_quantile(np.concatenate([uniforms[:, block.variates] for block in together], axis=1))
             normal = normal @ self.dependence.factor.T
             for block in together:
@@ -340,6 +388,10 @@ class Tolerance:
     correlated_with : mapping of str to float
         Correlation of its values with those of other tolerances, by their name or key, -1 to 1: of instances whose
         common indices are alike, and of parameters in their order.  Said at one of the two.
+    classes : int
+        Parts are sorted by size into so many classes of equal number, and a unit takes all of them from one class.
+    fit : SelectedFit, optional
+        Parts are matched by classes with those of another tolerance.  Said at one of the two.
 
     Raises
     ------
@@ -360,6 +412,8 @@ class Tolerance:
     cost: Cost | None = None
     name: str = ""
     correlated_with: Mapping[str, float] = field(default_factory=dict)
+    classes: int = 1
+    fit: SelectedFit | None = None
 
     def __post_init__(self) -> None:
         """Check that the values go together."""
@@ -391,6 +445,31 @@ class Tolerance:
             )
         self._check_vectors()
         self._check_bounds()
+        if self.fit is not None and self.classes != 1:
+            self._refuse("classes beside fit, which says them itself; leave it out")
+        check_classes(self.key, self.classes)
+        if self.classes > 1 or self.fit is not None:
+            self.check_sorted("fit" if self.fit else "classes")
+
+    def check_sorted(self, what: str) -> None:
+        """Refuse what cannot be sorted by size.
+
+        Parameters
+        ----------
+        what : str
+            Key that asks for it.
+
+        Raises
+        ------
+        InputError
+        """
+        if len(self.chosen) > 1 or not isinstance(self.distribution, Scalar):
+            self._refuse(
+                f"{what}: parts are sorted by one number, and {', '.join(p.name for p in self.chosen)} with the "
+                f"distribution {self.distribution.name!r} is none; add parameters = [{self.chosen[0].name!r}]"
+            )
+        if self.correlation or self.random_phase or self.correlated_with:
+            self._refuse(f"{what}: parts are sorted one by one; leave correlation, correlated_with and phase out")
 
     def _check_vectors(self) -> None:
         law = self.distribution
@@ -508,6 +587,8 @@ def tolerance(
     cost: Cost | None = None,
     name: str = "",
     correlated_with: Mapping[str, float] | None = None,
+    classes: int = 1,
+    fit: SelectedFit | Mapping[str, Any] | None = None,
     **indices: IndexValue | Sequence[IndexValue],
 ) -> Tolerance:
     """Make a tolerance from texts with units, quantities or plain numbers in core units.
@@ -534,8 +615,9 @@ def tolerance(
         As in `Tolerance`.
     phase : str, optional
         ``"random"``: each vector is turned by an angle of its own at assembly.
-    parameters, fixed, bounds, cost, name, correlated_with, **indices
-        As in `Tolerance`; an index may have several values.
+    parameters, fixed, bounds, cost, name, correlated_with, classes, fit, **indices
+        As in `Tolerance`; an index may have several values, and a fit may be a mapping, such as
+        ``{"with": "cams", "classes": 3, "opposite": True}``.
 
     Returns
     -------
@@ -607,6 +689,8 @@ def tolerance(
         cost,
         name,
         dict(correlated_with or {}),
+        classes,
+        None if fit is None else fit_of(fit),
     )
 
 
@@ -712,7 +796,8 @@ def stack(
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
         forces = closed_form_forces(where.gears)
-        nominal = transmission_error(model, where.read.theta, direction=direction, torque=torque, forces=forces)
+        load = None if where.read.torque is None else units.InCore(where.read.torque)
+        nominal = transmission_error(model, where.read.theta, direction=direction, torque=load, forces=forces)
         angles, rounding = where.read.theta, _ROUNDING
         sources = (
             source_matrix(where.of(item.key), forces, item.key, indices)
@@ -730,7 +815,8 @@ def stack(
         moving = influences_at_speed(model, speed, every, torque=torque, direction=direction)
         angles, nominal, speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
         sources = (matrix for matrix in moving.matrices)
-    pairs = correlations(tolerances)
+    pairs, fitted = correlations(tolerances), fits(tolerances)
+    classes = {e: fit for pair, fit in fitted.items() for e in pair}
     joined = {e for pair in pairs for e in pair}
     components: list[Component] = []
     blocks: list[Block] = []
@@ -742,7 +828,8 @@ def stack(
         instances = item.instances(model.mechanism)
         first = blocks[-1].variates.stop if blocks else 0
         law = item.distribution, item.correlation, item.random_phase
-        blocks.append(Block(first, len(components), len(instances), len(chosen), *law, e in joined))
+        sorted_ = (classes[e].classes, _places(instances, classes[e].by)) if e in classes else (item.classes,)
+        blocks.append(Block(first, len(components), len(instances), len(chosen), *law, e in joined, *sorted_))
         for indices in instances:
             least = _least(model.mechanism, item.chosen, rounding)
             rows.append(_without_rounding(next(sources)[chosen], least, rounding))
@@ -760,7 +847,9 @@ def stack(
         blocks=tuple(blocks),
         theta=angles,
         speed=speed,
-        dependence=_dependence(pairs, tolerances, blocks, components) if pairs else None,
+        dependence=_with_fits(
+            _dependence(pairs, tolerances, blocks, components) if pairs else None, fitted, blocks, components
+        ),
         model=model.name or model.mechanism.name or "the model",
     )
 
@@ -829,21 +918,90 @@ def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float
     pairs: dict[tuple[int, int], float] = {}
     for e, item in enumerate(tolerances):
         for name, value in item.correlated_with.items():
-            found = [f for f, other in enumerate(tolerances) if f != e and name in (other.label, other.key)]
-            if len(found) != 1:
-                others = [other.label for other in tolerances if other is not item]
-                known = _names("tolerances", others, name) if others else " add it"
-                said = "no other tolerance" if not found else f"{len(found)} tolerances"
-                raise InputError(
-                    f"{item.label}: correlated_with {name!r}: {said} of this name;"
-                    + (" give each a name of its own" if found else known)
-                )
-            pair = (min(e, found[0]), max(e, found[0]))
+            other = _other(tolerances, e, "correlated_with", name)
+            pair = (min(e, other), max(e, other))
             if pairs.setdefault(pair, value) != value:
                 raise InputError(
                     f"{item.label}: correlated_with {name!r} is {value:g} here and {pairs[pair]:g} there; say it once"
                 )
     return {pair: value for pair, value in pairs.items() if value}
+
+
+def fits(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], Matching]:
+    """Tolerances whose parts are matched by classes, by their numbers, the one that says it first.
+
+    Parameters
+    ----------
+    tolerances : sequence of Tolerance
+
+    Raises
+    ------
+    InputError
+        If one names no other tolerance or several, the other's parts cannot be sorted, or one is matched twice.
+
+    Examples
+    --------
+    >>> cams = tolerance("crank.eccentricity", "5 um", name="cams", parameters=["radial"])
+    >>> fit = {"with": "cams", "classes": 3}
+    >>> fits([cams, tolerance("cycloid.disc_bore_position", "5 um", parameters=["radial"], fit=fit)])
+    {(1, 0): Matching(classes=3, opposite=False, by=('disc', 'crank'))}
+    """
+    found: dict[tuple[int, int], Matching] = {}
+    for e, item in enumerate(tolerances):
+        if item.fit is None:
+            continue
+        other = _other(tolerances, e, "fit", item.fit.other)
+        tolerances[other].check_sorted(f"fit of {item.label}")
+        if tolerances[other].classes > 1 or any(n in (e, other) for pair in found for n in pair):
+            raise InputError(
+                f"{item.label}: fit with {item.fit.other!r}: one of them is sorted or matched already; parts are "
+                "matched in pairs, say it once"
+            )
+        own, theirs = ([i.name for i in source(tolerances[n].key).indices] for n in (e, other))
+        by = tuple(name for name in own if name in theirs)
+        found[e, other] = Matching(item.fit.classes, item.fit.opposite, by)
+    return found
+
+
+def _other(tolerances: Sequence[Tolerance], e: int, what: str, name: str) -> int:
+    """Number of the other tolerance of a name or key."""
+    item = tolerances[e]
+    found = [f for f, other in enumerate(tolerances) if f != e and name in (other.label, other.key)]
+    if len(found) != 1:
+        others = [other.label for other in tolerances if other is not item]
+        known = _names("tolerances", others, name) if others else " add it"
+        said = "no other tolerance" if not found else f"{len(found)} tolerances"
+        raise InputError(
+            f"{item.label}: {what} {name!r}: {said} of this name;"
+            + (" give each a name of its own" if found else known)
+        )
+    return found[0]
+
+
+def _places(instances: Sequence[Mapping[str, IndexValue]], by: Sequence[str]) -> tuple[int, ...]:
+    """Number of the class of each instance: instances whose indices of these names are alike share one."""
+    places = [tuple(indices[name] for name in by) for indices in instances]
+    order = list(dict.fromkeys(places))
+    return tuple(order.index(place) for place in places)
+
+
+def _with_fits(
+    correlated: Dependence | None,
+    fitted: Mapping[tuple[int, int], Matching],
+    blocks: Sequence[Block],
+    components: Sequence[Component],
+) -> Dependence | None:
+    """Dependence with what matching by classes adds."""
+    for (e, f), matching in fitted.items():
+        laws = cast("tuple[Scalar, Scalar]", (blocks[e].distribution, blocks[f].distribution))
+        sides = []
+        for block in (blocks[e], blocks[f]):
+            rows = range(block.components.start, block.components.stop)
+            places = [tuple(components[row].indices[name] for name in matching.by) for row in rows]
+            columns = [block.class_variates.start + number for number in block.alike]
+            sides.append(Side(tuple(rows), tuple(places), tuple(columns)))
+        correlated = with_fit(correlated, laws, matching, sides[0], sides[1])
+    return correlated
 
 
 def _dependence(
@@ -860,6 +1018,11 @@ def _dependence(
             raise InputError(
                 f"{item.label}: is correlated with another tolerance, and its vectors have a random phase; use "
                 "'rayleigh' or 'normal' without phase"
+            )
+        if blocks[e].classes > 1:
+            raise InputError(
+                f"{item.label}: is correlated with another tolerance, and its parts are sorted into classes, one by "
+                "one; leave one of them out"
             )
         laws[e] = law
     alike: dict[tuple[int, int], list[tuple[int, int]]] = {}

@@ -19,15 +19,18 @@ from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.distribution import Lognormal
+from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.stacking import Tolerance, correlations, tolerance
+from rverror.tolerances.stacking import Tolerance, correlations, fits, tolerance
 from rverror.tolerances.tolerance_table import is_table, read_table
 
 _TAKEN_OUT = "\0"
 #: Indent, and what follows the value, of a line that holds one key with a text.
 _VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*'|\[[^\]#]*\])(\s*(?:#.*)?)$""")
 _SIZES = ("tolerance", "grade", "samples")
+#: What a grade needs to know of the part, by the standard, with an example; ISO 286, ISO 1328.
+_PARTS = {"size": "32 mm"}, {"diameter": "13.5 mm", "module": "1.5 mm"}
 _KEYS = (
     "name",
     "key",
@@ -36,6 +39,8 @@ _KEYS = (
     "tolerance",
     "grade",
     "size",
+    "diameter",
+    "module",
     "samples",
     "distribution",
     "capability",
@@ -43,6 +48,8 @@ _KEYS = (
     "mean",
     "correlation",
     "correlated_with",
+    "classes",
+    "fit",
     "phase",
     "fixed",
     "bounds",
@@ -52,7 +59,11 @@ _CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
     "reciprocal": Reciprocal,
     "reciprocal_square": ReciprocalSquare,
 }
-_COST_KEYS = {"curve": ("curve", "price", "at", "base"), "grades": ("grades", "size"), "table": ("table",)}
+_COST_KEYS = {
+    "curve": ("curve", "price", "at", "base"),
+    "grades": ("grades", "size", "diameter", "module"),
+    "table": ("table",),
+}
 _COST_EXAMPLES = {
     "curve": 'cost = { curve = "reciprocal", price = 12.0, at = "%s", base = 3.0 }',
     "grades": 'cost = { grades = { IT4 = 40.0, IT5 = 22.0 }, size = "32 mm" }',
@@ -205,6 +216,7 @@ def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
     )
     try:
         correlations(found)
+        fits(found)
     except InputError as error:
         raise InputError(f"{where.path}: {error}") from error
     return found
@@ -252,6 +264,8 @@ class _Entry:
                 bounds=self._bounds(),
                 cost=self._cost(),
                 correlated_with=self._correlated_with(),
+                classes=self._classes(),
+                fit=table.get("fit"),
                 **given,
                 **self._indices(),
             )
@@ -279,7 +293,7 @@ class _Entry:
         if isinstance(item.distribution, Lognormal) and "shape" not in self.table:  # it came of the limits
             more = f"\n{found[1]}shape = {item.distribution.shape!r}"
         new = {at: f'{found[1]}tolerance = "{written}"{found[2]}{more}'}
-        return new | {self._line("size"): _TAKEN_OUT} if given == "grade" else new
+        return new | {self._line(name): _TAKEN_OUT for names in _PARTS for name in names if name in self.table}
 
     def written(self, item: Tolerance, width: float) -> str:
         """Another width as a text: with two limits where the table has two, the mean held."""
@@ -326,6 +340,12 @@ class _Entry:
                 (*self.place, *place, name), f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
             )
         return float(value)
+
+    def _classes(self) -> int:
+        number = self._number("classes") if "classes" in self.table else 1.0
+        if not number.is_integer():
+            self.refuse("classes", f"classes = {number:g}: must be a whole number; write classes = 4")
+        return int(number)
 
     def _flag(self, name: str) -> bool:
         value = self.table.get(name, False)
@@ -377,8 +397,11 @@ class _Entry:
             return None, self._samples(self.table["samples"])
         if given == ["grade"]:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
-        if "size" in self.table:
-            self.refuse("size", 'size goes with a grade; leave it out, or write grade = "IT5" instead of tolerance')
+        for name in (name for names in _PARTS for name in names if name in self.table):
+            grade = "IT5" if name in _PARTS[0] else "ISO 1328 5"
+            self.refuse(
+                name, f'{name} goes with a grade; leave it out, or write grade = "{grade}" instead of tolerance'
+            )
         return self._tolerance(), None
 
     def _tolerance(self) -> float | tuple[float, float]:
@@ -406,15 +429,28 @@ class _Entry:
         return {name: self._number(name, value, ("correlated_with",)) for name in value}
 
     def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
-        """Half the width of an ISO 286 grade."""
+        """What a grade leaves: half the width of ISO 286, or the limit of a toothing by ISO 1328."""
         at = (*self.place, *place)
         if self.dimension != "length":
             self.where.refuse(at, f"{self.source.key}: a grade is of a length, and this is none; give a tolerance")
-        if "size" not in table:
-            self.where.refuse(at, 'a grade needs the size of the part; add size = "32 mm"')
-        size = self.where.quantity((*at[:-1], "size"), table["size"], "length", "32 mm")
         try:
-            return it_width(grade, size) / 2
+            number = class_of(grade)
+        except ValueError as error:
+            self.where.refuse(at, str(error))
+        needed, other = _PARTS if number is None else _PARTS[::-1]
+        what = "the size of the part" if number is None else "the gear's reference diameter and module"
+        if missing := [name for name in needed if name not in table]:
+            added = ", ".join(f'{name} = "{needed[name]}"' for name in missing)
+            self.where.refuse(at, f"a grade needs {what}; add {added}")
+        if beside := [name for name in other if name in table]:
+            self.where.refuse(at, f"{beside[0]} beside the grade {grade!r}, which needs {what} alone; leave it out")
+        sizes = {name: self.where.quantity((*at[:-1], name), table[name], "length", needed[name]) for name in needed}
+        try:
+            if number is None:
+                return it_width(grade, **sizes) / 2
+            found = self._indices().get("harmonic", 1)
+            waves = [h for h in (found if isinstance(found, list) else [found]) if isinstance(h, int)]
+            return gear_limit(self.source.key, number, harmonics=waves, **sizes)
         except ValueError as error:
             self.where.refuse(at, str(error))
 

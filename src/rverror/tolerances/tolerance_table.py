@@ -13,11 +13,11 @@ from rverror.base.toml import Place, TomlText
 from rverror.model.catalogue import CATALOGUE
 
 #: Columns of texts, of bare numbers, and of the rest of a row; those of the indices have the names of the catalogue.
-_TEXTS = ("name", "key", "tolerance", "grade", "size", "distribution", "mean", "phase", "at")
-_NUMBERS = ("capability", "shape", "correlation", "price", "base")
-_OTHERS = ("lower", "upper", "parameter", "correlated_with", "least", "largest", "fixed", "curve")
+_TEXTS = ("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution", "mean", "phase", "at")
+_NUMBERS = ("capability", "shape", "correlation", "classes", "price", "base")
+_OTHERS = ("lower", "upper", "parameter", "correlated_with", "fit", "least", "largest", "fixed", "curve")
 _INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
-_WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "at", "least", "largest")
+_WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "diameter", "module", "at", "least", "largest")
 _CURVE = ("curve", "price", "at", "base")
 _YES, _NO = ("true", "yes", "1", "x"), ("false", "no", "0", "")
 _EXAMPLE = "write a first line such as 'key, tolerance[um], distribution'"
@@ -94,6 +94,8 @@ def _entry(where: str, given: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
         entry["indices"] = indices
     if "correlated_with" in cells:
         entry["correlated_with"] = _correlations(where, cells["correlated_with"])
+    if "fit" in cells:
+        entry["fit"] = _fit(where, cells["fit"])
     if "fixed" in cells:
         if cells["fixed"].lower() not in (*_YES, *_NO):
             raise InputError(f"{where}: fixed is {shown(cells['fixed'])}; write yes or no")
@@ -129,6 +131,15 @@ def _correlations(where: str, cell: str) -> dict[str, float]:
     if not all(colon for _, colon, _ in pairs):
         raise InputError(f"{where}: correlated_with is {shown(cell)}; write it like 'cams: 0.6; bores: -0.2'")
     return {name.strip(): _number(where, "correlated_with", value) for name, _, value in pairs}
+
+
+def _fit(where: str, cell: str) -> dict[str, Any]:
+    """Other tolerance, classes and order of ``bores: 3 opposite``."""
+    name, _, rest = cell.rpartition(":")
+    number, _, order = rest.strip().partition(" ")
+    if not name or not number.isdigit() or order.strip() not in ("", "opposite"):
+        raise InputError(f"{where}: fit is {shown(cell)}; write it like 'bores: 3' or 'bores: 3 opposite'")
+    return {"with": name.strip(), "classes": int(number), "opposite": bool(order)}
 
 
 def _is_filled(row: Sequence[str]) -> bool:

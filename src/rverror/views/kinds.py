@@ -737,7 +737,7 @@ def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
         key=[item.key for item in tolerances],
         **_fields(tolerances, own, "width"),
         distribution=[item.distribution.name for item in tolerances],
-        **_fields(tolerances, NUMBER, "correlation"),
+        **_fields(tolerances, NUMBER, "correlation", "classes"),
         random_phase=np.array([item.random_phase for item in tolerances], dtype=bool),
         fixed=np.array([item.fixed for item in tolerances], dtype=bool),
         least=([item.span[0] for item in tolerances], own),
@@ -763,7 +763,7 @@ def _of_stack(result: Stack) -> Table:
             tolerance=list(result.labels),
             width=(result.width, own),
             distribution=[block.distribution.name for block in result.blocks],
-            **_fields(result.blocks, NUMBER, "correlation"),
+            **_fields(result.blocks, NUMBER, "correlation", "classes"),
         ),
     }
     return Table("Stack", "tolerance", variables)

@@ -82,7 +82,7 @@ class Gaps:
 
     @cached_property
     def _contacts(self) -> Geometry:
-        motion = pose(self.unit, 2 * np.pi * np.mod(_GOLDEN * np.arange(_ANGLES), 1), direction=1.0, torque=1.0)
+        motion = pose(self.unit, 2 * np.pi * np.mod(_GOLDEN * np.arange(_ANGLES), 1), direction=1.0, torque="1 N*mm")
         assert isinstance(motion, Contacts)
         return Geometry(motion)
 

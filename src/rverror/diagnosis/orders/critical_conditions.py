@@ -42,7 +42,7 @@ def critical_notes(
     if found or (stated and len({case.condition.input_speed for case in cases}) > 1):
         torques = [case.condition.torque for case in cases if case.condition.torque]
         try:
-            its = modes(model, torque=float(np.median(torques)) if torques else None)
+            its = modes(model, torque=units.InCore(np.median(torques)) if torques else None)
         except (InputError, NotConvergedError) as why:
             return [*notes, f"the model's natural frequencies are not known: {why}"]
         ends = spread(its, unit, policy)

@@ -184,7 +184,7 @@ def model_map(
     if torques is None:
         if unit.rated_torque is None:
             raise InputError(f"reducer {unit.name!r} has no rated_torque; give torques=, e.g. ['20 N*m', '100 N*m']")
-        torques = [share * unit.rated_torque for share in _SHARES]
+        torques = [units.InCore(share * unit.rated_torque) for share in _SHARES]
     check_axes(ax)
     theta = 2 * np.pi * np.arange(points) / points
     rows = []
