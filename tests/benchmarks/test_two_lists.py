@@ -83,3 +83,17 @@ def test_it_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert "SIMULATED" in printed
     assert all(name in printed for name in two_lists.FIGURES)
     assert "coupling.bearing_clearance" in printed
+
+
+def test_the_page_says_what_drives_the_error(maker: tuple[rverror.Model, list]) -> None:
+    page = " ".join((ROOT / "docs" / "theory" / "rigidity.md").read_text(encoding="utf-8").split())
+    found = rverror.budget(rverror.stack(*maker), draws=2)
+    first = sorted(found.contributions, key=lambda c: -c.share)[:4]
+    assert [c.label for c in first] == [
+        "runout of the lobes",
+        "crank.eccentricity",
+        "cycloid.disc_pitch(harmonic=1)",
+        "cycloid.disc_bore_position",
+    ]
+    shares = [f"{100 * c.share:.0f}" for c in first]
+    assert f"crank holes have {', '.join(shares[:3])} and {shares[3]} %" in page
