@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +27,7 @@ _UNITS = {
     "mrad": 1e-3,
     "rad": 1.0,
 }
-_NUMBER = r"[+-−±]?\s*\d+\.?\d*(?:[eE][+-]?\d+)?|[+-−±]?\s*\.\d+(?:[eE][+-]?\d+)?"
+_NUMBER = r"[+−±-]?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
 def size(given: str | float) -> float:
@@ -163,8 +164,6 @@ def declared(path: str | Path) -> list[Error]:
     ValueError
         If one is of a kind that is not judged here.
     """
-    import tomllib
-
     errors = []
     for table in tomllib.loads(Path(path).read_text(encoding="utf-8")).get("effect", []):
         kind = KINDS.get(table["key"])
