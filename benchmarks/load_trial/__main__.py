@@ -62,20 +62,16 @@ def main() -> int:
                 judge = judging.Judge(case.model, saved, given.units, 770_000 + given.seed + number)
                 for verdict in judge.judge(report):
                     verdicts.append(verdict)
-                    print(
-                        f"  {verdict.quantity:18s} {verdict.torque:>9s} limit {verdict.limit:7g}"
-                        f"  printed {100 * verdict.printed:6.2f} % ({100 * verdict.low:.2f} to {100 * verdict.high:.2f})"
-                        f"  own {100 * verdict.own:6.2f} % +- {100 * verdict.spread:.2f}"
-                        f"  {'held' if verdict.held else f'OUTSIDE by {verdict.distance:.1f} spreads'}",
-                        flush=True,
-                    )
+                    print(verdict.line(), flush=True)
             except (ValueError, KeyError, ArithmeticError) as error:
                 failed += 1
                 print(f"  not judged: {error}", flush=True)
             print(f"  judged in {time.perf_counter() - start:.0f} s", flush=True)
     held = sum(verdict.held for verdict in verdicts)
     wrong = sum(verdict.distance > 3 for verdict in verdicts)
-    print(f"\n{held} of {len(verdicts)} limits held; {wrong} more than 3 spreads outside; {failed} lists without result")
+    print(
+        f"\n{held} of {len(verdicts)} limits held; {wrong} more than 3 spreads outside; {failed} lists without result"
+    )
     return int(bool(wrong or failed or not verdicts))
 
 

@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr, ndtri
-
 from benchmarks.load_trial.kernel import Train
 from benchmarks.load_trial.parts import KINDS, Error, limits, size
+from scipy.special import ndtr, ndtri
 
 Array = npt.NDArray[np.float64]
 _KNOWN = {
@@ -146,9 +145,7 @@ def draw(entries: list[Entry], units: int, seed: int, beside: list[Error] | None
     for entry in entries:
         values = entry.draw(rng, units).tolist()
         for unit, rows in zip(made, values, strict=True):
-            unit.extend(
-                Error(entry.key, index, tuple(row)) for index, row in zip(entry.instances, rows, strict=True)
-            )
+            unit.extend(Error(entry.key, index, tuple(row)) for index, row in zip(entry.instances, rows, strict=True))
     return made
 
 

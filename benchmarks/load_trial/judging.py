@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-import rverror
 from benchmarks.load_trial import draws, parts, sizes
 from benchmarks.load_trial.lists import Case
 from benchmarks.load_trial.planar import train_of
+
+import rverror
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,17 @@ class Verdict:
     def distance(self) -> float:
         """How far outside the interval the own yield lies, in its own standard deviations; 0 inside."""
         return max(self.low - self.own, self.own - self.high, 0.0) / self.spread
+
+    def line(self) -> str:
+        """One line for the eye, yields in per cent."""
+        printed, low, high, own, spread = (
+            100 * share for share in (self.printed, self.low, self.high, self.own, self.spread)
+        )
+        word = "held" if self.held else f"OUTSIDE by {self.distance:.1f} spreads"
+        return (
+            f"  {self.quantity:18s} {self.torque:>9s} limit {self.limit:7g}  printed {printed:6.2f} % "
+            f"({low:.2f} to {high:.2f})  own {own:6.2f} % +- {spread:.2f}  {word}"
+        )
 
 
 def _number(value: Any, unit: str) -> float:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-
-import rverror
 from benchmarks.load_trial import draws, parts, sizes
 from benchmarks.load_trial.planar import train_of
+
+import rverror
 
 UNITS = 200  # that set the limits
 

@@ -9,16 +9,16 @@ not small against that at its start is shortened (or stretched) to where it is, 
 from __future__ import annotations
 
 import numpy as np
+from benchmarks.load_trial.kernel import add_bearing, compiled
 
-from benchmarks.load_trial.kernel import add_bearing, closings, compiled
-
-STEPS = 60  # at most, at one load
+STEPS = 60  # at most, from a near pose
+HEAVY, DOWN = 256.0, 400  # without one: down from so many times the load by halves, with so many steps at each
 BALANCE = 1e-9  # force or moment left, of load / crank circle
 
 
 @compiled
 def cholesky(m, n):
-    """Lower factor of the symmetric m, of which the upper half is given, in its lower half; False where not positive."""
+    """Put the lower factor of m, whose upper half is given, in its lower half; False where m is not positive."""
     for c in range(n):
         pivot = m[c, c]
         for q in range(c):

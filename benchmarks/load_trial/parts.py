@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-
 from benchmarks.load_trial.kernel import Train, Unit
 from benchmarks.load_trial.planar import perfect
 

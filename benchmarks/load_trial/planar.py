@@ -1,8 +1,8 @@
 """Planar quasi-static equilibrium of a whole RV gear train over many angles; see `kernel` for the equations.
 
-    train = train_of(rverror.load_model("examples/rv40e.toml").mechanism)
-    solved = solve(train, perfect(train), theta, 412e3)
-    solved.output                                       # transmission error, rad, shape (n,)
+train = train_of(rverror.load_model("examples/rv40e.toml").mechanism)
+solved = solve(train, perfect(train), theta, 412e3)
+solved.output                                       # transmission error, rad, shape (n,)
 """
 
 from __future__ import annotations
@@ -12,37 +12,40 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
 from benchmarks.load_trial.kernel import Train, Unit, closings, compiled
-from benchmarks.load_trial.newton import BALANCE, STEPS, along, assemble, newton_step, slope
+from benchmarks.load_trial.newton import BALANCE, DOWN, HEAVY, STEPS, along, assemble, newton_step, slope
 
 Array = npt.NDArray[np.float64]
 
 
 @compiled
 def settle(t, x, load, most, pin, flank, eps, radial, cam, bore, clearance, g, blocks, coupling, crank, v, p, r):
-    """Move x to the least energy; steps taken, negative where the balance was not reached in ``most`` steps.
+    """Move x to the least energy; steps taken, -1 where the balance was not reached in ``most`` steps.
 
     Work arrays: g, v as x; blocks (nd + 2, 3, 3), coupling (nd + 2, 3, 3 nc), crank (3 nc, 3 nc); p, r as closings.
     """
     bound = BALANCE * abs(load) / t.crank_circle
     carrier = 3 * t.discs + 2
-    for count in range(most + 1):
+    ridge, count = 0.0, 0
+    while True:
         assemble(t, x, pin, flank, eps, radial, cam, bore, clearance, load, g, blocks, coupling, crank)
         left = 0.0
         for i in range(x.size):
             rotates = (i % 3 == 2) if i < carrier else ((i - carrier) % 3 == 2)
             if i == 3 * t.discs or i == 3 * t.discs + 1:
                 rotates = False
-            left = max(left, abs(g[i]) / t.crank_circle if rotates else abs(g[i]))
+            force = abs(g[i]) / t.crank_circle if rotates else abs(g[i])
+            if not force <= left:  # so that what is no number stays one that is not in balance
+                left = force
         if left <= bound:
             return count
-        if count == most:
-            break
-        ridge = 0.0
-        while not newton_step(t, g, blocks, coupling, crank, ridge, v):
+        if count == most or ridge > 1e6 * t.k_pin:
+            return -1
+        if not newton_step(t, g, blocks, coupling, crank, ridge, v):
             ridge = max(10 * ridge, 1e-7 * t.k_pin)
-            assemble(t, x, pin, flank, eps, radial, cam, bore, clearance, load, g, blocks, coupling, crank)
+            continue
+        ridge = 0.0
+        count += 1
         start = 0.0
         for i in range(x.size):
             start += g[i] * v[i]
@@ -65,7 +68,6 @@ def settle(t, x, load, most, pin, flank, eps, radial, cam, bore, clearance, g, b
                 s = 2.0 * s
         for i in range(x.size):
             x[i] += s * v[i]
-    return -most
 
 
 @compiled
@@ -86,29 +88,30 @@ def over_angles(t, u, thetas, loads, reference, start, known, poses, steps):
     warm = False
     for m in range(thetas.size):
         closings(t, u, thetas[m], pin, flank, eps, radial, cam, bore)
-        done = -1
-        if known:
-            x[:] = start[m]
-        elif warm and reference.shape[0] > 0:
-            for i in range(n):
-                x[i] += reference[m, i] - reference[m - 1, i]
-        elif reference.shape[0] > 0:
-            x[:] = reference[m]
-        if known or warm or reference.shape[0] > 0:
-            done = settle(
-                t, x, loads[m], STEPS, pin, flank, eps, radial, cam, bore, u.clearance, g, blocks, coupling, crank, v, p, r
-            )  # fmt: skip
-        if done < 0:  # down from a heavy load, from rest
+        like = reference.shape[0] > 0
+        for i in range(n):  # loops, as numba compiles them in half the time of slices
+            if known:
+                x[i] = start[m, i]
+            elif like:
+                x[i] = reference[m, i] + (x[i] - reference[m - 1, i] if warm else 0.0)
+        heavy, most = 1.0, STEPS
+        if not (known or warm or like):
+            heavy, most = HEAVY, DOWN
             x[:] = 0.0
-            heavy = 256.0
-            while heavy >= 1.0:
-                done = settle(
-                    t, x, heavy * loads[m], 400, pin, flank, eps, radial, cam, bore, u.clearance,
-                    g, blocks, coupling, crank, v, p, r,
-                )  # fmt: skip
-                heavy /= 2
+        while True:
+            done = settle(
+                t, x, heavy * loads[m], most, pin, flank, eps, radial, cam, bore, u.clearance, g, blocks, coupling,
+                crank, v, p, r,
+            )  # fmt: skip
+            if heavy == 1.0:
+                if done >= 0 or most == DOWN:
+                    break
+                heavy, most = 2 * HEAVY, DOWN  # once more, from rest under a heavy load downwards
+                x[:] = 0.0
+            heavy /= 2
         warm = done >= 0
-        poses[m] = x
+        for i in range(n):
+            poses[m, i] = x[i]
         steps[m] = done
 
 
@@ -130,7 +133,13 @@ _NOTHING = np.zeros((0, 0))
 
 
 def solve(
-    train: Train, unit: Unit, theta: Array, load: float | Array, *, near: Array | None = None, start: Array | None = None
+    train: Train,
+    unit: Unit,
+    theta: Array,
+    load: float | Array,
+    *,
+    near: Array | None = None,
+    start: Array | None = None,
 ) -> Solved:
     """Solve the statics at the angles theta, rad, with the input held at its nominal angle.
 
@@ -144,7 +153,7 @@ def solve(
         Where each angle starts, in place of its neighbour's pose.
     """
     theta = np.atleast_1d(np.asarray(theta, dtype=float))
-    loads = np.ascontiguousarray(np.broadcast_to(-np.asarray(load, dtype=float), theta.shape))
+    loads = np.zeros(theta.shape) - load
     poses = np.zeros((theta.size, unknowns(train)))
     steps = np.zeros(theta.size, dtype=np.int64)
     over_angles(

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
-
 from benchmarks.load_trial.kernel import Train, Unit
 from benchmarks.load_trial.planar import Array, Solved, solve
 
