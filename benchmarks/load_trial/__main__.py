@@ -27,8 +27,8 @@ def shipped() -> Iterator[Case]:
         yield Case(path.stem, EXAMPLES / "rv40e.toml", path, "30 arcsec", (20.0, 412.0))
 
 
-def main() -> int:
-    """Run the trial; 1 where a claim is wrong or a command failed."""
+def main(words: list[str] | None = None) -> int:
+    """Run the trial with these words of the command line; 1 where a claim is wrong or a command failed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--lists", type=int, default=20, help="random lists")
     parser.add_argument("--seed", type=int, default=0, help="of the first random list; its units have others")
@@ -36,7 +36,7 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, help="keep the files here")
     parser.add_argument("--no-examples", action="store_true", help="random lists only")
     parser.add_argument("--make", action="store_true", help="write the random lists and stop")
-    given, more = parser.parse_known_args()
+    given, more = parser.parse_known_args(words)  # what is not known here goes to allocate
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.folder or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)

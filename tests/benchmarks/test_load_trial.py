@@ -17,6 +17,7 @@ from pages import ROOT
 sys.path.append(str(ROOT))
 
 from benchmarks.load_trial import draws, judging, lists, sizes
+from benchmarks.load_trial.__main__ import main
 from benchmarks.load_trial.kernel import Train
 from benchmarks.load_trial.parts import KINDS, Error, build, limits, size
 from benchmarks.load_trial.planar import perfect, solve, train_of
@@ -258,23 +259,29 @@ def test_what_is_not_judged_is_refused(tmp_path: Path) -> None:
             draws.read(path, TRAIN)
 
 
-def test_a_random_list_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("true", [True, False])
+def test_a_random_list_is_judged(
+    true: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    claim = {"quantity": "transmission_error", "units": 999, "method": "equilibrium"}
+    said = {"yield": 0.9, "interval": [0.5, 1.0]} if true else {"yield": 0.01, "interval": [0.0, 0.02]}
+
+    def allocate(case: lists.Case, folder: Path, more: list[str]) -> Any:
+        assert case.options()[:4] == ["--limit", case.limit, "--at", "682 N*m"]
+        assert rverror.load_tolerances(case.tolerances, rverror.load_model(case.model))
+        entry = claim | said | {"limit": float(case.limit.split()[0])}
+        verified = [entry | {"torque": torque} for torque in ("682 N*m", 682.0)]
+        return json.loads(json.dumps({"cost_before": 2, "cost": 1, "verified": verified})), case.tolerances, 1.0, "ok"
+
     monkeypatch.setattr(lists, "UNITS", 20)
-    case = lists.random_case(8, tmp_path)
-    assert rverror.load_tolerances(case.tolerances, rverror.load_model(case.model))
-    judge = judging.Judge(case.model, case.tolerances, 20, seed=1)
-    limit = float(case.limit.split()[0])
-    claim = {"quantity": "transmission_error", "limit": limit, "units": 999, "method": "equilibrium"}
-    report = {
-        "verified": [
-            claim | {"torque": f"{case.torques[-1]:g} N*m", "yield": 1.0, "interval": [0.0, 1.0]},
-            claim | {"torque": case.torques[-1], "yield": 0.0, "interval": [0.0, 1e-9]},
-        ]
-    }
-    wide, none = judge.judge(json.loads(json.dumps(report)))
-    assert wide.held
-    assert wide.own == none.own
-    assert not none.held
-    assert none.distance > 3
+    monkeypatch.setattr(judging, "run", allocate)
+    words = ["--lists", "1", "--seed", "4", "--units", "20", "--no-examples", "--folder", str(tmp_path)]
+    assert main(words) == (0 if true else 1)
+    told = capsys.readouterr().out
+    assert ("2 of 2 limits held" if true else "0 of 2 limits held; 2 more than 3 spreads outside") in told
+    assert told.count("held\n") == (2 if true else 0)
+
+
+def test_a_report_without_claims_is_refused() -> None:
     with pytest.raises(ValueError, match="verified"):
         judging.claims({"verified": {"quantile_arcsec": 3.0}})
