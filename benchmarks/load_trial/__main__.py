@@ -50,13 +50,13 @@ def main(words: list[str] | None = None) -> int:
         verdicts, failed = [], 0
         for number in range(len(cases) + given.lists):
             case = cases[number] if number < len(cases) else random_case(seeds[number - len(cases)], folder)
-            report, saved, seconds, words = judging.run(case, folder, more)
+            report, saved, seconds, told = judging.run(case, folder, more)
             print(f"\n{case.name}: {' '.join(case.options())}", flush=True)
             if report is None:
                 failed += 1
-                print(f"  no result after {seconds:.0f} s, {words}", flush=True)
+                print(f"  no result after {seconds:.0f} s, {told}", flush=True)
                 continue
-            print(f"  cost {report.get('cost_before')} -> {report.get('cost')} in {seconds:.0f} s, {words}")
+            print(f"  cost {report.get('cost_before')} -> {report.get('cost')} in {seconds:.0f} s, {told}")
             start = time.perf_counter()
             try:
                 judge = judging.Judge(case.model, saved, given.units, 770_000 + given.seed + number)

@@ -98,8 +98,10 @@ class Judge:
     """Sizes of units drawn from one list, each size solved once."""
 
     def __init__(self, model: Path, tolerances: Path, units: int, seed: int) -> None:
-        mechanism = rverror.load_model(model).mechanism
-        self.train, self.rated = train_of(mechanism), mechanism.rated_torque
+        mechanism: Any = rverror.load_model(model).mechanism
+        if mechanism.rated_torque is None:
+            raise ValueError(f"{model} has no rated_torque, which lost motion and stiffness go by")
+        self.train, self.rated = train_of(mechanism), float(mechanism.rated_torque)
         entries, beside = draws.read(tolerances, self.train), parts.declared(model)
         self.like = parts.build(self.train, draws.middle(entries, beside))
         self.units = [parts.build(self.train, errors) for errors in draws.draw(entries, units, seed, beside)]

@@ -73,7 +73,7 @@ class Unit(NamedTuple):
     centre_distance: np.ndarray  # (nc, 2): radial, tangential
     sun_waves: np.ndarray  # (.., 3)
     planet_waves: np.ndarray  # (.., 4)
-    index: np.ndarray  # (nc,): lead of the crank over its planet, rad
+    crank_lead: np.ndarray  # (nc,): lead of the crank over its planet, rad
     thinning: np.ndarray  # (nc,): tooth thickness lost in the mesh, sun and planet together
     clearance: np.ndarray  # (2,): radial, of cam and of carrier bearings
     grinding: np.ndarray  # (2,): equidistant and shift of the profiles, positive removes material
@@ -143,7 +143,7 @@ def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
             nx, ny = -s * ca * ry + sa * rx, s * ca * rx + sa * ry
             flank[j, side, 0], flank[j, side, 1] = nx, ny
             flank[j, side, 2] = (
-                nx * dx + ny * dy + s * (t.sun_base * u.input_turn[0] - t.planet_base * u.index[j])
+                nx * dx + ny * dy + s * (t.sun_base * u.input_turn[0] - t.planet_base * u.crank_lead[j])
                 - 0.5 * (t.backlash + ca * u.thinning[j])
             )  # fmt: skip
         for k in range(t.discs):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from benchmarks.load_trial import draws, parts, sizes
@@ -125,11 +126,12 @@ def _entry(rng: np.random.Generator, key: str, cranks: int) -> str:
         low, high, _ = _WIDTHS[key]
         value = float(f"{low * (high / low) ** rng.random():.3g}")
     one = len(kind.parameters) == 1
+    scalar: tuple[str, ...] = ("normal", "uniform", "triangular")
     if kind.vector and not one and name != "cycloid.pin_circle" and rng.random() < 0.2:
         lines.append(f'parameters = ["{kind.parameters[int(rng.integers(2))]}"]')
-        laws = ("normal", "uniform", "triangular")
+        laws = scalar
     else:
-        laws = ("rayleigh", "normal", "uniform", "triangular") if kind.vector else ("normal", "uniform", "triangular")
+        laws = ("rayleigh", *scalar) if kind.vector else scalar
     width = f"{value:g} {unit}"
     if every or name == "involute.tooth_thinning":  # one-sided: it is ground, or worn, below the nominal size
         lines.append(f'tolerance = "0/-{2 * value:g} um"' if every else f'tolerance = "+{2 * value:g}/0 um"')
@@ -153,7 +155,7 @@ def random_case(seed: int, folder: Path) -> Case:
     while True:
         model.write_text(_model(rng) + "\n", encoding="utf-8")
         try:
-            mechanism = rverror.load_model(model).mechanism
+            mechanism: Any = rverror.load_model(model).mechanism
             break
         except ValueError:  # an impossible geometry: another one
             continue

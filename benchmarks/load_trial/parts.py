@@ -125,7 +125,7 @@ def build(train: Train, errors: Iterable[Error]) -> Unit:
             case "eccentricity":
                 unit.cams[index["crank"], index["disc"]] += value
             case "index":
-                unit.index[index["crank"]] += value[0]
+                unit.crank_lead[index["crank"]] += value[0]
             case "bearing_clearance":
                 unit.clearance[0 if key.startswith("crank") else 1] += value[0]
             case "disc_profile" | "disc_pitch":

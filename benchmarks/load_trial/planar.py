@@ -230,7 +230,7 @@ def perfect(train: Train) -> Unit:
         centre_distance=np.zeros((nc, 2)),
         sun_waves=np.zeros((0, 3)),
         planet_waves=np.zeros((0, 4)),
-        index=np.zeros(nc),
+        crank_lead=np.zeros(nc),
         thinning=np.zeros(nc),
         clearance=np.zeros(2),
         grinding=np.zeros(2),

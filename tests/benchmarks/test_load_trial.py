@@ -273,9 +273,9 @@ def test_a_random_list_is_judged(
         verified = [entry | {"torque": torque} for torque in ("682 N*m", 682.0)]
         return json.loads(json.dumps({"cost_before": 2, "cost": 1, "verified": verified})), case.tolerances, 1.0, "ok"
 
-    monkeypatch.setattr(lists, "UNITS", 20)
+    monkeypatch.setattr(lists, "UNITS", 10)
     monkeypatch.setattr(judging, "run", allocate)
-    words = ["--lists", "1", "--seed", "4", "--units", "20", "--no-examples", "--folder", str(tmp_path)]
+    words = ["--lists", "1", "--seed", "4", "--units", "10", "--no-examples", "--folder", str(tmp_path)]
     assert main(words) == (0 if true else 1)
     told = capsys.readouterr().out
     assert ("2 of 2 limits held" if true else "0 of 2 limits held; 2 more than 3 spreads outside") in told
