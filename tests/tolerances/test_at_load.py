@@ -114,7 +114,7 @@ def test_yield_is_that_of_a_normal_lost_motion() -> None:
 
 
 def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
-    """The widest tolerance whose yield fresh units verify lies between those with 99 % and 99.95 % of good units."""
+    """The width that fresh units verify lies between those with 99 % and 99.95 % of good units."""
     cost = rverror.costs.Reciprocal(10.0, 0.006)
     model, tolerances, perfect, each = thinned("12 um", cost=cost)
     asked = Limit("lost_motion", perfect + each * 26e-3)
@@ -129,7 +129,7 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
 
 
 def test_grades_beside_smooth_costs_meet_two_limits() -> None:
-    """Of the grades the cheapest with which the rest may be as wide as the limit lets it be: all other ones cost more."""
+    """Of the grades the one with which all costs least, the smooth width as wide as the limit then leaves it."""
     smooth, table = (
         rverror.costs.Reciprocal(10.0, 0.006),
         rverror.costs.Grades((0.002, 0.006, 0.010), (30.0, 12.0, 9.0), ("fine", "medium", "coarse")),
@@ -155,13 +155,13 @@ def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
     with pytest.raises(rverror.InputError, match=r"lost motion at 12.36 N\*m .*without any spread .* change the means"):
         allocate_at_load(model, tolerances, [low], sample=64, verify=600)
     narrow = Limit("lost_motion", perfect + each * 20.3e-3)
-    with pytest.raises(rverror.InputError, match="raise the limit or allow finer widths, first of involute.tooth"):
+    with pytest.raises(rverror.InputError, match=r"raise the limit or allow finer widths, first of involute\.tooth"):
         allocate_at_load(model, tolerances, [narrow], sample=64, verify=600)
 
 
 def test_a_few_units_verify_nothing() -> None:
     model, tolerances, perfect, _ = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
-    with pytest.raises(rverror.InputError, match="verify = 100: too few units .* give 4[0-9][0-9] or more"):
+    with pytest.raises(rverror.InputError, match=r"verify = 100: too few units .* give 4[0-9][0-9] or more"):
         allocate_at_load(model, tolerances, [Limit("lost_motion", 2 * perfect)], verify=100)
 
 

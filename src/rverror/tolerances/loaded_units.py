@@ -130,7 +130,8 @@ class _Motion:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=InCore(torque)))
-        assert isinstance(where.gears, Contacts) and isinstance(model.mechanism, Reducer)
+        assert isinstance(where.gears, Contacts)
+        assert isinstance(model.mechanism, Reducer)
         geometry, every = Geometry(where.gears), instances_of(stack)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
         beyond, yielding = np.zeros((len(stack.components), angles)), []
@@ -173,7 +174,7 @@ def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tupl
     """Number of contacts of an angle, and the place of each in `_Closings` by the contact that a closing names."""
     pins = reducer.discs * reducer.pins
     width = pins * (2 if slides else 1) + rows
-    every = np.arange(angles * width).reshape(angles, width)
+    every: Any = np.arange(angles * width).reshape(angles, width)
     pin, along = (
         every[:, first : first + pins].reshape(angles, reducer.discs, -1) for first in (0, width - rows - pins)
     )

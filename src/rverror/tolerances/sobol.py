@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -123,8 +124,16 @@ def sobol_indices(
     >>> found.first.round(2).tolist(), found.total.round(2).tolist()
     ([0.8, 0.2], [0.8, 0.2])
     """
-    settings = {"count": count, "seed": seed, "confidence": confidence, "executor": executor, "progress": progress}
-    (found,) = indices_of_outputs(function, groups, 1, **settings)
+    (found,) = indices_of_outputs(
+        function,
+        groups,
+        1,
+        count=count,
+        seed=seed,
+        confidence=confidence,
+        executor=executor,
+        progress=progress,
+    )
     if found is None:
         raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
     return found
@@ -203,7 +212,8 @@ def without_joined(found: SobolIndices, stack: Stack) -> SobolIndices:
         return found
     joined = np.isin(np.arange(len(stack.blocks)), stack.entry[stack.dependence.components])
     ends = ("first", "first_low", "first_high", "total", "total_low", "total_high")
-    return replace(found, **{name: np.where(joined, np.nan, getattr(found, name)) for name in ends})
+    known: dict[str, Any] = {name: np.where(joined, np.nan, getattr(found, name)) for name in ends}
+    return replace(found, **known)
 
 
 def _ratio(numerators: Array, variances: Array, confidence: float) -> tuple[Array, Array, Array]:

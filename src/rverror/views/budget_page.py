@@ -249,7 +249,7 @@ def _quantiles(data: Data) -> str:
 
 def _named(entry: Data) -> str:
     """Quantity and torque of a limit."""
-    return entry["quantity"].replace("_", " ") + ("" if entry["torque"] is None else f" at {entry['torque']}")
+    return str(entry["quantity"]).replace("_", " ") + ("" if entry["torque"] is None else f" at {entry['torque']}")
 
 
 def _at_load(entries: Sequence[Data], together: Data | None) -> str:

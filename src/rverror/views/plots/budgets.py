@@ -159,7 +159,8 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
     InputError
         If no unit was solved at a load.
     """
-    loaded = found.at_load and found.at_load.verified if isinstance(found, ErrorBudget) else found.verified
+    budget = found.at_load if isinstance(found, ErrorBudget) else None
+    loaded = budget.verified if budget is not None else getattr(found, "verified", None)
     if loaded is None:
         raise InputError("no unit was solved at a load; give limits, such as limit('transmission_error', '60 arcsec')")
     ax = axes_for(ax)
