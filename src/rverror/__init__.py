@@ -11,7 +11,7 @@ from rverror.base.threads import one_for_a_diagnosis as _one_for_a_diagnosis
 
 _one_for_a_diagnosis(_os.environ, _sys.orig_argv, _sys.modules)
 
-# Model and influence: what is declared of a unit, what it does to the output, and how an effect of one's own is added.
+# What is declared of a unit, and its error in closed form: hardly a program does without.
 from rverror.base.errors import InputError
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC, to_core, to_display
@@ -39,74 +39,164 @@ from rverror.model.compose import influence, transmission_error, transmission_er
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench, Encoders
 from rverror.model.model_file import append_effects, load_model, save_model
-from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hysteresis
-from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
-from rverror.statics.loaded_state import Linearisation, NotConvergedError, equilibrium, linearise
-from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
-from rverror.statics.worn_contacts import Wear, WearCoefficients, wear
-from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
-from rverror.dynamics.natural_modes import Modes, modes
-from rverror.dynamics.running_up import RunUp, run_up
-
-# Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
-from rverror.runs.bench.draft import draft_mapping
-from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.measuring_chain import BenchUncertainty, bench_uncertainty
-from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
-from rverror.runs.order_file import load_orders, orders_from_arrays, write_orders
-from rverror.runs.order_fit import order_table_from_runs
-from rverror.runs.order_table import OrderTable
-from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
-from rverror.diagnosis.loop import diagnose
-from rverror.diagnosis.order_passport import passport
-from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.result import Diagnosis
-from rverror.diagnosis.validation import validated
-
-# Compensation: what a controller adds to the command, and what it leaves.
-from rverror.compensation.correction import Correction
-from rverror.compensation.making import compensate
-from rverror.compensation.outcome import Compensation
-from rverror.compensation.table_files import load_compensation, save_compensation
-
-# Tolerances: what they make of the error, and which to buy.
-from rverror.tolerances import cost as costs
-from rverror.tolerances import distribution as distributions
-from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
-from rverror.tolerances.assembly import mounting_choices, phasing_gain
-from rverror.tolerances.closed_form import Budget, budget
-from rverror.tolerances.full_budget import ErrorBudget, error_budget
-from rverror.tolerances.loaded_allocation import allocate_at_load
-from rverror.tolerances.sampling import VirtualUnits, virtual_units
-from rverror.tolerances.specification import Limit, limit
-from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
-from rverror.tolerances.tolerance_file import load_tolerances, save_widths
-
-# Pictures and tables: any result as text, JSON, page, table or plot.
 from rverror.base import viewed as _viewed
-from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
-from rverror.views.envelope import input_files
-from rverror.views.report import to_html, to_json, to_text
-from rverror.views.tables import to_pandas, to_xarray
 
-# Loaded when they are first asked for: plots, reference cases for other tools, folders of many units.
+# Loaded when they are first asked for: making their classes takes longer than numpy.
 if TYPE_CHECKING:
+    # What errors do to the output under load and at speed.
+    from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hysteresis
+    from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
+    from rverror.statics.loaded_state import Linearisation, NotConvergedError, equilibrium, linearise
+    from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
+    from rverror.statics.worn_contacts import Wear, WearCoefficients, wear
+    from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
+    from rverror.dynamics.natural_modes import Modes, modes
+    from rverror.dynamics.running_up import RunUp, run_up
+
+    # Runs and diagnosis: what a bench measured or would measure, and what the model lacks.
+    from rverror.runs.bench.draft import draft_mapping
+    from rverror.runs.bench.mapping import load_mapping
+    from rverror.runs.measuring_chain import BenchUncertainty, bench_uncertainty
+    from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
+    from rverror.runs.order_file import load_orders, orders_from_arrays, write_orders
+    from rverror.runs.order_fit import order_table_from_runs
+    from rverror.runs.order_table import OrderTable
+    from rverror.runs.virtual_bench import coloured_noise, simulate, simulate_runs
+    from rverror.diagnosis.loop import diagnose
+    from rverror.diagnosis.order_passport import passport
+    from rverror.diagnosis.policy import Policy
+    from rverror.diagnosis.result import Diagnosis
+    from rverror.diagnosis.validation import validated
     from rverror.app.batch import diagnose_folder
-    from rverror.reference.cases import read_case
-    from rverror.reference.comparison import Comparison, compare
+
+    # Compensation: what a controller adds to the command, and what it leaves.
+    from rverror.compensation.correction import Correction
+    from rverror.compensation.making import compensate
+    from rverror.compensation.outcome import Compensation
+    from rverror.compensation.table_files import load_compensation, save_compensation
+
+    # Tolerances: what they make of the error, and which to buy.
+    from rverror.tolerances import cost as costs
+    from rverror.tolerances import distribution as distributions
+    from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
+    from rverror.tolerances.assembly import mounting_choices, phasing_gain
+    from rverror.tolerances.closed_form import Budget, budget
+    from rverror.tolerances.full_budget import ErrorBudget, error_budget
+    from rverror.tolerances.loaded_allocation import allocate_at_load
+    from rverror.tolerances.sampling import VirtualUnits, virtual_units
+    from rverror.tolerances.specification import Limit, limit
+    from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
+    from rverror.tolerances.tolerance_file import load_tolerances, save_widths
+
+    # Pictures and tables: any result as text, JSON, page, table or plot.
+    from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
+    from rverror.views.envelope import input_files
+    from rverror.views.report import to_html, to_json, to_text
+    from rverror.views.tables import to_pandas, to_xarray
     from rverror.views.plots.drawing import draw, order_map
     from rverror.views.plots.figure import line_style, new_figure
 
+    # Reference cases for other tools.
+    from rverror.reference.cases import read_case
+    from rverror.reference.comparison import Comparison, compare
+
+#: Where each of them is; two are modules.
 _LATER = {
+    "Allocation": "tolerances.allocation",
+    "BenchUncertainty": "runs.measuring_chain",
+    "Budget": "tolerances.closed_form",
     "Comparison": "reference.comparison",
+    "Compensation": "compensation.outcome",
+    "ContactPressure": "statics.hertz",
+    "Correction": "compensation.correction",
+    "CriticalSpeed": "dynamics.at_speed",
+    "Diagnosis": "diagnosis.result",
+    "Efficiency": "statics.friction",
+    "ErrorBudget": "tolerances.full_budget",
+    "FrontPoint": "tolerances.allocation",
+    "Hysteresis": "statics.friction",
+    "Limit": "tolerances.specification",
+    "Linearisation": "statics.loaded_state",
+    "Modes": "dynamics.natural_modes",
+    "NotConvergedError": "statics.loaded_state",
+    "OrderTable": "runs.order_table",
+    "Policy": "diagnosis.policy",
+    "PressurePeak": "statics.hertz",
+    "RollerBearing": "statics.hertz",
+    "Run": "runs.measurement",
+    "RunUp": "dynamics.running_up",
+    "SpeedResponse": "dynamics.at_speed",
+    "Stack": "tolerances.stacking",
+    "Tolerance": "tolerances.stacking",
+    "TorsionCurve": "statics.rigidity",
+    "VirtualUnits": "tolerances.sampling",
+    "Wear": "statics.worn_contacts",
+    "WearCoefficients": "statics.worn_contacts",
+    "allocate": "tolerances.allocation",
+    "allocate_at_load": "tolerances.loaded_allocation",
+    "allocation_json": "views.budget_report",
+    "allocation_text": "views.budget_report",
+    "backlash": "statics.rigidity",
+    "bench_uncertainty": "runs.measuring_chain",
+    "budget": "tolerances.closed_form",
+    "budget_json": "views.budget_report",
+    "budget_text": "views.budget_report",
+    "coloured_noise": "runs.virtual_bench",
     "compare": "reference.comparison",
+    "compensate": "compensation.making",
+    "contact_pressure": "statics.hertz",
+    "cost_front": "tolerances.allocation",
+    "diagnose": "diagnosis.loop",
     "diagnose_folder": "app.batch",
+    "draft_mapping": "runs.bench.draft",
     "draw": "views.plots.drawing",
+    "efficiency": "statics.friction",
+    "equilibrium": "statics.loaded_state",
+    "error_budget": "tolerances.full_budget",
+    "hysteresis": "statics.friction",
+    "input_files": "views.envelope",
+    "limit": "tolerances.specification",
     "line_style": "views.plots.figure",
+    "linearise": "statics.loaded_state",
+    "load_compensation": "compensation.table_files",
+    "load_mapping": "runs.bench.mapping",
+    "load_orders": "runs.order_file",
+    "load_run": "runs.measurement",
+    "load_tolerances": "tolerances.tolerance_file",
+    "lost_motion": "statics.rigidity",
+    "modes": "dynamics.natural_modes",
+    "mounting_choices": "tolerances.assembly",
     "new_figure": "views.plots.figure",
     "order_map": "views.plots.drawing",
+    "order_table_from_runs": "runs.order_fit",
+    "orders_from_arrays": "runs.order_file",
+    "passport": "diagnosis.order_passport",
+    "phasing_gain": "tolerances.assembly",
     "read_case": "reference.cases",
+    "run_from_arrays": "runs.measurement",
+    "run_up": "dynamics.running_up",
+    "save_compensation": "compensation.table_files",
+    "save_widths": "tolerances.tolerance_file",
+    "simulate": "runs.virtual_bench",
+    "simulate_runs": "runs.virtual_bench",
+    "speed_response": "dynamics.at_speed",
+    "stack": "tolerances.stacking",
+    "terms": "tolerances.allocation",
+    "to_html": "views.report",
+    "to_json": "views.report",
+    "to_pandas": "views.tables",
+    "to_text": "views.report",
+    "to_xarray": "views.tables",
+    "tolerance": "tolerances.stacking",
+    "torsion_curve": "statics.rigidity",
+    "torsional_stiffness": "statics.rigidity",
+    "validated": "diagnosis.validation",
+    "virtual_units": "tolerances.sampling",
+    "wear": "statics.worn_contacts",
+    "write_orders": "runs.order_file",
+    "write_run": "runs.measurement",
 }
+_LATER_MODULES = {"costs": "tolerances.cost", "distributions": "tolerances.distribution"}
 
 __all__ = [
     "ARCSEC",
@@ -248,6 +338,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _LATER_MODULES:
+        return import_module(f"{__name__}.{_LATER_MODULES[name]}")
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
@@ -258,7 +350,12 @@ def __dir__() -> list[str]:
 
 
 _asked.error_of.register(Model, transmission_error)
-_asked.equilibrium_of.register(Model, equilibrium)
+
+
+@_asked.equilibrium_of.register
+def _equilibrium_of(model: Model, theta: Any, **conditions: Any) -> Equilibrium:
+    found: Equilibrium = __getattr__("equilibrium")(model, theta, **conditions)
+    return found
 
 
 @_viewed.picture_of.register

@@ -55,6 +55,31 @@ def test_what_is_slow_or_rare_is_loaded_when_it_is_asked_for() -> None:
     assert run(code).split("\n") == ["[]", "[]", "rverror.reference.comparison"]
 
 
+def test_a_program_loads_what_it_asks_for() -> None:
+    """Making the classes of all results takes longer than loading numpy."""
+    code = (
+        "import rverror, sys\n"
+        "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('rverror.')}\n"
+        "print(*sorted(rooms))\n"
+        "print(rverror.Model(rverror.reducer('RV-40E')).equilibrium('78 Nm', theta=[0.0, 0.1]).theta.size)\n"
+        "print(rverror.costs.__name__)"
+    )
+    assert run(code).split("\n") == ["base geartrain model", "2", "rverror.tolerances.cost"]
+
+
+def test_type_checkers_are_told_of_every_name_that_comes_late() -> None:
+    tree = ast.parse(Path(rverror.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    told = {
+        alias.asname or alias.name: f"{node.module}.{alias.name}"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    held = {name: f"rverror.{module}.{name}" for name, module in rverror._LATER.items()}
+    assert told == held | {name: f"rverror.{module}" for name, module in rverror._LATER_MODULES.items()}
+
+
 def test_results_of_the_lowest_rooms_can_be_shown() -> None:
     """Base knows no views: the door, which every import passes, tells it of them."""
     code = "from rverror.geartrain.mechanism import reducer; print(reducer('RV-40E')._repr_html_()[:26])"
