@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import os
@@ -823,3 +824,33 @@ def test_a_run_of_the_python_interface_is_diagnosed_alike(bench: Path, capsys: p
     printed = capsys.readouterr().out
     result = rverror.diagnose(load_model("worm.toml"), [load_run("own.csv", WORM)])
     assert rverror.to_text(result) == printed
+
+
+# --- what is loaded ---------------------------------------------------------------------------------------------------
+
+
+def commands_of(parser: argparse.ArgumentParser) -> list[str]:
+    (action,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    return list(action.choices)
+
+
+def test_a_command_is_found_in_the_file_that_is_said_to_have_it() -> None:
+    listed = [name for names in cli._COMMANDS.values() for name in names]
+    assert sorted(commands_of(cli._parser("--help"))) == sorted([*listed, *cli._HERE])
+    for names in cli._COMMANDS.values():
+        for name in names:
+            assert sorted(commands_of(cli._parser(name))) == sorted([*names, *cli._HERE])
+
+
+def test_a_diagnosis_does_not_wait_for_other_results() -> None:
+    """Making their classes takes a third of the time that the package takes to load."""
+    code = (
+        "import sys\n"
+        "from rverror.app.command_line import main\n"
+        "try: main(['diagnose', '--help'])\n"
+        "except SystemExit: pass\n"
+        "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('rverror.')}\n"
+        "print('loaded', *sorted(rooms & {'compensation', 'reference', 'tolerances'}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded"

@@ -29,9 +29,9 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json
 from rverror.views.envelope import input_files
 from rverror.views.html import document, escaped, number, table
-from rverror.views.report import to_html, to_json
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
@@ -359,8 +359,8 @@ def _diagnose_unit(
         model = load_model(model_path)
         mapping = None if mapping_path is None else load_mapping(mapping_path)
         found = diagnose(model, [read_run(path, model, mapping) for path in run_paths])
-        data = to_json(found, files=files)
-        page = to_html(found, files=files) if with_page else ""
+        data = diagnosis_json(found, files=files)
+        page = diagnosis_html(found, files=files) if with_page else ""
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along

@@ -8,19 +8,12 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import closing
-from importlib import resources
+from importlib import import_module, resources
+from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rverror.app import (
-    compensate_command,
-    contact_commands,
-    dynamics_commands,
-    read_command,
-    reference_commands,
-    tolerance_commands,
-    wear_command,
-)
+from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
@@ -55,8 +48,21 @@ from rverror.runs.order_fit import checked_orders, order_table_from_runs
 from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
 from rverror.views.envelope import InputFile, input_files
-from rverror.views.report import to_html, to_json, to_text
+
+#: Commands of each file of commands, as help lists them.  A file is loaded for its own: a diagnosis would wait for the
+#: classes of all other results.
+_COMMANDS = {
+    "compensate_command": ("compensate",),
+    "read_command": ("read",),
+    "tolerance_commands": ("budget", "allocate"),
+    "wear_command": ("wear",),
+    "dynamics_commands": ("modes", "speeds"),
+    "contact_commands": ("efficiency", "hysteresis", "pressure"),
+    "reference_commands": ("reference-cases", "compare"),
+}
+_HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
 
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
@@ -81,7 +87,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0 done, 2 bad input, 130 interrupted.
     """
-    options = _parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    options = _parser(words[0] if words else "").parse_args(words)
     if arguments is None:  # the process is the command's own
         keep_freed_memory()
     if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
@@ -109,7 +116,9 @@ def _silence_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(asked: str) -> argparse.ArgumentParser:
+    """Parser of the command that is asked for, and those beside it; of all where it is none."""
+    known = {*_HERE, *chain.from_iterable(_COMMANDS.values())}
     parser = _Parser(
         prog="rverror", description="Output error of RV reducers: from part errors, and back to the cause."
     )
@@ -171,13 +180,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
-    compensate_command.add_commands(commands)
-    read_command.add_commands(commands)
-    tolerance_commands.add_commands(commands)
-    wear_command.add_commands(commands)
-    dynamics_commands.add_commands(commands)
-    contact_commands.add_commands(commands)
-    reference_commands.add_commands(commands)
+    for module, names in _COMMANDS.items():
+        if asked in names or asked not in known:
+            import_module(f"rverror.app.{module}").add_commands(commands)
 
     command = commands.add_parser("sources", help="list the catalogue of error sources")
     command.add_argument("--json", metavar="OUT.json", help="write it for programs")
@@ -290,7 +295,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     result = _diagnose_with_progress(model, runs, jobs=options.jobs)
     if unseen:
         result = validated(result, unseen)
-    print(to_text(result), end="")
+    print(diagnosis_text(result), end="")
     _write_results(result, options, figure, input_files(inputs))
 
 
@@ -335,11 +340,11 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
 
 def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, files: Sequence[InputFile]) -> None:
     if options.json:
-        write_json(options.json, to_json(result, files=files))
+        write_json(options.json, diagnosis_json(result, files=files))
     if options.plot:
         write_picture(options.plot, figure(result))
     if options.report:
-        write_output(options.report, to_html(result, files=files))
+        write_output(options.report, diagnosis_html(result, files=files))
     if options.save:
         say_replaced(options.save)
         # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error
@@ -411,9 +416,9 @@ def _demo(options: argparse.Namespace) -> None:
         name = Path(trace.name).name
         print(f"{name}: peak-to-peak over the mean turn, arcsec: bench {sizes[0]:.1f}, declared model {sizes[1]:.1f}, "
               f"with what was added {sizes[2]:.1f}")  # fmt: skip
-    print("\n" + to_text(result))
+    print("\n" + diagnosis_text(result))
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
-    write_json(written[0], to_json(result, files=input_files([model_path, *run_paths])))
+    write_json(written[0], diagnosis_json(result, files=input_files([model_path, *run_paths])))
     say_replaced(written[1])
     append_effects(model_path, written[1], [rounded(a.effect) for a in result.added], overwrite=True)
     try:
