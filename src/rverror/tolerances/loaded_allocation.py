@@ -250,26 +250,27 @@ class _Search:
 
     def allocation(self) -> Allocation:
         """Widths of least cost that fresh units verify."""
-        sample = len(self.drawn)
-        few = min(sample, _FEW)
-        given = self._local(self.market.given, "the widths as given", few)
-        found, _ = self._settled(self._begun(), 1.0, count=few, rounds=_ROUNDS)
-        found, local = self._settled(found, 1.0, count=sample, rounds=2)
+        few = self._local(self.market.given, "the widths as given", _FEW)
+        value_before, rates = few.measure(self.market.given)[0], slope_of(few, self.market.given)
+        found = self._begun()
+        found, _ = self._settled(found, self._local(found.widths, "the closed form", _FEW), 1.0, rounds=_ROUNDS)
+        found, local = self._settled(found, self._local(found.widths, "all units", len(self.drawn)), 1.0, rounds=2)
         best: tuple[Found, LoadedQuantile, Verified] | None = None
+        ratios = []
         for attempt in range(_ATTEMPTS):
             fresh = self._verified(found.widths, attempt)
-            used = self._used(fresh, self.beyond)
             if self._met(fresh) and (best is None or self._cost(found) < self._cost(best[0])):
                 best = found, local, fresh
-            # what the sample tells of these widths is what fresh units use of the limits
-            aim = local.measure(found.widths)[0] + 1 - used
+            # spread that fresh units have in place of what the sample foretold, about the unit without any
+            still = self._still(found.widths)
+            foretold = local.measure(found.widths)[0] - still
+            ratios.append((self._used(fresh, self.beyond) - still) / foretold)
+            aim = still + (1 - still) / float(np.mean(ratios))
             ahead = self._step(local, found, aim, _REACH, hold=self._any_smooth(found))
             change = self._change(found, ahead)
             if best is not None and (attempt > 1 or change < _SLACK or self._cost(ahead) > self._cost(found)):
                 break
-            found, local = (
-                (ahead, local) if change < 2 * _FARTHEST else self._settled(found, aim, count=sample, rounds=2)
-            )
+            found, local = (ahead, local) if change < 2 * _FARTHEST else self._settled(found, local, aim, rounds=2)
         if best is None:
             raise InputError(
                 f"limits: after {_ATTEMPTS} verifications the yield of fresh units is {100 * fresh.together:.4g} %, "
@@ -286,11 +287,11 @@ class _Search:
             limit=1.0,
             target=local.measure(found.widths)[0],
             rows=[],
-            value_before=given.measure(self.market.given)[0],
+            value_before=value_before,
             value=self._used(fresh, round((1 - self.level) * self.verify)),
             closed_form_before=self._closed_form(self.market.given),
             closed_form=self._closed_form(found.widths),
-            rates=rates_of(self.market, slope_of(given, self.market.given), step=step_of("load")),
+            rates=rates_of(self.market, rates, step=step_of("load")),
             verified=fresh,
         )
 
@@ -319,9 +320,9 @@ class _Search:
         solved = self.units.solved(self.drawn[:count], widths, slopes=True, progress=tell)
         return LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond, 0.5) / self.verify)
 
-    def _settled(self, found: Found, aim: float, *, count: int, rounds: int) -> tuple[Found, LoadedQuantile]:
-        """Least cost with a quantile of the sample at the aim, by rounds of linear forms."""
-        local = self._local(found.widths, "first widths", count)
+    def _settled(self, found: Found, local: LoadedQuantile, aim: float, *, rounds: int) -> tuple[Found, LoadedQuantile]:
+        """Least cost with a quantile of the sample at the aim, by rounds of linear forms; the last one."""
+        count = len(local.near)
         reach, costs = _REACH, dict[tuple[int, ...], float]()
         for number in range(rounds):
             ahead = self._next(local, found, aim, reach, costs)
@@ -376,6 +377,11 @@ class _Search:
         found = least_cost(near, local, max(aim, least * (1 + CLOSE)), [])
         assert found is not None  # the least widths meet it
         return replace(found, grades=at.grades) if hold else found
+
+    def _still(self, widths: Array) -> float:
+        """Share of its limits that a unit uses whose parts are all at their means."""
+        turns = self.units.solved(np.zeros((1, self.drawn.shape[1])), widths).turns[0]
+        return float(np.max(turns / [one.allowed for one in self.units.limits]))
 
     def _verified(self, widths: Array, attempt: int) -> Verified:
         return verified(
