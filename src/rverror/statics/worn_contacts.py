@@ -33,8 +33,7 @@ from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.readings import felt
-from rverror.statics.energy import samples_last
-from rverror.statics.friction import mean_mesh_slip, nominal_sliding, path_of_contact
+from rverror.statics.friction import mean_mesh_slip, path_of_contact, pin_slip
 from rverror.statics.hertz import pin_contact_radius, pressing, strip_half_width
 from rverror.statics.loaded_state import Statics, reducer_of, statics_of
 from rverror.statics.rigidity import lost_motion
@@ -411,13 +410,12 @@ class _Duty:
     def rate(self, statics: Statics, state: Equilibrium) -> _Worn:
         """Wear per rad of output in the mean over a motion."""
         where, force, unit = statics.motion, pressing(state), self.reducer
-        sliding = nominal_sliding(where, where.direction)
-        slip = samples_last(sliding.pin)
+        slip, turns = pin_slip(where), frame_orders(unit)
         work = force["pin"] * np.abs(slip)  # N mm per rad
         n = work.shape[-1]
         lobes, slow = self._on_discs(where, slip, work)
         pin, each_pin = self._on_pins(where, force["pin"], work)
-        flank = np.abs(sliding.flank).max() * mean_mesh_slip(unit) * force["mesh"].sum() / n
+        flank = abs(turns["planet"] - turns["sun"]) * mean_mesh_slip(unit) * force["mesh"].sum() / n
         volume = np.array([self.by.disc, self.by.pin, self.by.sun, self.by.planet])
         volume = volume * np.array([work.sum() / n, work.sum() / n, flank, flank])
         return _Worn(lobes, slow, pin, each_pin, volume[2:] * self._thinning(), volume)
