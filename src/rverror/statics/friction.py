@@ -5,8 +5,8 @@ which the parts' motion V slides there, v_c = t_c . V, the balance of all parts 
 
 .. math:: \sum_c F_c J_c + \sum_c f_c \lvert F_c \rvert\, \mathrm{sign}(v_c)\, t_c = T.
 
-No energy has such forces, so Newton steps on the balance itself start from the pose without friction.  Nominal motion
-closes no contact, J_c V = 0, so the power that goes in comes out again but for the sum of f_c F_c v_c, exactly.
+No energy has such forces, so they are the load of one pose of least energy after another.  Nominal motion closes no
+contact, J_c V = 0, so the power that goes in comes out again but for the sum of f_c F_c v_c, exactly.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from rverror.statics.energy import Geometry, Layout, samples_first, solve
 from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import on_its_branch, row_of_torques
 
-_MOST_STEPS = 40
-_MOST_HALVINGS = 12
-_MOST_ROUNDS = 30
+_MOST_ROUNDS = 60
+_DEPTH = 6  # rounds that tell the next
+_STRICT = 1e-3  # of what may be out of balance in a pose without friction
 #: Kinds of contacts that rub, in the order in which they stand side by side; behind them stands what does not.
 _KINDS = ("pin", "mesh", "crank_bearing", "carrier_bearing")
 
@@ -306,7 +306,7 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     for settled in statics_of(unit, under).solutions(felt(model.effects), response=True):
         yields = -along * settled.solution.pose_change
         sliding = (_slide_rows(settled.contacts) @ yields[..., None])[..., 0]
-        change = unit.output_turn * (_slid(settled, by * np.sign(sliding)).x - settled.solution.x)[:, 2]
+        change = unit.output_turn * (_slid(settled, by * np.sign(sliding)).solution.x - settled.solution.x)[:, 2]
         found.append(settled.transmission_error + change)
     return np.concatenate(found) + added(model.effects, read)
 
@@ -462,7 +462,7 @@ def _in_equilibrium(
         slid = _slid(settled, rub)
         trace = 0.0 if under.torque else np.abs(settled.problem.load[:, 2] / float(unit.exact_carrier_ratio))
         at_sun = _sun_torque(unit, rub, _pressing(slid)) * where.sense - trace
-        change = unit.output_turn * (slid.x - settled.solution.x)[:, 2]
+        change = unit.output_turn * (slid.solution.x - settled.solution.x)[:, 2]
         found.append((at_sun, (rub * sliding * _pressing(slid)).T, change))
     at_input, lost, change = (np.concatenate(one, axis=-1) for one in zip(*found, strict=True))
     return at_input, _losses(unit, lost.T), change
@@ -485,67 +485,35 @@ def _sun_torque(reducer: Reducer, rub: Array, pressing: Array) -> Array:
     return np.asarray((pressing[:, at] * (lever - rub[:, at])).sum(axis=1))
 
 
-def _friction(on: Array, state: Settled) -> tuple[Array, Array]:
-    """Forces of friction on the parts, (n, unknowns), and their change with the pose, (n, unknowns, unknowns).
-
-    `on` is what each contact does per unit of its pressing, (n, contacts, unknowns).
-    """
-    contacts, pressing = state.contacts, _pressing(state)
-    _, force = state.split(state.solution.row_force)
-    size = np.sqrt((force**2).sum(axis=-1))
-    along = force / np.where(size > 0, size, 1.0)[..., None]
-    along[pressing[:, -size.shape[1] :] > size] = 0.0  # what one side of a preloaded bearing gains the other loses
-    pins = _of_discs(state.reducer, contacts.pin_rows * state.solution.pin_tangent[:, :, None])
-    joints = np.einsum("nqa,nqab,nqbd->nqd", along, state.joint, contacts.joint_rows)
-    change = np.concatenate([pins, state.flank[..., None] * contacts.flank_rows, joints], axis=1)
-    return (pressing[:, None] @ on)[:, 0], np.swapaxes(on, 1, 2) @ change
-
-
 def _slid(settled: Settled, rub: Array) -> Settled:
-    """State with friction, from that without, by Newton steps on the balance; `rub` is signed as contacts slide.
+    """State with friction, from that without; `rub` is signed as contacts slide.
 
-    Where a bearing slides along the rim of its clearance, or flanks change sides, these may go astray; there friction
-    is a load of the last pose until it changes no more.
+    Friction is a load of the last pose until it changes no more.  How its last few changes hang together tells where
+    that is (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12, 1965).
     """
-    contacts, problem, reducer = settled.contacts, settled.problem, settled.reducer
-    on, own = -rub[..., None] * _slide_rows(contacts), -problem.load[:, 2] / float(reducer.exact_carrier_ratio)
-
-    def balance(x: Array) -> tuple[Settled, Array, Array, Array, Array]:
-        """State, what is out of balance, its largest part, what may be left, and its change with the pose."""
-        state = settled.at(x)
-        force, change = _friction(on, state)
-        if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
-            force[:, 2] += own - _sun_torque(reducer, rub, _pressing(state))
-        left, allowed = state.solution.gradient - force, np.maximum(problem.tolerance, state.solution.unbalanced)
-        return state, left, np.abs(left).max(axis=1), allowed, state.solution.matrix - change
-
-    x = settled.solution.x
-    state, left, worst, allowed, matrix = balance(x)
-    for _ in range(_MOST_STEPS):
-        if (worst <= allowed).all():
-            break
-        diagonal = np.einsum("nii->ni", matrix)
-        # a trace more, each in its own unit, holds what no closed contact holds
-        diagonal += 1e-12 * np.maximum(diagonal, 1e-9 * diagonal.max(axis=1, keepdims=True))
-        step, length, before = -np.linalg.solve(matrix, left[..., None])[..., 0], np.ones((len(x), 1)), worst
-        for _ in range(_MOST_HALVINGS):
-            state, left, worst, allowed, matrix = balance(x + length * step)
-            rising = worst > np.maximum((1 - 1e-4 * length[:, 0]) * before, allowed)
-            if not rising.any():
-                break
-            length[rising] /= 2
-        x = state.solution.x
+    problem, reducer, theta = settled.problem, settled.reducer, settled.contacts.motion.theta
+    on, own = -rub[..., None] * _slide_rows(settled.contacts), -problem.load[:, 2] / float(reducer.exact_carrier_ratio)
+    state, load, strict = settled, np.zeros_like(problem.load), problem._replace(tolerance=_STRICT * problem.tolerance)
+    loads, changes = np.zeros((0, *load.shape)), np.zeros((0, *load.shape))
     for _ in range(_MOST_ROUNDS):
-        far = worst > allowed
-        if not far.any():
+        pressing = _pressing(state)
+        force = (pressing[:, None] @ on)[:, 0]
+        if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
+            force[:, 2] += own - _sun_torque(reducer, rub, pressing)
+        left = np.abs(state.solution.gradient + load - force).max(axis=1)
+        if (left <= np.maximum(strict.tolerance, state.solution.unbalanced)).all():
             break
-        # what is out of balance beside the energy's slope is friction: as a load it leaves a pose of least energy
-        found = solve(problem._replace(load=problem.load + state.solution.gradient - left), near=x)
-        x = np.where(far[:, None], found.x, x)
-        state, left, worst, allowed, _ = balance(x)
-    bad = worst > allowed
+        loads, changes = (
+            np.append(loads, load[None], 0)[-_DEPTH:],
+            np.append(changes, (force - load)[None], 0)[-_DEPTH:],
+        )
+        moved, turned = (np.diff(one, axis=0).transpose(1, 2, 0) for one in (loads, changes))
+        share = np.linalg.pinv(turned, rcond=1e-8) @ (force - load)[..., None]
+        load = force - ((moved + turned) @ share)[..., 0]
+        state = replace(settled, solution=solve(strict._replace(load=problem.load + load), near=state.solution.x))
+    bad = left > np.maximum(problem.tolerance, state.solution.unbalanced)
     if bad.any():
-        where = ", ".join(f"{math.degrees(a):.4g}" for a in contacts.motion.theta[bad][:5])
+        where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[bad][:5])
         raise NotConvergedError(
             f"forces and friction do not balance at {bad.sum()} of {bad.size} angles (theta = {where} deg ...): the "
             "parts wedge; use smaller coefficients of friction"

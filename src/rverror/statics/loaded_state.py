@@ -338,7 +338,6 @@ class Statics:
         effects: tuple[Effect, ...],
         start: Array | None = None,
         *,
-        matrix: bool = False,
         response: bool = False,
     ) -> Iterator[Settled]:
         """Settled poses of one stretch of angles after another.
@@ -348,8 +347,8 @@ class Statics:
         effects : tuple of Effect
         start : ndarray, shape (n, unknowns), optional
             Poses at all angles that are likely near.
-        matrix, response : bool
-            Whether these are wanted.
+        response : bool
+            Whether changes per unit of output torque are wanted.
 
         Yields
         ------
@@ -369,7 +368,7 @@ class Statics:
                 raise NotConvergedError(str(error)) from error
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            solution = solve(problem, near=near, matrix=matrix, response=response or idle)
+            solution = solve(problem, near=near, response=response or idle)
             _check_found(solution, contacts.motion.theta, idle=idle)
             settled = Settled(contacts, self.reducer, problem, solution)
             yield settled.unloaded() if idle else settled
@@ -491,10 +490,6 @@ class Settled(OneLine):
         """Rows of flanks, (n, 2 cranks), and of bearings, (n, bearings, 2)."""
         flanks = 2 * self.reducer.cranks
         return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2)
-
-    def at(self, x: Array) -> Settled:
-        """The same in other poses, whether or not forces balance there."""
-        return replace(self, solution=solve(self.problem, given=x, matrix=True), unloading=0.0)
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
