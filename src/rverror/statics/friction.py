@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
@@ -29,6 +28,7 @@ from rverror.geartrain.mechanism import Friction, Reducer
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Geometry, Layout, samples_first, solve
+from rverror.statics.hertz import above_zero
 from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import on_its_branch, row_of_torques
 
@@ -239,9 +239,7 @@ class Hysteresis(Viewed):
         ValueError
             If the loop does not reach it in both senses, or it is not above 0.
         """
-        size = units.named_core("torque", torque, "torque")
-        if not size > 0:
-            raise ValueError(f"torque = {size / 1e3:g} N*m: must be above 0")
+        size = above_zero("torque", torque, "torque")
         middle = (self.rising + self.falling) / 2
         return on_its_branch(self.torque, middle, size) - on_its_branch(self.torque, middle, -size)
 
