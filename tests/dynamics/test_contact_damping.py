@@ -82,7 +82,7 @@ def contact_rates(train: Train, tangent: Settled, rates: np.ndarray) -> dict[str
     flanks = np.einsum("nfc,cn->fn", train.flank_rows(tangent), rates)
     lost["gear_mesh"] = times["gear_mesh"] * (tangent.flank.T * flanks**2).sum(axis=0)
     floating = tangent.x.shape[1]
-    joints = np.einsum("nqdc,cn->qdn", tangent.contacts.joint_rows, rates[:floating])
+    joints = np.einsum("nqdc,cn->qdn", tangent.split(tangent.contacts.whole_rows)[1], rates[:floating])
     each = np.einsum("qdn,nqde,qen->qn", joints, tangent.joint, joints)
     for name, at in (
         ("crank_bearing", slice(0, cams)),

@@ -67,12 +67,13 @@ def settled(
 def dense_matrix(found: Settled) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness from whole rows of all contacts times their tangent stiffness, straight normals; and of their sizes."""
     contacts = found.contacts
+    flank_rows, joint_rows = found.split(contacts.whole_rows)
     pins = np.zeros((*contacts.pin_rows.shape[:2], found.reducer.pins, found.x.shape[1]))
     for k in range(found.reducer.discs):
         pins[:, k, :, 3 + 3 * k : 6 + 3 * k] = np.swapaxes(contacts.pin_rows[:, k], 1, 2)
     both = []
     for of in (np.asarray, np.abs):  # sizes bound what rounding leaves of terms that cancel
-        joints, flanks, own = of(contacts.joint_rows), of(contacts.flank_rows), of(pins)
+        joints, flanks, own = of(joint_rows), of(flank_rows), of(pins)
         matrix = np.einsum("nqca,nqcd,nqdb->nab", joints, of(found.joint), joints)
         matrix += np.einsum("nfa,nf,nfb->nab", flanks, found.flank, flanks)
         both.append(matrix + np.einsum("nkpa,nkp,nkpb->nab", own, found.solution.pin_tangent, own))
@@ -107,7 +108,7 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     left = (expected @ answer[..., None])[..., 0] + push
     allowed = (size_of @ np.abs(answer)[..., None])[..., 0] + np.abs(push)
     assert (np.abs(left) <= 1e-9 * allowed).all()
-    flanks = found.flank * np.einsum("nfa,na->nf", found.contacts.flank_rows, answer)
+    flanks = found.flank * np.einsum("nfa,na->nf", found.split(found.contacts.whole_rows)[0], answer)
     np.testing.assert_allclose(
         found.solution.row_change[:, : flanks.shape[1]], flanks, rtol=0, atol=1e-9 * np.abs(flanks).max()
     )

@@ -243,8 +243,9 @@ class Train:
         for k, at in enumerate(floating.disc):
             pins[:, at : at + 3, at : at + 3] = blocks[:, k]
         flanks = self.flank_rows(state)
-        joint, joints = state.joint, np.zeros((*where.joint_rows.shape[:3], self.size))
-        joints[..., : floating.size] = where.joint_rows
+        joint, (_, own) = state.joint, state.split(where.whole_rows)
+        joints = np.zeros((*own.shape[:3], self.size))
+        joints[..., : floating.size] = own
 
         def bearing(at: slice) -> Array:
             rows = joints[:, at]
@@ -270,7 +271,7 @@ class Train:
 
     def flank_rows(self, state: Settled) -> Array:
         """How each flank closes with the coordinates, (n, 2 cranks, size): also with the sun's angle."""
-        rows = state.contacts.flank_rows
+        rows, _ = state.split(state.contacts.whole_rows)
         made = np.zeros((*rows.shape[:2], self.size))
         made[..., : rows.shape[2]] = rows
         # the flank that drives forwards closes as the sun turns counter-clockwise

@@ -268,17 +268,6 @@ class Geometry:
         which = columns[..., None] == np.arange(Layout(self.motion.reducer).size)
         return np.asarray(np.einsum("nrw,rwc->nrc", rows, which.astype(np.float64)))
 
-    @property
-    def flank_rows(self) -> Array:
-        """How each flank closes with all unknowns, (n, 2 cranks, unknowns)."""
-        return self.whole_rows[:, : 2 * self.motion.reducer.cranks]
-
-    @property
-    def joint_rows(self) -> Array:
-        """How x and y of each bearing close with all unknowns, (n, bearings, 2, unknowns)."""
-        rows = self.whole_rows[:, 2 * self.motion.reducer.cranks :]
-        return rows.reshape(len(rows), -1, 2, rows.shape[2])
-
     def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance | Compliance:
         """What an effect closes, made once; its size plays no part."""
         name = (effect.key, *sorted(effect.indices.items()))

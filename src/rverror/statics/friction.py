@@ -332,31 +332,23 @@ def _counts(reducer: Reducer) -> list[int]:
     return [reducer.discs * reducer.pins, 2 * reducer.cranks, reducer.discs * reducer.cranks, reducer.cranks, 2]
 
 
-def _of_discs(reducer: Reducer, rows: Array) -> Array:
-    """Rows of pins with x, y and angle of their disc, (n, discs, 3, pins), with all unknowns, (n, pins, unknowns)."""
-    made = np.zeros((*rows.shape[:2], rows.shape[3], Layout(reducer).size))
-    for k, at in enumerate(Layout(reducer).disc):
-        made[:, k, :, at : at + 3] = np.swapaxes(rows[:, k], 1, 2)
-    return made.reshape(len(rows), -1, made.shape[3])
-
-
 def _slide_rows(contacts: Geometry) -> Array:
     """How contacts slide with the pose, or turn where friction has a lever, (n, contacts, unknowns).
 
     The disc on each pin, a quarter turn ahead of the normal; each planet on the held sun; each crank in its disc and
     in the carrier.
     """
-    reducer, closing = contacts.motion.reducer, contacts.pin_rows
-    layout = Layout(reducer)
-    on_pins = np.stack([closing[:, :, 1], -closing[:, :, 0], reducer.pin_radius - contacts.profile_lever], axis=2)
-    turns: list[tuple[int, int | None]] = [(crank, None) for crank in layout.crank for _ in range(2)]
-    turns += [(crank, other) for other in (*layout.disc, 0) for crank in layout.crank]
-    others = np.zeros((len(turns) + 2, layout.size))
-    for row, (crank, other) in zip(others, turns, strict=False):
-        row[crank + 2] = 1.0
-        if other is not None:
-            row[other + 2] = -1.0
-    return np.concatenate([_of_discs(reducer, on_pins), np.broadcast_to(others, (len(closing), *others.shape))], axis=1)
+    reducer, closing, layout = contacts.motion.reducer, contacts.pin_rows, Layout(contacts.motion.reducer)
+    pins, flanks, cams, bores, _ = _counts(reducer)
+    rows = np.zeros((len(closing), sum(_counts(reducer)), layout.size))
+    on_pins = np.stack([closing[:, :, 1], -closing[:, :, 0], reducer.pin_radius - contacts.profile_lever], axis=3)
+    for k, at in enumerate(layout.disc):
+        rows[:, k * reducer.pins : (k + 1) * reducer.pins, at : at + 3] = on_pins[:, k]
+    crank = np.array([2 + at for at in layout.crank])
+    turning = pins + np.arange(flanks + cams + bores)
+    rows[:, turning, np.concatenate([np.repeat(crank, 2), np.tile(crank, reducer.discs + 1)])] = 1.0
+    rows[:, turning[flanks:], np.repeat([2 + at for at in (*layout.disc, 0)], reducer.cranks)] = -1.0
+    return rows
 
 
 def pin_slip(contacts: Contacts) -> Array:

@@ -128,6 +128,7 @@ class _Scratch(NamedTuple):
     """State of one angle, beside what the solution holds."""
 
     turned: Array  # rows of the pins with the normals of where they have moved to, if these turn
+    less: Array  # stiffness of a disc's pins that the turning of their forces takes off, below 0
     springs: Array  # lower triangle, as the matrix
     matrix: Array
     factor: Array
@@ -273,13 +274,6 @@ def _closing(problem: Problem, i: int, r: int, x: Array) -> float:
 
 
 @inlined
-def _add_force(problem: Problem, i: int, r: int, force: float, gradient: Array) -> None:
-    """Add what the force of a row does to its parts."""
-    for w in range(problem.columns.shape[1]):
-        gradient[problem.columns[r, w]] += problem.rows[i, r, w] * force
-
-
-@inlined
 def _others(problem: Problem, i: int, x: Array, hold: int, solution: Solution) -> float:
     """Energy of gear flanks and bearings; adds their forces to the gradient."""
     closing, force, tangent = solution.rows[i], solution.row_force[i], solution.row_tangent[i]
@@ -306,7 +300,8 @@ def _others(problem: Problem, i: int, x: Array, hold: int, solution: Solution) -
         tangent[r], tangent[r + 1], solution.coupling[i, q] = xx, yy, xy
         energy += work
     for r in range(len(closing)):
-        _add_force(problem, i, r, force[r], solution.gradient[i])
+        for w in range(problem.columns.shape[1]):
+            solution.gradient[i, problem.columns[r, w]] += problem.rows[i, r, w] * force[r]
     return energy
 
 
@@ -338,6 +333,25 @@ def _add(problem: Problem, i: int, r: int, q: int, stiffness: float, matrix: Arr
 
 
 @inlined
+def _add_pins(stiffness: Array, x: Array, y: Array, t: Array, sign: float, matrix: Array, at: int) -> None:
+    """Add the lower triangle of stiffness along the rows (sign x, y, t) of a disc's pins."""
+    xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(len(stiffness)):
+        xx += stiffness[p] * x[p] * x[p]
+        yx += stiffness[p] * y[p] * x[p]
+        yy += stiffness[p] * y[p] * y[p]
+        tx += stiffness[p] * t[p] * x[p]
+        ty += stiffness[p] * t[p] * y[p]
+        tt += stiffness[p] * t[p] * t[p]
+    matrix[at, at] += xx
+    matrix[at + 1, at] += sign * yx
+    matrix[at + 1, at + 1] += yy
+    matrix[at + 2, at] += sign * tx
+    matrix[at + 2, at + 1] += ty
+    matrix[at + 2, at + 2] += tt
+
+
+@inlined
 def _assemble_springs(problem: Problem, i: int, s: _Scratch) -> None:
     """Stiffness of the bearings without clearance, and what rounding leaves of a gradient per displacement."""
     m, flanks = min(i, len(problem.row_stiffness) - 1), len(problem.columns) - 2 * len(problem.clearance)
@@ -366,32 +380,12 @@ def _assemble(problem: Problem, i: int, turning: float, solution: Solution, s: _
             matrix[a, b] = s.springs[a, b]
     for k in range(problem.pin_error.shape[1]):
         row, tangent = s.turned[k] if problem.share > 0.0 else problem.pin_rows[i, k], solution.pin_tangent[i, k]
-        xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for p in range(len(tangent)):
-            xx += tangent[p] * row[0, p] * row[0, p]
-            yx += tangent[p] * row[1, p] * row[0, p]
-            yy += tangent[p] * row[1, p] * row[1, p]
-            tx += tangent[p] * row[2, p] * row[0, p]
-            ty += tangent[p] * row[2, p] * row[1, p]
-            tt += tangent[p] * row[2, p] * row[2, p]
+        _add_pins(tangent, row[0], row[1], row[2], 1.0, matrix, _FIRST_DISC + 3 * k)
         if problem.share > 0.0 and turning > 0.0:
-            row, force = problem.pin_rows[i, k], solution.pin_force[i, k]
-            lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
-            for p in range(len(tangent)):
-                less = turning * problem.share * curvature[p] * force[p]
-                xx -= less * row[1, p] * row[1, p]
-                yx += less * row[0, p] * row[1, p]
-                yy -= less * row[0, p] * row[0, p]
-                tx += less * lever[p] * row[1, p]
-                ty -= less * lever[p] * row[0, p]
-                tt -= less * lever[p] * lever[p]
-        at = _FIRST_DISC + 3 * k
-        matrix[at, at] += xx
-        matrix[at + 1, at] += yx
-        matrix[at + 1, at + 1] += yy
-        matrix[at + 2, at] += tx
-        matrix[at + 2, at + 1] += ty
-        matrix[at + 2, at + 2] += tt
+            row, force, curvature = problem.pin_rows[i, k], solution.pin_force[i, k], problem.curvature[c, k]
+            for p in range(len(force)):
+                s.less[p] = -turning * problem.share * curvature[p] * force[p]
+            _add_pins(s.less, row[1], row[0], problem.profile_lever[c, k], -1.0, matrix, _FIRST_DISC + 3 * k)
     tangent, flanks = solution.row_tangent[i], len(problem.columns) - 2 * len(problem.clearance)
     for r in range(len(tangent)):
         q = (r - flanks) // 2
@@ -501,9 +495,8 @@ def _newton(
                 if steps == most:
                     return steps, False
                 before = left
-            if _factorise(problem.envelope, s.matrix, s.factor, s.inverse, _TRACE):
-                break
-            if problem.share == 0.0 or turning == 0.0:
+            regular = _factorise(problem.envelope, s.matrix, s.factor, s.inverse, _TRACE)
+            if regular or problem.share == 0.0 or turning == 0.0:
                 break
             turning = 0.0
         for r in range(size):
@@ -524,12 +517,6 @@ def _newton(
         for r in range(size):
             s.trial[r] = x[r] + s.step[r]
         hold = _CLOSED if hold == _DRIVEN and rim else _FREE
-
-
-@inlined
-def _stages(problem: Problem, factor: float) -> int:
-    """Loads on the way down, each by a factor, from one at which all contacts settle easily."""
-    return max(math.ceil(math.log(problem.heavy) / math.log(factor)), 0)
 
 
 @inlined
@@ -565,8 +552,8 @@ def _settle(problem: Problem, i: int, x: Array, start: int, solution: Solution, 
         if found or attempt == 4 or start == GIVEN:
             return total, found
         attempt += 1 if floats or attempt else 2
-        if attempt >= 3:
-            stage = stages = _stages(problem, 8.0 if attempt == 3 else 3.0)
+        if attempt >= 3:  # stages on the way down, from a load at which all contacts settle easily
+            stage = stages = max(math.ceil(math.log(problem.heavy) / math.log(8.0 if attempt == 3 else 3.0)), 0)
 
 
 # --- forces and changes -----------------------------------------------------------------------------------------------
@@ -678,7 +665,7 @@ def scratch(problem: Problem) -> _Scratch:
     """
     size = len(problem.envelope)
     square = (size, size)
-    shapes = (problem.pin_rows.shape[1:], square, square, square, size, size, size, size, 4)
+    shapes = (problem.pin_rows.shape[1:], problem.pin_rows.shape[3], square, square, square, size, size, size, size, 4)
     return _Scratch(*(np.empty(shape) for shape in shapes))
 
 

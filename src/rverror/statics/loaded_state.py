@@ -10,9 +10,8 @@ sharply curved.  `ContactLaw.profile_curvature` lets pins follow it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from rverror.statics.kernel import Problem, Solution
 
 _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
-_NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
+_NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness times pin circle radius squared
 
 
 #: What else the output depends on, in the order of rows of `Prediction.softening`: the logarithm of the compliance (one
@@ -231,7 +230,7 @@ def _along(where: Contacts) -> Statics:
         raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
     if not where.torque >= 0:
         raise ValueError(f"torque = {where.torque / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
-    return Statics(Travel(where), where.reducer, where.torque)
+    return Statics(Geometry(where), where.reducer, where.torque)
 
 
 def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
@@ -258,40 +257,13 @@ def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
 
 
 @dataclass(frozen=True)
-class Travel:
-    """Contact geometry along one motion, whatever errors and stiffnesses are: shared by all that is solved along it.
-
-    Attributes
-    ----------
-    motion : Contacts
-    """
-
-    motion: Contacts
-
-    @cached_property
-    def _whole(self) -> Geometry:
-        return Geometry(self.motion)
-
-    def geometries(self) -> Iterable[Geometry]:
-        """Geometry of one stretch of angles after another; that of few angles is kept."""
-        whole = self.motion
-        if whole.theta.size <= _AT_ONCE:
-            yield self._whole
-            return
-        for first in range(0, whole.theta.size, _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
-            assert isinstance(where, Contacts)
-            yield Geometry(where)
-
-
-@dataclass(frozen=True)
 class Statics:
     """Statics of a reducer along one motion, prepared once for many sets of errors.
 
     Attributes
     ----------
-    travel : Travel
+    whole : Geometry
+        Of the motion, whatever errors and stiffnesses are.
     reducer : Reducer
         Whose stiffness, backlash and contact law count.
     torque : float
@@ -300,7 +272,7 @@ class Statics:
         Angles of the bench where they are not the gear's, rad.
     """
 
-    travel: Travel
+    whole: Geometry
     reducer: Reducer
     torque: float
     read_at: Array | None = None
@@ -308,7 +280,19 @@ class Statics:
     @property
     def motion(self) -> Contacts:
         """Nominal motion."""
-        return self.travel.motion
+        return self.whole.motion
+
+    def _stretches(self) -> Iterator[Geometry]:
+        """Geometry of one stretch of angles after another; that of few angles is kept."""
+        whole = self.motion
+        if whole.theta.size <= _AT_ONCE:
+            yield self.whole
+            return
+        for first in range(0, whole.theta.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
+            assert isinstance(where, Contacts)
+            yield Geometry(where)
 
     def elastic(self, reducer: Reducer) -> Statics:
         """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
@@ -360,8 +344,9 @@ class Statics:
             If the equilibrium was not found at some angle.
         """
         first, acting, idle = 0, felt(effects), not self.torque
-        torque = abs(self.reducer.output_turn) * self.torque or _trace(self.reducer)
-        for contacts in self.travel.geometries():
+        trace = _NO_LOAD * self.reducer.stiffness.pin_contact * self.reducer.pin_circle_radius**2
+        torque = abs(self.reducer.output_turn) * self.torque or trace
+        for contacts in self._stretches():
             try:
                 problem = loaded_problem(contacts, self.reducer, acting, torque, response=response or idle)
             except ValueError as error:
@@ -378,7 +363,12 @@ class Statics:
         """Turn of the output and its changes with all parameters, from one solution."""
         found: Prediction = _joined(
             [
-                Prediction(part.transmission_error, part.influences(effects), part.softening(), part.solution.x.T)
+                Prediction(
+                    part.transmission_error,
+                    part.influences(effects),
+                    np.ascontiguousarray(part.solution.softening.T),
+                    part.solution.x.T,
+                )
                 for part in self.solutions(effects, start, response=True)
             ]
         )
@@ -433,11 +423,6 @@ class Prediction(OneLine):
     poses: Array | None = None
 
 
-def _trace(reducer: Reducer) -> float:
-    """Torque on the carrier that stands for none, N*mm."""
-    return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
-
-
 def _check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
     lost = ~solution.found
     if lost.any():
@@ -487,9 +472,9 @@ class Settled(OneLine):
         return own[..., None] * np.eye(2) + self.solution.coupling[..., None, None] * (1 - np.eye(2))
 
     def split(self, rows: Array) -> tuple[Array, Array]:
-        """Rows of flanks, (n, 2 cranks), and of bearings, (n, bearings, 2)."""
+        """Rows of flanks, (n, 2 cranks, ...), and of bearings, (n, bearings, 2, ...)."""
         flanks = 2 * self.reducer.cranks
-        return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2)
+        return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2, *rows.shape[2:])
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
@@ -569,10 +554,6 @@ class Settled(OneLine):
             alone = solve(self.problem._replace(push=push), given=self.solution.x, response=True)
             changes[:, coordinate, moving > 0] = replace(self, solution=alone).influences(acting).T
         return changes
-
-    def softening(self) -> Array:
-        """Change of the output angle per unit of each of `SOFTENING`, (10, n)."""
-        return np.ascontiguousarray(self.solution.softening.T)
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
