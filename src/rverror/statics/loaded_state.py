@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -38,6 +38,8 @@ from rverror.statics.energy import (
 
 if TYPE_CHECKING:
     from rverror.statics.kernel import Problem, Solution
+
+T = TypeVar("T")
 
 _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
 _NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness times pin circle radius squared
@@ -188,16 +190,17 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
 
-def _joined(parts: Sequence[Any]) -> Any:
+def _joined(parts: Sequence[T]) -> T:
     """Arrays of all stretches along their last axis, and mappings and records of them."""
-    first = parts[0]
+    first: Any = parts[0]
     if len(parts) == 1 or first is None:  # told by who asked for it
-        return first
+        return parts[0]
     if isinstance(first, Mapping):
-        return {key: _joined([one[key] for one in parts]) for key in first}
-    if is_dataclass(first) and not isinstance(first, type):
-        return replace(first, **{f.name: _joined([getattr(one, f.name) for one in parts]) for f in fields(first)})
-    return np.concatenate(parts, axis=-1)
+        return cast(T, {key: _joined([cast(Any, one)[key] for one in parts]) for key in first})
+    if is_dataclass(first):
+        same = {item.name: _joined([getattr(one, item.name) for one in parts]) for item in fields(first)}
+        return cast(T, replace(cast(Any, first), **same))
+    return cast(T, np.concatenate(cast(Any, parts), axis=-1))
 
 
 def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
@@ -361,7 +364,7 @@ class Statics:
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""
-        found: Prediction = _joined(
+        found = _joined(
             [
                 Prediction(
                     part.transmission_error,
@@ -377,10 +380,7 @@ class Statics:
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque."""
-        found: ContactForces = _joined(
-            [part.forces_per_torque() for part in self.solutions(effects, start, response=True)]
-        )
-        return found
+        return _joined([part.forces_per_torque() for part in self.solutions(effects, start, response=True)])
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
@@ -394,7 +394,7 @@ class Statics:
 
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
-        state: Equilibrium = _joined(parts)
+        state = _joined(parts)
         read = self.motion if self.read_at is None else self.motion.at(self.read_at)
         turned = state.transmission_error + added(effects, read)
         return replace(state, transmission_error=turned, theta=read.theta)
