@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, dot, radial_and_tangential
+from rverror.base.arrays import Array, dot
 from rverror.base.threads import each_part
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, Contacts, Displacement
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
@@ -131,25 +131,23 @@ def error_closing(contacts: Geometry, effects: Sequence[Effect], *, slides: bool
     n, pins, rows = contacts.motion.theta.size, (reducer.discs, reducer.pins), len(contacts.sparse[1])
     m = n if any(isinstance(one, Compliance) for _, one in found) else 1
     pin, along, row = (np.zeros((n, *shape)) for shape in (pins, pins, (rows,)))
-    pin_compliance, row_compliance = (np.zeros((m, *shape)) for shape in (pins, (rows,)))
-    errors = Errors(pin, along, row, dict.fromkeys(BEARINGS, 0.0), pin_compliance, row_compliance)
-    closed = by_contact(reducer, pin=errors.pin, row=errors.row)
-    softer = by_contact(reducer, pin=errors.pin_compliance, row=errors.row_compliance)
+    softer_pin, softer_row = (np.zeros((m, *shape)) for shape in (pins, (rows,)))
+    closed, softer = by_contact(reducer, pin=pin, row=row), by_contact(reducer, pin=softer_pin, row=softer_row)
+    clearance = dict.fromkeys(BEARINGS, 0.0)
     for values, closings in found:
         if isinstance(closings, Clearance):
-            errors.clearance[closings.contact] += max(values[0], 0.0)
+            clearance[closings.contact] += max(values[0], 0.0)
         elif isinstance(closings, Compliance):
             more = samples_first(np.tensordot(values, closings.share, axes=1))
-            softer[closings.contact][(slice(None), *closings.at)] += (
-                more[..., None] if closings.contact in BEARINGS else more
-            )
+            here = softer[closings.contact][(slice(None), *closings.at)]
+            here += more[..., None] if closings.contact in BEARINGS else more
         else:
             for one in closings:
-                here = (slice(None), *one.error.at)
-                closed[one.contact][here] += _total(values, one.across)
+                at = (slice(None), *one.error.at)
+                closed[one.contact][at] += _total(values, one.across)
                 if slides and one.contact == "pin":
-                    errors.along[here] += _total(values, one.along)
-    return errors
+                    along[at] += _total(values, one.along)
+    return Errors(pin, along, row, clearance, softer_pin, softer_row)
 
 
 def _total(values: Sequence[float], rows: Array) -> Array:
@@ -200,11 +198,8 @@ class Geometry:
     @cached_property
     def profile_lever(self) -> Array:
         """How far each pin moves along its disc's profile with the disc's angle, mm, (n, discs, pins)."""
-        motion = self.motion
-        pins, _ = radial_and_tangential(pin_positions(motion.reducer)[:, None])
-        eccentric, _ = motion.eccentric_directions
-        arm = motion.reducer.pin_circle_radius * pins - motion.reducer.eccentricity * eccentric[:, None]
-        return -samples_first(dot(arm, motion.pin_normal))
+        motion = self.motion  # whose points of contact lie a pin's radius before its centre
+        return motion.reducer.pin_radius - samples_first(dot(motion.pin_point, motion.pin_normal))
 
     @cached_property
     def curvature(self) -> Array:
