@@ -403,17 +403,18 @@ def solve(
     from rverror.statics import kernel
 
     (n, size), pins, rows = problem.load.shape, problem.pin_error.shape[1:], problem.row_error.shape[1:]
-    whole, changed = n if matrix else 0, n if response else 0
+    bent, whole, changed = n * (problem.share > 0), n * matrix, n * response
     start = kernel.GIVEN if given is not None else kernel.COLD if near is None else kernel.NEAR
     first = near if given is None else given
     made: list[npt.NDArray[Any]] = [
         np.empty((n, size)) if first is None else np.array(first, dtype=np.float64, order="C"),
         np.empty(n, dtype=np.intp),
         np.empty(n, dtype=np.bool_),
-        *(np.empty((n, *shape)) for shape in (pins, pins, rows, pins, rows, pins, rows, problem.clearance.shape)),
-        *(np.empty((n, *shape)) for shape in ((), (size,), ())),
+        *(np.empty((count, *pins)) for count in (n, bent)),
+        *(np.empty((n, *shape)) for shape in (rows, pins, rows, pins, rows, problem.clearance.shape, (), (size,), ())),
         np.empty((whole, size, size)),
-        *(np.empty((changed, *shape)) for shape in (pins, pins, rows, (size,), (10,))),
+        *(np.empty((count, *pins)) for count in (changed, bent * response)),
+        *(np.empty((changed, *shape)) for shape in (rows, (size,), (10,))),
     ]
     found = kernel.Solution._make(made)
 

@@ -98,13 +98,13 @@ class Problem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What is found at n angles; the matrix, and the changes, may be empty."""
+    """What is found at n angles; the matrix, the changes, and ways along profiles that do not count, may be empty."""
 
     x: Array  # (n, unknowns): poses, mm and rad
     steps: Integers  # (n,): Newton steps
     found: Flags  # (n,): whether the forces balance
     pins: Array  # (n, discs, pins): closing, mm
-    slides: Array  # (n, discs, pins): way along the profile, mm, where it counts or changes are asked for
+    slides: Array  # (n, discs, pins): way along the profile, mm
     rows: Array  # (n, rows): closing, mm
     pin_force: Array  # (n, discs, pins), N
     row_force: Array  # (n, rows), N
@@ -628,7 +628,9 @@ def _write_pin_changes(problem: Problem, i: int, solution: Solution, s: _Scratch
         row = s.turned[k] if problem.share > 0.0 else problem.pin_rows[i, k]
         lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
         force, tangent, change = solution.pin_force[i, k], solution.pin_tangent[i, k], solution.pin_change[i, k]
-        slide, along = solution.slides[i, k], solution.slide_change[i, k]
+        slide, along = s.turned[k, 0], s.turned[k, 1]  # free where no normal turns
+        if problem.share > 0.0:
+            slide, along = solution.slides[i, k], solution.slide_change[i, k]
         for p in range(len(change)):
             change[p] = tangent[p] * (row[0, p] * dx + row[1, p] * dy + row[2, p] * turn)
         row, error = problem.pin_rows[i, k], problem.slide_error[i, k]
@@ -636,8 +638,9 @@ def _write_pin_changes(problem: Problem, i: int, solution: Solution, s: _Scratch
             along[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn
             slide[p] = row[0, p] * x[at + 1] - row[1, p] * x[at] + lever[p] * x[at + 2] + error[p]
             by_curvature += curvature[p] * slide[p] * (0.5 * change[p] * slide[p] + force[p] * along[p])
-        for p in range(len(change)):
-            along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
+        if problem.share > 0.0:
+            for p in range(len(change)):
+                along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
         stiffness, closing = problem.pin_stiffness[m, k], solution.pins[i, k]
         for p in range(len(change)):
             if closing[p] > 0.0:
