@@ -217,12 +217,18 @@ def report_operations(torque: str, clearance: str) -> None:
 
     found = kernel.solve
 
-    def counting(problem: kernel.Problem, start: int, solution: kernel.Solution, scratch: object) -> None:
+    def counting(
+        problem: kernel.Problem, start: int, first: int, last: int, solution: kernel.Solution, scratch: object
+    ) -> None:
+        count = np.vectorize(Counted, otypes=[object])
         floats = {name: row for name, row in problem._asdict().items() if getattr(row, "dtype", None) == np.float64}
-        counted = {name: np.vectorize(Counted, otypes=[object])(row) for name, row in floats.items()}
-        blank = [np.vectorize(Counted, otypes=[object])(np.nan_to_num(row)) for row in scratch]
+        counted = {name: count(row) for name, row in floats.items()}
+        state = [count(np.nan_to_num(row)) if row.dtype == np.float64 else row for row in solution]
+        blank = [count(np.nan_to_num(row)) for row in scratch]
         Counted.done = 0
-        found(problem._replace(**counted), start, solution, kernel._Scratch(*blank))
+        found(problem._replace(**counted), start, first, last, kernel.Solution._make(state), kernel._Scratch(*blank))
+        for row, told in zip(solution, state, strict=True):
+            row[...] = told
         print(Counted.done / len(solution.x), solution.steps.mean())
 
     theta = np.linspace(0, 2 * np.pi, 7)

@@ -22,7 +22,7 @@ from rverror.dynamics.loaded_motion import LoadedMotion, loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import samples_needed
-from rverror.statics.loaded_state import Tangent, statics_of
+from rverror.statics.loaded_state import Settled, statics_of
 from strategies import reducers, variant
 
 RPM = math.pi / 30
@@ -49,12 +49,12 @@ def deviation(found: rverror.SpeedResponse) -> np.ndarray:
     return found.transmission_error - found.crawl
 
 
-def moving(model: Model, *, torque: float, count: int, direction: float = 1.0) -> tuple[LoadedMotion, list[Tangent]]:
+def moving(model: Model, *, torque: float, count: int, direction: float = 1.0) -> tuple[LoadedMotion, list[Settled]]:
     """A train in motion, and its contacts as the housing sees them."""
     assert isinstance(model.mechanism, rverror.Reducer)
     theta = 2 * math.pi * np.arange(count) / count
     where = pose(model.mechanism, theta, torque=torque, direction=direction)
-    tangents = list(statics_of(model.mechanism, where).tangents(model.effects))
+    tangents = list(statics_of(model.mechanism, where).solutions(model.effects))
     return loaded_motion(Train(model.mechanism, model.bench), tangents, theta, 2 * math.pi), tangents
 
 

@@ -16,7 +16,7 @@ from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain.contacts import pose
-from rverror.statics.loaded_state import Tangent, statics_of
+from rverror.statics.loaded_state import Settled, statics_of
 from strategies import reducers, variant
 
 UNIT = rverror.reducer("RV-40E")
@@ -67,7 +67,7 @@ def test_a_heavy_load_on_contacts_alike_is_the_textbooks_wavy_base(direction: fl
     np.testing.assert_allclose(found.waves[:, at] / found.crawl_waves[at], expected, rtol=2e-3)
 
 
-def contact_rates(train: Train, tangent: Tangent, rates: np.ndarray) -> dict[str, np.ndarray]:
+def contact_rates(train: Train, tangent: Settled, rates: np.ndarray) -> dict[str, np.ndarray]:
     """Power that each contact swallows, contact by contact, N*mm/s, (n,), of rates of the coordinates, (size, n)."""
     times, reducer = train.bench.damping_times, train.reducer
     cams = reducer.discs * reducer.cranks
@@ -76,11 +76,13 @@ def contact_rates(train: Train, tangent: Tangent, rates: np.ndarray) -> dict[str
         disc = rates[list(train.place(f"disc {k}"))]
         for pin in range(reducer.pins):
             closing = (tangent.contacts.pin_rows[:, k, :, pin].T * disc).sum(axis=0)
-            lost["pin_contact"] = lost["pin_contact"] + times["pin_contact"] * tangent.pin[:, k, pin] * closing**2
+            lost["pin_contact"] = (
+                lost["pin_contact"] + times["pin_contact"] * tangent.solution.pin_tangent[:, k, pin] * closing**2
+            )
     flanks = np.einsum("nfc,cn->fn", train.flank_rows(tangent), rates)
     lost["gear_mesh"] = times["gear_mesh"] * (tangent.flank.T * flanks**2).sum(axis=0)
     floating = tangent.x.shape[1]
-    joints = np.einsum("nqdc,cn->qdn", tangent.contacts.joint_rows, rates[:floating])
+    joints = np.einsum("nqdc,cn->qdn", tangent.split(tangent.contacts.whole_rows)[1], rates[:floating])
     each = np.einsum("qdn,nqde,qen->qn", joints, tangent.joint, joints)
     for name, at in (
         ("crank_bearing", slice(0, cams)),
@@ -103,7 +105,7 @@ def contact_rates(train: Train, tangent: Tangent, rates: np.ndarray) -> dict[str
 def test_a_cycle_swallows_pi_c_omega_times_the_square_of_every_closing() -> None:
     """Shaken at the load about one pose: work put in, pi F y sin(phase), is the sum over contacts."""
     train = Train(SMALL, UNLIKE)
-    (tangent,) = statics_of(SMALL, pose(SMALL, [0.3], torque=1e5, direction=1.0)).tangents(ERRORS)
+    (tangent,) = statics_of(SMALL, pose(SMALL, [0.3], torque=1e5, direction=1.0)).solutions(ERRORS)
     groups = train.stiffness(tangent)
     stiffness, damping = sum(groups.values())[0], train.damping(groups)[0]
     force = np.zeros(train.size)
@@ -124,7 +126,7 @@ def test_power_put_in_at_speed_is_what_contacts_swallow(direction: float) -> Non
     """All modes kept: force times rate, less what the turning stiffness takes, is c rate^2 of every contact."""
     count, speed = 1024, 0.8 * direction
     theta = 2 * math.pi * np.arange(count) / count
-    (tangent,) = statics_of(SMALL, pose(SMALL, theta, torque=3e5, direction=direction)).tangents(ERRORS)
+    (tangent,) = statics_of(SMALL, pose(SMALL, theta, torque=3e5, direction=direction)).solutions(ERRORS)
     train = Train(SMALL, UNLIKE)
     reduced = loaded_motion(train, [tangent], theta, 2 * math.pi).reduced(99)
     moved = reduced.response(speed)

@@ -60,24 +60,23 @@ def settled(
     torque: float = TORQUE,
     start: np.ndarray | None = None,
 ) -> Settled:
-    (found,) = statics_of(unit, Conditions(theta, direction, torque)).solutions(
-        effects, start, matrix=True, response=True
-    )
+    (found,) = statics_of(unit, Conditions(theta, direction, torque)).solutions(effects, start, response=True)
     return found
 
 
 def dense_matrix(found: Settled) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness from whole rows of all contacts times their tangent stiffness, straight normals; and of their sizes."""
-    contacts, stiff = found.contacts, found.tangent()
+    contacts = found.contacts
+    flank_rows, joint_rows = found.split(contacts.whole_rows)
     pins = np.zeros((*contacts.pin_rows.shape[:2], found.reducer.pins, found.x.shape[1]))
     for k in range(found.reducer.discs):
         pins[:, k, :, 3 + 3 * k : 6 + 3 * k] = np.swapaxes(contacts.pin_rows[:, k], 1, 2)
     both = []
     for of in (np.asarray, np.abs):  # sizes bound what rounding leaves of terms that cancel
-        joints, flanks, own = of(contacts.joint_rows), of(contacts.flank_rows), of(pins)
-        matrix = np.einsum("nqca,nqcd,nqdb->nab", joints, of(stiff.joint), joints)
-        matrix += np.einsum("nfa,nf,nfb->nab", flanks, stiff.flank, flanks)
-        both.append(matrix + np.einsum("nkpa,nkp,nkpb->nab", own, stiff.pin, own))
+        joints, flanks, own = of(joint_rows), of(flank_rows), of(pins)
+        matrix = np.einsum("nqca,nqcd,nqdb->nab", joints, of(found.joint), joints)
+        matrix += np.einsum("nfa,nf,nfb->nab", flanks, found.flank, flanks)
+        both.append(matrix + np.einsum("nkpa,nkp,nkpb->nab", own, found.solution.pin_tangent, own))
     return both[0], both[1]
 
 
@@ -97,7 +96,8 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     torque = 0.1 * unit.stiffness.pin_contact * 1e-3 * unit.pin_circle_radius
     found = settled(unit, errors, theta, direction=direction, torque=torque)
     expected, size_of = dense_matrix(found)
-    assert (np.abs(found.matrix - expected) <= 1e-13 * size_of).all()
+    matrix = solve(found.problem, given=found.solution.x, matrix=True).matrix
+    assert (np.abs(matrix - expected) <= 1e-13 * size_of).all()
     first, size = found.contacts.envelope, found.x.shape[1]
     outside = np.arange(size)[None] < first[:, None]
     assert not expected[:, outside].any()
@@ -108,7 +108,7 @@ def test_the_matrix_in_its_envelope_is_that_of_whole_rows(
     left = (expected @ answer[..., None])[..., 0] + push
     allowed = (size_of @ np.abs(answer)[..., None])[..., 0] + np.abs(push)
     assert (np.abs(left) <= 1e-9 * allowed).all()
-    flanks = found.tangent().flank * np.einsum("nfa,na->nf", found.contacts.flank_rows, answer)
+    flanks = found.flank * np.einsum("nfa,na->nf", found.split(found.contacts.whole_rows)[0], answer)
     np.testing.assert_allclose(
         found.solution.row_change[:, : flanks.shape[1]], flanks, rtol=0, atol=1e-9 * np.abs(flanks).max()
     )
@@ -147,8 +147,8 @@ def test_flanks_lift_and_the_other_side_closes(lead: float) -> None:
     found = settled(unit, lags)
     loaded = found.solution.rows[:, :6].reshape(-1, 3, 2) > 0
     assert (loaded == [True, False]).all() == (lead < 1.0)
-    assert (np.abs(found.forces.gradient).max(axis=1) <= found.problem.tolerance).all()
-    np.testing.assert_array_equal(found.tangent().flank_force > 0, found.solution.rows[:, :6] > 0)
+    assert (np.abs(found.solution.gradient).max(axis=1) <= found.problem.tolerance).all()
+    np.testing.assert_array_equal(found.solution.row_force[:, :6] > 0, found.solution.rows[:, :6] > 0)
 
 
 @pytest.mark.parametrize("floats", [False, True])

@@ -84,7 +84,8 @@ def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None
     units = loaded_units(model, tolerances, limits)
     drawn, widths = standard_draws(units.stack, 4, seed=1, stream=0), units.stack.width
     found = units.solved(drawn, widths, slopes=True)
-    assert found.near is not None and found.slopes is not None
+    assert found.near is not None
+    assert found.slopes is not None
     first = np.argmax(found.near, axis=2)[..., None]
     for entry in range(len(widths)):
         step = np.where(np.arange(len(widths)) == entry, 1e-4 * widths, 0.0)

@@ -19,7 +19,7 @@ from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, unread
-from rverror.statics.loaded_state import Tangent
+from rverror.statics.loaded_state import Settled
 
 #: Share of the largest amplitude at a speed from which an order is told.
 _TOLD = 0.01
@@ -281,7 +281,7 @@ def speed_response(
     rows = _speeds(speeds)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
-    pulling = _Pulling(moving, made.tangents)
+    pulling = _Pulling(moving, made.solutions)
     crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
     errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
     per_square: Array | None = None  # what is driven grows with the square of the speed
@@ -399,22 +399,23 @@ class _Pulling:
     """How closed contacts are loaded as the parts move, at some of the angles."""
 
     moving: ReducedMotion
-    tangents: Sequence[Tangent]
+    states: Sequence[Settled]
 
     @cached_property
     def _contacts(self) -> tuple[tuple[Array, Array], ...]:
         """Rows of pins and flanks, (n, contacts, size), times their stiffness, and forces at rest, (n, contacts)."""
         train = self.moving.whole.train
         made: tuple[list[Array], ...] = ([], [], [], [])
-        for tangent in self.tangents:  # each but the last has a whole number of strides
-            pressed, closing = tangent.pin[::_EVERY], tangent.contacts.pin_rows[::_EVERY]
+        for state in self.states:  # each but the last has a whole number of strides
+            pressed, closing = state.solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
             rows = np.zeros((*pressed.shape, train.size))
             for k in range(pressed.shape[1]):
                 first = train.place(f"disc {k}")[0]
                 rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2)
             rows *= pressed[..., None]
-            flanks = (tangent.flank[..., None] * train.flank_rows(tangent))[::_EVERY]
-            parts = (rows, tangent.pin_force[::_EVERY], flanks, tangent.flank_force[::_EVERY])
+            flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
+            force, _ = state.split(state.solution.row_force)
+            parts = (rows, state.solution.pin_force[::_EVERY], flanks, force[::_EVERY])
             for whole, part in zip(made, parts, strict=True):
                 whole.append(part)
         pins, pin_force, flanks, flank_force = map(np.concatenate, made)

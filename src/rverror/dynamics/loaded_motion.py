@@ -7,7 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from rverror.dynamics.time_integration import Forced
 from rverror.dynamics.train import FREE, SUPPORTED, Train
 from rverror.geartrain.kinematics import frame_orders
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Tangent
+from rverror.statics.loaded_state import Settled
 
 
 @dataclass(frozen=True)
@@ -259,14 +259,14 @@ class ReducedMotion:
 
 
 def loaded_motion(
-    train: Train, tangents: list[Tangent], theta: Array, period: float, between: Array | None = None
+    train: Train, states: Sequence[Settled], theta: Array, period: float, between: Array | None = None
 ) -> LoadedMotion:
     """Loaded state and stiffness in the frames of the parts.
 
     Parameters
     ----------
     train : Train
-    tangents : list of Tangent
+    states : sequence of Settled
         Of all angles, stretch by stretch.
     theta : ndarray, shape (n,)
         Those angles, evenly over one period.
@@ -279,9 +279,9 @@ def loaded_motion(
     -------
     LoadedMotion
     """
-    state = in_frames(train, train.pose(np.concatenate([one.x for one in tangents])).T, theta)
-    stops = np.cumsum([0, *(len(one.x) for one in tangents)])
-    parts = zip(tangents, np.split(theta, stops[1:-1]), strict=True)
+    state = in_frames(train, train.pose(np.concatenate([one.x for one in states])).T, theta)
+    stops = np.cumsum([0, *(len(one.x) for one in states)])
+    parts = zip(states, np.split(theta, stops[1:-1]), strict=True)
     stiffness: list[Array] = []
     damping: list[Array] = []
     for one, angle in parts:

@@ -22,7 +22,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import Stand, stand, unread
-from rverror.statics.loaded_state import Tangent, statics_of
+from rverror.statics.loaded_state import Settled, statics_of
 
 #: Times the highest frequency that the meshes drive: modes up to there keep their inertia, the machine's first always.
 REACH = 2.5
@@ -43,12 +43,10 @@ class MovingReducer:
         Output turns.
     where : Stand
     motion : ReducedMotion
-    tangents : sequence of Tangent
-        Of all angles, stretch by stretch.
     frequency : ndarray, shape (size,)
         Of the mean stiffness, Hz.
     of_sun_support : ndarray of bool, shape (size,)
-    solutions, halfway : sequence
+    solutions, halfway : sequence of Settled
         Loaded state at these angles and half a step further on, stretch by stretch.
     """
 
@@ -58,11 +56,10 @@ class MovingReducer:
     period: int
     where: Stand
     motion: ReducedMotion
-    tangents: Sequence[Tangent]
     frequency: Array
     of_sun_support: npt.NDArray[np.bool_]
-    solutions: Sequence[Any]
-    halfway: Sequence[Any]
+    solutions: Sequence[Settled]
+    halfway: Sequence[Settled]
 
     @property
     def theta(self) -> Array:
@@ -154,21 +151,16 @@ def moving_reducer(
         stand(model, pose(unit, angle, torque=load, direction=direction)) for angle in (theta, theta + theta[1] / 2)
     )
     train = Train(unit, model.bench)
-    solutions, halfway = (
-        list(statics_of(unit, one.gears).solutions(model.effects, matrix=True)) for one in (where, between)
-    )
-    tangents = [one.tangent() for one in solutions]
-    poses = np.concatenate([one.x + one.unloading for one in halfway])
-    whole = loaded_motion(train, tangents, where.gears.theta, 2 * math.pi * period, poses)
+    solutions, halfway = (list(statics_of(unit, one.gears).solutions(model.effects)) for one in (where, between))
+    poses = np.concatenate([one.x for one in halfway])
+    whole = loaded_motion(train, solutions, where.gears.theta, 2 * math.pi * period, poses)
     frequency, on_support = whole.mean_modes()
     if kept is None:
         driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
         first = int(np.flatnonzero((frequency > 0) & ~on_support)[0])
         kept = max(int((frequency <= REACH * driven).sum()), first + 1)
     motion = whole.reduced(max(kept, 1))
-    return MovingReducer(
-        unit, size, direction, period, where, motion, tangents, frequency, on_support, solutions, halfway
-    )
+    return MovingReducer(unit, size, direction, period, where, motion, frequency, on_support, solutions, halfway)
 
 
 def _period(effects: Sequence[Effect], unit: Reducer) -> int:

@@ -114,8 +114,8 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     angle = units.to_core(theta, "angle")
     train = Train(unit, model.bench)
     where = stand(model, pose(unit, [angle], torque=units.InCore(size), direction=direction)).gears
-    (tangent,) = statics_of(unit, where).tangents(model.effects)
-    groups = {name: matrix[0] for name, matrix in train.stiffness(tangent).items()}
+    (state,) = statics_of(unit, where).solutions(model.effects)
+    groups = {name: matrix[0] for name, matrix in train.stiffness(state).items()}
     root = np.sqrt(train.mass)
     value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))
     value = np.where(value < FREE * value[-1], 0.0, value)

@@ -22,7 +22,7 @@ from rverror.geartrain.mechanism import OUTPUTS, Inertia, Reducer, core_torque
 from rverror.model.effects import Model
 from rverror.model.ends import Bench
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Tangent
+from rverror.statics.loaded_state import Settled
 
 #: Of the largest eigenvalue: a mode below it has no frequency.  Rounding leaves some 1e-16 of it for a free motion;
 #: one of a hundredth of a Hz beside 16 kHz has 4e-13.
@@ -230,31 +230,32 @@ class Train:
         made[:, list(self.place("load"))] = x[:, 2:3]
         return made
 
-    def stiffness(self, tangent: Tangent) -> dict[str, Array]:
+    def stiffness(self, state: Settled) -> dict[str, Array]:
         """Stiffness matrix of each group of contacts and springs, (n or 1, size, size), in the housing frame.
 
         Groups have the names of `Stiffness` and of the springs of `Bench`.
         """
-        where, reducer, floating = tangent.contacts, self.reducer, Layout(self.reducer)
-        n, cams = len(tangent.x), reducer.discs * reducer.cranks
+        where, reducer, floating = state.contacts, self.reducer, Layout(self.reducer)
+        n, cams = len(state.x), reducer.discs * reducer.cranks
         pins = np.zeros((n, self.size, self.size))
-        blocks = (tangent.pin[:, :, None] * where.pin_rows) @ np.swapaxes(where.pin_rows, 2, 3)
+        blocks = (state.solution.pin_tangent[:, :, None] * where.pin_rows) @ np.swapaxes(where.pin_rows, 2, 3)
         for k, at in enumerate(floating.disc):
             pins[:, at : at + 3, at : at + 3] = blocks[:, k]
-        flanks = self.flank_rows(tangent)
-        joints = np.zeros((*where.joint_rows.shape[:3], self.size))
-        joints[..., : floating.size] = where.joint_rows
+        flanks = self.flank_rows(state)
+        joint, (_, own) = state.joint, state.split(where.whole_rows)
+        joints = np.zeros((*own.shape[:3], self.size))
+        joints[..., : floating.size] = own
 
         def bearing(at: slice) -> Array:
             rows = joints[:, at]
-            pressed = (tangent.joint[:, at] @ rows).reshape(n, -1, self.size)
+            pressed = (joint[:, at] @ rows).reshape(n, -1, self.size)
             return np.swapaxes(rows.reshape(n, -1, self.size), 1, 2) @ pressed
 
         made = {
             "pin_contact": pins,
             "crank_bearing": bearing(slice(0, cams)),
             "carrier_bearing": bearing(slice(cams, cams + reducer.cranks)),
-            "gear_mesh": np.swapaxes(flanks, 1, 2) @ (tangent.flank[..., None] * flanks),
+            "gear_mesh": np.swapaxes(flanks, 1, 2) @ (state.flank[..., None] * flanks),
             "sun_support": bearing(slice(cams + reducer.cranks + 1, None)),
             "main_bearing": bearing(slice(cams + reducer.cranks, cams + reducer.cranks + 1)),
         }
@@ -267,9 +268,9 @@ class Train:
         times = self.bench.damping_times
         return np.asarray(sum(times[name.removesuffix("_stiffness")] * matrix for name, matrix in groups.items()))
 
-    def flank_rows(self, tangent: Tangent) -> Array:
+    def flank_rows(self, state: Settled) -> Array:
         """How each flank closes with the coordinates, (n, 2 cranks, size): also with the sun's angle."""
-        rows = tangent.contacts.flank_rows
+        rows, _ = state.split(state.contacts.whole_rows)
         made = np.zeros((*rows.shape[:2], self.size))
         made[..., : rows.shape[2]] = rows
         # the flank that drives forwards closes as the sun turns counter-clockwise

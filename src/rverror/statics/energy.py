@@ -8,35 +8,26 @@ error vectors as in the closed form.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.arrays import Array, dot
 from rverror.base.threads import each_part
-from rverror.geartrain.action_line import (
-    BEARINGS,
-    Clearance,
-    Compliance,
-    Contacts,
-    Displacement,
-    SourceVector,
-)
+from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, Contacts, Displacement
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.mechanism import REFERENCE_FORCE, Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
-from rverror.statics.elasticity import elasticity
 
 if TYPE_CHECKING:  # numba takes a while to import: the kernel is fetched when it is first needed
     from rverror.statics.kernel import Problem, Solution
 
 Integers = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 GRADIENT_TOLERANCE = 1e-9  # of the applied torque
 _MAX_STEPS = 40
@@ -52,49 +43,59 @@ class Errors:
     pin: Array  # (n, discs, pins)
     along: Array  # (n, discs, pins), by which pins move along the discs' profiles
     row: Array  # (n, rows): flanks, and x and y of bearings
-    clearance: Array  # (bearings,); below 0 an interference
-    compliance: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # mm/N more than nominal, where any, as `elasticity` takes
+    clearance: dict[str, float]  # of each of `BEARINGS`
+    pin_compliance: Array  # (n or 1, discs, pins), mm/N more than nominal
+    row_compliance: Array  # (n or 1, rows)
 
 
 @dataclass(frozen=True)
 class Closing:
-    """How far one unit of each parameter of an effect closes contacts of one kind.
+    """What one unit of each parameter of an error closes, mm per mm or rad, (terms, n, axes of its contact).
 
     Attributes
     ----------
-    contact : str
-        A key of `CONTACT_AXES`, bearings with both components; or "along": not into a disc, but along its profile.
-    at : tuple of slice
-        Which of its entries.
-    rows : ndarray, shape (terms, n, axes of the contact but for the xy of pins and flanks)
-        mm per mm or rad.
+    motion : Contacts
+    error : ErrorVector or ErrorWaves
     """
 
-    contact: str
-    at: tuple[slice, ...]
-    rows: Array
+    motion: Contacts
+    error: Displacement
 
-    def total(self, sizes: tuple[float, ...]) -> Array:
-        """How far an effect of these sizes closes them, mm, (n, ...)."""
-        rows = self.rows
-        return (np.array(sizes) @ rows.reshape(len(rows), -1)).reshape(rows.shape[1:])
+    @property
+    def contact(self) -> str:
+        """What it closes: a crank that leads its planet holds the planet back on the line of action."""
+        return "mesh" if self.error.contact == "spline" else self.error.contact
 
-    def work(self, forces: Array) -> Array:
-        """Work of forces of all these contacts, (n, ...), by one unit of each parameter, (terms, n)."""
-        here = forces[(slice(None), *self.at)]
-        axes = "abc"[: here.ndim - 1]
-        return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", self.rows, here))
+    @cached_property
+    def across(self) -> Array:
+        """Along the action lines of its contacts; both components at bearings."""
+        error, reducer = self.error, self.motion.reducer
+        if error.contact in BEARINGS:
+            return _samples_second(error.vector)
+        if error.contact == "spline":
+            lever = np.broadcast_to(flank_lever(reducer)[:, None], (reducer.cranks, 2, 1))
+            return _samples_second(-lever[error.at] * error.vector[..., 0, :])
+        normal = self.motion.pin_normal if error.contact == "pin" else self.motion.mesh_normal
+        return _samples_second(error.along(normal[error.at]))
+
+    @cached_property
+    def along(self) -> Array:
+        """Not into the disc, but along its profile, of pins."""
+        return _samples_second(self.error.along(profile_tangent(self.motion)[self.error.at]))
 
 
-def by_contact(reducer: Reducer, *, pin: Array, along: Array, row: Array) -> dict[str, Array]:
+def _samples_second(rows: Array) -> Array:
+    """Rows that have their samples last, (terms, ..., n)."""
+    return np.ascontiguousarray(np.moveaxis(rows, -1, 1))
+
+
+def by_contact(reducer: Reducer, *, pin: Array, row: Array) -> dict[str, Array]:
     """Views of arrays of all contacts, samples first, by the contact that a `Closing` names.
 
     Parameters
     ----------
     reducer : Reducer
-    pin, along : ndarray, shape (n, discs, pins)
+    pin : ndarray, shape (n, discs, pins)
     row : ndarray, shape (n, rows)
         Of flanks, and of x and y of bearings.
 
@@ -102,24 +103,23 @@ def by_contact(reducer: Reducer, *, pin: Array, along: Array, row: Array) -> dic
     -------
     dict of str to ndarray
     """
-    n, discs, cranks = len(pin), reducer.discs, reducer.cranks
+    n, discs, cranks = len(row), reducer.discs, reducer.cranks
     cam, carrier = 2 * cranks, 2 * cranks + 2 * discs * cranks
     return {
         "pin": pin,
-        "along": along,
         "mesh": row[:, :cam].reshape(n, cranks, 2),
         "cam": row[:, cam:carrier].reshape(n, discs, cranks, 2),
         "carrier": row[:, carrier:-4].reshape(n, cranks, 2),
     }
 
 
-def error_closing(contacts: Geometry, effects: tuple[Effect, ...], *, slides: bool = True) -> Errors:
+def error_closing(contacts: Geometry, effects: Sequence[Effect], *, slides: bool = True) -> Errors:
     """Sum what effects close at the contacts along the action lines, and how they move pins along the profiles.
 
     Parameters
     ----------
     contacts : Geometry
-    effects : tuple of Effect
+    effects : sequence of Effect
     slides : bool
         Whether it counts how far pins move along the profiles; else that is left at 0.
 
@@ -127,42 +127,32 @@ def error_closing(contacts: Geometry, effects: tuple[Effect, ...], *, slides: bo
     -------
     Errors
     """
-    reducer, n = contacts.motion.reducer, contacts.motion.theta.size
-    discs, cranks = reducer.discs, reducer.cranks
-    made = {
-        "pin": np.zeros((n, discs, reducer.pins)),
-        "along": np.zeros((n, discs, reducer.pins)),
-        "row": np.zeros((n, len(contacts.columns))),
-    }
-    total = by_contact(reducer, **made)
+    reducer, found = contacts.motion.reducer, [(effect.values, contacts.closings(effect)) for effect in effects]
+    n, pins, rows = contacts.motion.theta.size, (reducer.discs, reducer.pins), len(contacts.sparse[1])
+    m = n if any(isinstance(one, Compliance) for _, one in found) else 1
+    pin, along, row = (np.zeros((n, *shape)) for shape in (pins, pins, (rows,)))
+    softer_pin, softer_row = (np.zeros((m, *shape)) for shape in (pins, (rows,)))
+    closed, softer = by_contact(reducer, pin=pin, row=row), by_contact(reducer, pin=softer_pin, row=softer_row)
     clearance = dict.fromkeys(BEARINGS, 0.0)
-    softer: dict[str, Array] = {}
-    for effect in effects:
-        closings = contacts.closings(effect)
+    for values, closings in found:
         if isinstance(closings, Clearance):
-            clearance[closings.contact] += max(effect.values[0], 0.0)
-            continue
-        if isinstance(closings, Compliance):
-            shape = total[closings.contact].shape
-            if closings.contact in BEARINGS:
-                shape = shape[:-1]  # alike in x and y
-            more = softer.setdefault(closings.contact, np.zeros(shape))
-            more[(slice(None), *closings.at)] += samples_first(np.tensordot(effect.values, closings.share, axes=1))
-            continue
-        for one in (*closings, *(contacts.slides(effect) if slides else ())):
-            total[one.contact][(slice(None), *one.at)] += one.total(effect.values)
-    return Errors(
-        **made,
-        clearance=np.repeat([clearance["cam"], clearance["carrier"], 0.0], [discs * cranks, cranks, 2]),
-        compliance={contact: more if contact == "pin" else more.reshape(n, -1) for contact, more in softer.items()},
-    )
+            clearance[closings.contact] += max(values[0], 0.0)
+        elif isinstance(closings, Compliance):
+            more = samples_first(np.tensordot(values, closings.share, axes=1))
+            here = softer[closings.contact][(slice(None), *closings.at)]
+            here += more[..., None] if closings.contact in BEARINGS else more
+        else:
+            for one in closings:
+                at = (slice(None), *one.error.at)
+                closed[one.contact][at] += _total(values, one.across)
+                if slides and one.contact == "pin":
+                    along[at] += _total(values, one.along)
+    return Errors(pin, along, row, clearance, softer_pin, softer_row)
 
 
-def preloaded(errors: Errors, reducer: Reducer) -> Errors:
-    """Errors whose clearances are less by the preload of a reducer's bearings."""
-    cams, preload = reducer.discs * reducer.cranks, reducer.bearing_preload
-    pressed = np.repeat([preload.crank_bearing, preload.carrier_bearing, 0.0], [cams, reducer.cranks, 2])
-    return replace(errors, clearance=errors.clearance - pressed) if pressed.any() else errors
+def _total(values: Sequence[float], rows: Array) -> Array:
+    """Sum over the terms of rows, (n, ...)."""
+    return (np.array(values) @ rows.reshape(len(rows), -1)).reshape(rows.shape[1:])
 
 
 def samples_first(row: Array) -> Array:
@@ -191,6 +181,9 @@ class Geometry:
     """What errors leave as it is at n angles: how far each contact closes with the pose."""
 
     motion: Contacts
+    _closings: dict[tuple[Any, ...], tuple[Closing, ...] | Clearance | Compliance] = field(
+        default_factory=dict, repr=False
+    )
 
     @cached_property
     def pin_rows(self) -> Array:
@@ -205,11 +198,8 @@ class Geometry:
     @cached_property
     def profile_lever(self) -> Array:
         """How far each pin moves along its disc's profile with the disc's angle, mm, (n, discs, pins)."""
-        motion = self.motion
-        pins, _ = radial_and_tangential(pin_positions(motion.reducer)[:, None])
-        eccentric, _ = motion.eccentric_directions
-        arm = motion.reducer.pin_circle_radius * pins - motion.reducer.eccentricity * eccentric[:, None]
-        return -samples_first(cross(arm, self.profile_tangent))
+        motion = self.motion  # whose points of contact lie a pin's radius before its centre
+        return motion.reducer.pin_radius - samples_first(dot(motion.pin_point, motion.pin_normal))
 
     @cached_property
     def curvature(self) -> Array:
@@ -219,41 +209,36 @@ class Geometry:
         return samples_first(trochoid_curvature(motion.reducer, lead))
 
     @cached_property
-    def profile_tangent(self) -> Array:
-        """Along each profile, a quarter turn ahead of the normal, (discs, pins, 2, n)."""
-        normal = self.motion.pin_normal
-        return np.stack([-normal[:, :, 1], normal[:, :, 0]], axis=2)
+    def sparse(self) -> tuple[Array, Integers]:
+        """How flanks (two of each crank) and bearings (x and y of each) close with the pose.
 
-    @cached_property
-    def _sparse(self) -> tuple[Array, Integers]:
-        """Rows of flanks and bearings: entries (n, rows, width) and their columns (rows, width), the last ones first.
-
-        A flank closes as the sun moves along its normal and the planet against it, and as the planet turns on its base
-        circle; a bearing as its first part moves against its second.
+        Entries (n, rows, width) and their unknowns (rows, width), the last ones first.  A flank closes as the sun moves
+        along its normal and the planet against it, and as the planet turns on its base circle; a bearing as its first
+        part moves against its second.
         """
         motion = self.motion
         reducer, layout = motion.reducer, Layout(motion.reducer)
         bore = reducer.crank_radius * motion.crank_directions[1]
         cam = reducer.eccentricity * motion.eccentric_directions[1]
-        made: list[dict[int, Any]] = []
-        for j, at in enumerate(layout.crank):
-            for (x, y), lever in zip(motion.mesh_normal[j], flank_lever(reducer), strict=True):
-                made.append({layout.sun: x, layout.sun + 1: y, at: -x, at + 1: -y, at + 2: lever})
-        pairs: list[tuple[int, Array | None, int | None, Array | None]] = [
-            (disc, bore[j], crank, cam[k]) for k, disc in enumerate(layout.disc) for j, crank in enumerate(layout.crank)
+        made: list[dict[int, Any]] = [
+            {layout.sun: x, layout.sun + 1: y, at: -x, at + 1: -y, at + 2: lever}
+            for at, normals in zip(layout.crank, motion.mesh_normal, strict=True)
+            for (x, y), lever in zip(normals, flank_lever(reducer), strict=True)
         ]
-        pairs += [(crank, None, 0, bore[j]) for j, crank in enumerate(layout.crank)]
+        # a part's first unknown and its arm, against those of the part that holds it
+        pairs: list[tuple[tuple[int, Any], ...]] = [
+            ((disc, bore[j]), (crank, cam[k]))
+            for k, disc in enumerate(layout.disc)
+            for j, crank in enumerate(layout.crank)
+        ]
+        pairs += [((crank, None), (0, bore[j])) for j, crank in enumerate(layout.crank)]
         # the motor, whose bearings hold the sun, stands on what is held
-        pairs += [(0, None, None, None), (layout.sun, None, 0 if reducer.held == "carrier" else None, None)]
-        for one, arm, other, lever in pairs:
+        pairs += [((0, None),), ((layout.sun, None), (0, None))[: 2 if reducer.held == "carrier" else 1]]
+        for pair in pairs:
             for side in range(2):
-                row: dict[int, Any] = {one + side: 1.0}
-                if arm is not None:
-                    row[one + 2] = arm[side]
-                if other is not None:
-                    row[other + side] = -1.0
-                if other is not None and lever is not None:
-                    row[other + 2] = -lever[side]
+                row: dict[int, Any] = {}
+                for sign, (at, arm) in zip((1.0, -1.0), pair, strict=False):
+                    row |= {at + side: sign} | ({} if arm is None else {at + 2: sign * arm[side]})
                 made.append(row)
         width = max(map(len, made))
         entries, columns = np.zeros((motion.theta.size, len(made), width)), np.empty((len(made), width), dtype=np.intp)
@@ -263,109 +248,37 @@ class Geometry:
                 entries[:, r, w], columns[r, w] = row[at], at
         return entries, columns
 
-    @property
-    def rows(self) -> Array:
-        """How flanks (two of each crank) and bearings (x and y of each) close with the pose, (n, rows, width)."""
-        return self._sparse[0]
-
-    @property
-    def columns(self) -> Integers:
-        """Unknowns to which the entries of the rows belong, (rows, width)."""
-        return self._sparse[1]
-
     @cached_property
     def envelope(self) -> Integers:
         """First column of each row of the stiffness matrix's lower triangle that is not empty, (unknowns,)."""
-        layout, flanks = Layout(self.motion.reducer), 2 * self.motion.reducer.cranks
-        first, bearings = np.arange(layout.size), self.columns[flanks:].reshape(-1, 2 * self.columns.shape[1])
-        discs = [np.arange(at, at + 3) for at in layout.disc]
-        for together in (*self.columns[:flanks], *bearings, *discs):
+        first = np.arange(Layout(self.motion.reducer).size)
+        for together in self.sparse[1].reshape(len(self.sparse[1]) // 2, -1):  # flanks of a crank, x and y of a bearing
             first[together] = np.minimum(first[together], together.min())
         return first
 
     @cached_property
     def whole_rows(self) -> Array:
         """The rows with all unknowns, (n, rows, unknowns)."""
-        which = self.columns[..., None] == np.arange(Layout(self.motion.reducer).size)
-        return np.asarray(np.einsum("nrw,rwc->nrc", self.rows, which.astype(np.float64)))
-
-    @property
-    def flank_rows(self) -> Array:
-        """How each flank closes with all unknowns, (n, 2 cranks, unknowns)."""
-        return self.whole_rows[:, : 2 * self.motion.reducer.cranks]
-
-    @property
-    def joint_rows(self) -> Array:
-        """How x and y of each bearing close with all unknowns, (n, bearings, 2, unknowns)."""
-        rows = self.whole_rows[:, 2 * self.motion.reducer.cranks :]
-        return rows.reshape(len(rows), -1, 2, rows.shape[2])
-
-    @cached_property
-    def output_turn(self) -> float:
-        """Turn of the output per turn of the carrier."""
-        return self.motion.reducer.output_turn
-
-    def error(self, effect: Effect) -> SourceVector:
-        """Error vector of an effect's source, made once; its size plays no part."""
-        name = (effect.key, *sorted(effect.indices.items()))
-        if name not in self._errors:
-            self._errors[name] = source(effect.key).vector(self.motion, **effect.indices)
-        return self._errors[name]
+        rows, columns = self.sparse
+        which = columns[..., None] == np.arange(Layout(self.motion.reducer).size)
+        return np.asarray(np.einsum("nrw,rwc->nrc", rows, which.astype(np.float64)))
 
     def closings(self, effect: Effect) -> tuple[Closing, ...] | Clearance | Compliance:
-        """What it closes, made once."""
+        """What an effect closes, made once; its size plays no part."""
         name = (effect.key, *sorted(effect.indices.items()))
         if name not in self._closings:
-            self._closings[name] = self._closing(self.error(effect))
+            error = source(effect.key).vector(self.motion, **effect.indices)
+            if isinstance(error, (Clearance, Compliance)):
+                self._closings[name] = error
+            else:
+                parts = error if isinstance(error, tuple) else (error,)
+                self._closings[name] = tuple(Closing(self.motion, part) for part in parts)
         return self._closings[name]
 
-    def _closing(self, error: SourceVector) -> tuple[Closing, ...] | Clearance | Compliance:
-        if isinstance(error, (Clearance, Compliance)):
-            return error
-        return tuple(self._across(part) for part in (error if isinstance(error, tuple) else (error,)))
 
-    def slides(self, effect: Effect) -> tuple[Closing, ...]:
-        """How it moves pins along the profiles, made once."""
-        name = (effect.key, *sorted(effect.indices.items()))
-        if name not in self._slides:
-            error = self.error(effect)
-            parts = (
-                () if isinstance(error, (Clearance, Compliance)) else error if isinstance(error, tuple) else (error,)
-            )
-            on_pins = [part for part in parts if part.contact == "pin"]
-            self._slides[name] = tuple(
-                _closing("along", part.at, part.along(self.profile_tangent[part.at])) for part in on_pins
-            )
-        return self._slides[name]
-
-    def _across(self, error: Displacement) -> Closing:
-        """Projection of an error vector onto the action lines of its contacts."""
-        if error.contact in BEARINGS:
-            return _closing(error.contact, error.at, error.vector)
-        if error.contact == "spline":
-            # a crank that leads its planet holds the planet back on the line of action
-            reducer = self.motion.reducer
-            lever = np.broadcast_to(flank_lever(reducer)[:, None], (reducer.cranks, 2, 1))
-            return _closing("mesh", error.at, -lever[error.at] * error.vector[..., 0, :])
-        normal = self.motion.pin_normal if error.contact == "pin" else self.motion.mesh_normal
-        return _closing(error.contact, error.at, error.along(normal[error.at]))
-
-    @cached_property
-    def _errors(self) -> dict[tuple[Any, ...], SourceVector]:
-        return {}
-
-    @cached_property
-    def _slides(self) -> dict[tuple[Any, ...], tuple[Closing, ...]]:
-        return {}
-
-    @cached_property
-    def _closings(self) -> dict[tuple[Any, ...], tuple[Closing, ...] | Clearance | Compliance]:
-        return {}
-
-
-def _closing(contact: str, at: tuple[slice, ...], rows: Array) -> Closing:
-    """From rows that have their samples last."""
-    return Closing(contact, at, np.ascontiguousarray(np.moveaxis(rows, -1, 1)))
+def profile_tangent(motion: Contacts) -> Array:
+    """Along each profile, a quarter turn ahead of the normal, (discs, pins, 2, n)."""
+    return np.stack([-motion.pin_normal[:, :, 1], motion.pin_normal[:, :, 0]], axis=2)
 
 
 def flank_lever(reducer: Reducer) -> Array:
@@ -377,7 +290,7 @@ def flank_lever(reducer: Reducer) -> Array:
 
 
 def loaded_problem(
-    contacts: Geometry, reducer: Reducer, errors: Errors, torque: float, *, response: bool = True
+    contacts: Geometry, reducer: Reducer, effects: Sequence[Effect], torque: float, *, response: bool = True
 ) -> Problem:
     """The equilibrium of a gear train with errors; a torque on the carrier resists its motion in the housing.
 
@@ -386,8 +299,9 @@ def loaded_problem(
     contacts : Geometry
         Its own reducer says where things are.
     reducer : Reducer
-        Whose stiffness, backlash and contact law count.
-    errors : Errors
+        Whose stiffness, backlash, preload and contact law count.
+    effects : sequence of Effect
+        Which contacts feel.
     torque : float
         Its size, N*mm, above 0.
     response : bool
@@ -401,45 +315,63 @@ def loaded_problem(
     ------
     ValueError
         If a compliance makes some contact stiffer than rigid.
+
+    Notes
+    -----
+    A compliance adds to that of the declared stiffness k, the secant of a contact law at its reference force.
     """
     from rverror.statics.kernel import Problem
 
-    layout, stiff, sense = Layout(reducer), elasticity(reducer, errors.compliance), contacts.motion.sense
-    load = np.zeros((sense.size, layout.size))
-    load[:, 2] = -sense * torque
-    stiffness, law = reducer.stiffness, reducer.contact_law
+    layout, sense, law = Layout(reducer), contacts.motion.sense, reducer.contact_law
+    cranks, cams, preload = reducer.cranks, reducer.discs * reducer.cranks, reducer.bearing_preload
     bends, straight = response or law.profile_curvature > 0, np.zeros((1, reducer.discs, reducer.pins))
-    full = _FULL_LOAD * stiffness.pin_contact * reducer.pin_circle_radius**2
-    kinds = [1] * reducer.discs * reducer.cranks + [2] * reducer.cranks + [5, 4]
+    errors, (rows, columns) = error_closing(contacts, effects, slides=bends), contacts.sparse
+    declared = np.array([getattr(reducer.stiffness, item.name) for item in fields(reducer.stiffness)])
+    kind = np.repeat([3, 1, 2, 5, 4], [2 * cranks, 2 * cams, 2 * cranks, 2, 2])
+    soft = 1 + declared[0] * errors.pin_compliance, 1 + declared[kind] * errors.row_compliance
+    for own, contact in enumerate(YIELDING):
+        least = float(by_contact(reducer, pin=soft[0], row=soft[1])[contact].min())
+        if not least > 0:
+            unit = 1e6 / declared[own]
+            raise ValueError(
+                f"{contact}: compliances of {(least - 1) * unit:.4g} um/kN in all make a contact stiffer than rigid; "
+                f"they must be above {-unit:.4g} um/kN: make them less negative, or the declared stiffness lower"
+            )
+    load, push = np.zeros((sense.size, layout.size)), np.zeros(layout.size)
+    load[:, 2], push[2] = -sense * torque, reducer.output_turn
     return Problem(
         pin_rows=contacts.pin_rows,
         profile_lever=contacts.profile_lever if bends else straight,
         curvature=contacts.curvature if bends else straight,
-        rows=contacts.rows,
-        columns=contacts.columns,
+        rows=rows,
+        columns=columns,
         envelope=contacts.envelope,
         pin_error=errors.pin,
         slide_error=errors.along,
-        row_error=errors.row - np.repeat([reducer.gear_backlash / 2, 0.0], [2 * reducer.cranks, 2 * len(kinds)]),
-        clearance=errors.clearance,
-        pin_stiffness=stiff.pin,
-        flank_stiffness=stiff.flank,
-        bearing_stiffness=stiff.bearing,
-        kind=np.array(kinds),
-        declared=np.array([getattr(stiffness, item.name) for item in fields(stiffness)]),
+        row_error=errors.row - np.repeat([reducer.gear_backlash / 2, 0.0], [2 * cranks, len(kind) - 2 * cranks]),
+        clearance=np.repeat(
+            [
+                errors.clearance["cam"] - preload.crank_bearing,
+                errors.clearance["carrier"] - preload.carrier_bearing,
+                0.0,
+            ],
+            [cams, cranks, 2],
+        ),
+        pin_stiffness=declared[0] / soft[0],
+        row_stiffness=declared[kind] / soft[1],
+        kind=kind,
+        declared=declared,
         pin_exponent=float(law.pin_exponent),
         flank_exponent=float(law.flank_exponent),
         reference_force=REFERENCE_FORCE,
         share=float(law.profile_curvature),
         load=load,
         sense=sense,
-        output_turn=contacts.output_turn,
+        push=push,
         longest=reducer.eccentricity,
         tolerance=GRADIENT_TOLERANCE * torque / reducer.crank_radius,
-        heavy=full / torque,
-        most_near=_MAX_STEPS_NEAR,
-        most_cold=_MAX_STEPS,
-        most_unloading=_MAX_STEPS_UNLOADING,
+        heavy=_FULL_LOAD * declared[0] * reducer.pin_circle_radius**2 / torque,
+        most=(_MAX_STEPS_NEAR, _MAX_STEPS, _MAX_STEPS_UNLOADING),
     )
 
 
@@ -448,7 +380,6 @@ def solve(
     *,
     near: Array | None = None,
     given: Array | None = None,
-    forces: bool = False,
     matrix: bool = False,
     response: bool = False,
 ) -> Solution:
@@ -461,90 +392,34 @@ def solve(
         Poses that are likely near.
     given : ndarray, shape (n, unknowns), optional
         Poses whose contacts are asked for, in place of those of least energy.
-    forces, matrix, response : bool
-        Whether to find forces, the matrix beside them, and changes per unit of output torque.
+    matrix, response : bool
+        Whether to find the second derivative of the energy, and changes per unit of the push.
 
     Returns
     -------
     Solution
-        Groups that were not asked for are empty.
+        What was not asked for is empty.
     """
     from rverror.statics import kernel
 
-    (n, size), pins = problem.load.shape, problem.pin_error.shape[1:]
-    rows, bearings = (problem.row_error.shape[1],), problem.clearance.shape
-    stated, whole, changed = (n if wanted else 0 for wanted in (forces or matrix, matrix, response))
+    (n, size), pins, rows = problem.load.shape, problem.pin_error.shape[1:], problem.row_error.shape[1:]
+    bent, whole, changed = n * (problem.share > 0), n * matrix, n * response
     start = kernel.GIVEN if given is not None else kernel.COLD if near is None else kernel.NEAR
     first = near if given is None else given
     made: list[npt.NDArray[Any]] = [
         np.empty((n, size)) if first is None else np.array(first, dtype=np.float64, order="C"),
         np.empty(n, dtype=np.intp),
         np.empty(n, dtype=np.bool_),
-        np.empty((n, *pins)),
-        np.zeros((n, *pins)),
-        *(np.empty((n, *shape)) for shape in (rows, rows)),
-        *(np.empty((stated, *shape)) for shape in (pins, pins, rows, bearings, (), (size,), ())),
+        *(np.empty((count, *pins)) for count in (n, bent)),
+        *(np.empty((n, *shape)) for shape in (rows, pins, rows, pins, rows, problem.clearance.shape, (), (size,), ())),
         np.empty((whole, size, size)),
-        *(np.empty((changed, *shape)) for shape in (pins, pins, rows, (size,), (10,))),
+        *(np.empty((count, *pins)) for count in (changed, bent * response)),
+        *(np.empty((changed, *shape)) for shape in (rows, (size,), (10,))),
     ]
+    found = kernel.Solution._make(made)
 
     def some(part: slice) -> None:
-        own = kernel.Solution._make(one[part] for one in made)
-        kernel.solve(part_of(problem, part), start, own, kernel.scratch(problem))
+        kernel.solve(problem, start, part.start, part.stop, found, kernel.scratch(problem))
 
     each_part(some, n, kernel.BLOCK)
-    return kernel.Solution._make(made)
-
-
-_PER_ANGLE = frozenset(
-    {
-        "pin_rows", "profile_lever", "curvature", "rows", "pin_error", "slide_error", "row_error", "pin_stiffness",
-        "flank_stiffness", "bearing_stiffness", "load", "sense",
-    }
-)  # fmt: skip
-
-
-def part_of(problem: Problem, part: slice | Integers) -> Problem:
-    """The same at some of the angles."""
-    n = len(problem.load)
-    if isinstance(part, slice) and part == slice(0, n):
-        return problem
-    rows = {name: getattr(problem, name) for name in _PER_ANGLE}
-    return problem._replace(**{name: row[part] for name, row in rows.items() if len(row) == n})
-
-
-# --- stacks of linear equations ---------------------------------------------------------------------------------------
-
-
-def with_discs(matrix: Array, blocks: Array, first: int) -> Array:
-    """A stiffness with more of each disc, (n, discs, 3, 3), whose columns begin at the first."""
-    total = matrix.copy()
-    for k in range(blocks.shape[1]):
-        at = slice(first + 3 * k, first + 3 * k + 3)
-        total[:, at, at] += blocks[:, k]
-    return total
-
-
-def held(matrix: Array) -> Array:
-    """Stiffness with a trace more, which holds what no closed contact holds."""
-    own = np.einsum("nii->ni", matrix)
-    trace = 1e-12 * np.maximum(own, 1e-9 * own.max(axis=1, keepdims=True))  # each in its own unit
-    return np.asarray(matrix + trace[:, :, None] * np.eye(matrix.shape[1]), dtype=np.float64)
-
-
-def refined(matrix: Array, right: Array) -> Array:
-    """Answers to a stack of systems, held, less what the trace costs, some 1e-8, by one step of refinement.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, size, size)
-    right : ndarray, shape (n, size) or (n, size, columns)
-
-    Returns
-    -------
-    ndarray, of the shape of the right-hand sides
-    """
-    columns = right.reshape(*right.shape[:2], -1)
-    inverse = np.linalg.inv(held(matrix))
-    first = inverse @ columns
-    return np.asarray((first + inverse @ (columns - matrix @ first)).reshape(right.shape), dtype=np.float64)
+    return found

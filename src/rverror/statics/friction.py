@@ -5,8 +5,8 @@ which the parts' motion V slides there, v_c = t_c . V, the balance of all parts 
 
 .. math:: \sum_c F_c J_c + \sum_c f_c \lvert F_c \rvert\, \mathrm{sign}(v_c)\, t_c = T.
 
-No energy has such forces, so Newton steps on the balance itself start from the pose without friction.  Nominal motion
-closes no contact, J_c V = 0, so the power that goes in comes out again but for the sum of f_c F_c v_c, exactly.
+No energy has such forces, so they are the load of one pose of least energy after another.  Nominal motion closes no
+contact, J_c V = 0, so the power that goes in comes out again but for the sum of f_c F_c v_c, exactly.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base import units
-from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
@@ -28,13 +28,16 @@ from rverror.geartrain.kinematics import Conditions, frame_orders
 from rverror.geartrain.mechanism import Friction, Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
-from rverror.statics.energy import Layout, part_of, refined, samples_first, solve, with_discs
-from rverror.statics.loaded_state import NotConvergedError, Settled, Tangent, equilibrium, reducer_of, statics_of
+from rverror.statics.energy import Geometry, Layout, samples_first, solve
+from rverror.statics.hertz import above_zero
+from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import on_its_branch, row_of_torques
 
-_MOST_STEPS = 40
-_MOST_HALVINGS = 12
-_MOST_ROUNDS = 30
+_MOST_ROUNDS = 60
+_DEPTH = 6  # rounds that tell the next
+_STRICT = 1e-3  # of what may be out of balance in a pose without friction
+#: Kinds of contacts that rub, in the order in which they stand side by side; behind them stands what does not.
+_KINDS = ("pin", "mesh", "crank_bearing", "carrier_bearing")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,10 +185,10 @@ def efficiency(
     # the flanks that carry are those of the load, which resists where the input drives
     under = Conditions(gears.theta, sign * gears.direction, carried)
     if method == "closed":
-        losses, change = _closed_form_losses(unit, under, gears.direction, friction), np.zeros(gears.theta.size)
+        losses, change = _closed_form_losses(unit, under, friction), np.zeros(gears.theta.size)
         input_torque = (carried + sign * np.sum([*losses.values()], axis=0)) / abs(unit.ratio)
     else:
-        input_torque, losses, change = _in_equilibrium(model, under, gears.direction, friction)
+        input_torque, losses, change = _in_equilibrium(model, under, sign, friction)
     return Efficiency(
         theta=read.theta,
         direction=read.direction,
@@ -237,9 +240,7 @@ class Hysteresis(Viewed):
         ValueError
             If the loop does not reach it in both senses, or it is not above 0.
         """
-        size = units.named_core("torque", torque, "torque")
-        if not size > 0:
-            raise ValueError(f"torque = {size / 1e3:g} N*m: must be above 0")
+        size = above_zero("torque", torque, "torque")
         middle = (self.rising + self.falling) / 2
         return on_its_branch(self.torque, middle, size) - on_its_branch(self.torque, middle, -size)
 
@@ -302,18 +303,10 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     read = pose(unit, theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
     under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
     found = []
-    for settled in statics_of(unit, under).solutions(felt(model.effects), matrix=True):
-        rows = _rows(settled.contacts.motion)
-        push = np.zeros_like(settled.x)
-        push[:, 2] = along * unit.output_turn
-        yields = refined(settled.matrix, push)
-        discs = yields[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
-        sliding = Sliding(
-            pin=np.einsum("nkc,nkcp->nkp", discs, rows.pin),
-            joint=yields @ rows.joint.T,
-            flank=yields @ rows.flank.T,
-        )
-        change = unit.output_turn * (_slid(settled, by, sliding).x - settled.x)[:, 2]
+    for settled in statics_of(unit, under).solutions(felt(model.effects), response=True):
+        yields = -along * settled.solution.pose_change
+        sliding = (_slide_rows(settled.contacts) @ yields[..., None])[..., 0]
+        change = unit.output_turn * (_slid(settled, by * np.sign(sliding)).solution.x - settled.solution.x)[:, 2]
         found.append(settled.transmission_error + change)
     return np.concatenate(found) + added(model.effects, read)
 
@@ -336,80 +329,49 @@ def _straight(model: Model) -> Model:
     return replace(model, mechanism=replace(unit, contact_law=replace(unit.contact_law, profile_curvature=0.0)))
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """How contacts slide with the pose, and at which lever, samples first.
+def _counts(reducer: Reducer) -> list[int]:
+    """How many contacts there are of each kind: pins disc by disc, flanks, cams, carrier bores, other bearings."""
+    return [reducer.discs * reducer.pins, 2 * reducer.cranks, reducer.discs * reducer.cranks, reducer.cranks, 2]
 
-    Attributes
-    ----------
-    pin : ndarray, shape (n, discs, 3, pins)
-        How far the disc slides on each pin, a quarter turn ahead of the normal, with its x, y and angle.
-    joint : ndarray, shape (joints, size)
-        Turn of each crank in its disc and in the carrier; none for what supports carrier and sun.
-    flank : ndarray, shape (2 cranks, size)
-        Turn of each planet on the held sun.
+
+def _slide_rows(contacts: Geometry) -> Array:
+    """How contacts slide with the pose, or turn where friction has a lever, (n, contacts, unknowns).
+
+    The disc on each pin, a quarter turn ahead of the normal; each planet on the held sun; each crank in its disc and
+    in the carrier.
     """
-
-    pin: Array
-    joint: Array
-    flank: Array
-
-
-@dataclass(frozen=True)
-class Sliding:
-    """Speed of each contact along its row: n by (discs, pins), joints and flanks; mm, or mm per turn in rad."""
-
-    pin: Array
-    joint: Array
-    flank: Array
+    reducer, closing, layout = contacts.motion.reducer, contacts.pin_rows, Layout(contacts.motion.reducer)
+    pins, flanks, cams, bores, _ = _counts(reducer)
+    rows = np.zeros((len(closing), sum(_counts(reducer)), layout.size))
+    on_pins = np.stack([closing[:, :, 1], -closing[:, :, 0], reducer.pin_radius - contacts.profile_lever], axis=3)
+    for k, at in enumerate(layout.disc):
+        rows[:, k * reducer.pins : (k + 1) * reducer.pins, at : at + 3] = on_pins[:, k]
+    crank = np.array([2 + at for at in layout.crank])
+    turning = pins + np.arange(flanks + cams + bores)
+    rows[:, turning, np.concatenate([np.repeat(crank, 2), np.tile(crank, reducer.discs + 1)])] = 1.0
+    rows[:, turning[flanks:], np.repeat([2 + at for at in (*layout.disc, 0)], reducer.cranks)] = -1.0
+    return rows
 
 
-def _rows(contacts: Contacts) -> _Rows:
-    reducer = contacts.reducer
-    layout = Layout(reducer)
-    normal = contacts.pin_normal
-    tangent = np.stack([-normal[:, :, 1], normal[:, :, 0]], axis=2)
-    pins, _ = radial_and_tangential(pin_positions(reducer)[:, None])
-    eccentric, _ = radial_and_tangential(contacts.eccentric)
-    arm = reducer.pin_circle_radius * pins + reducer.pin_radius * normal - reducer.eccentricity * eccentric[:, None]
-    pin = samples_first(np.stack([tangent[:, :, 0], tangent[:, :, 1], cross(arm, tangent)], axis=1))
-    pairs = [(crank, disc) for disc in layout.disc for crank in layout.crank] + [(crank, 0) for crank in layout.crank]
-    joint = np.zeros((len(pairs) + 2, layout.size))
-    for row, (crank, other) in zip(joint, pairs, strict=False):
-        row[crank + 2], row[other + 2] = 1.0, -1.0
-    flank = np.zeros((2 * reducer.cranks, layout.size))
-    for j, crank in enumerate(layout.crank):
-        flank[2 * j : 2 * j + 2, crank + 2] = 1.0
-    return _Rows(pin, joint, flank)
-
-
-def nominal_sliding(contacts: Contacts, direction: Array) -> Sliding:
-    r"""How fast contacts slide along the nominal motion, per unit of output speed.
+def pin_slip(contacts: Contacts) -> Array:
+    """How fast discs slide on pins along the nominal motion, mm per rad of output, (discs, pins, n).
 
     A disc turns about the pitch point, so it slides on a pin at its own speed times the distance of the contact from
     there, R_p sqrt(1 + K^2 - 2 K cos(phi)) - r.
-
-    Parameters
-    ----------
-    contacts : Contacts
-    direction : ndarray, shape (n,)
-        +1 forward, -1 reverse.
-
-    Returns
-    -------
-    Sliding
     """
-    reducer, turns = contacts.reducer, frame_orders(contacts.reducer)
+    reducer, K = contacts.reducer, contacts.reducer.short_width_coefficient
     lead = contacts.eccentric[:, None] - pin_positions(reducer)[:, None]
-    K = reducer.short_width_coefficient
     from_pitch_point = reducer.pin_circle_radius * np.sqrt(1 + K**2 - 2 * K * np.cos(lead)) - reducer.pin_radius
-    cams = reducer.discs * reducer.cranks
-    joint = [turns["crank"] - turns["disc"]] * cams + [turns["crank"] - turns["carrier"]] * reducer.cranks + [0.0, 0.0]
-    return Sliding(
-        pin=samples_first(-turns["disc"] * direction * from_pitch_point),
-        joint=direction[:, None] * np.array(joint),
-        flank=direction[:, None] * np.full(2 * reducer.cranks, turns["planet"] - turns["sun"]),
-    )
+    return np.asarray(-frame_orders(reducer)["disc"] * contacts.direction * from_pitch_point)
+
+
+def _nominal_sliding(contacts: Contacts) -> Array:
+    """How fast contacts slide along the nominal motion per unit of output speed, mm, or turn, (n, contacts)."""
+    turns, n = frame_orders(contacts.reducer), contacts.theta.size
+    crank = turns["crank"]
+    speeds = [turns["planet"] - turns["sun"], crank - turns["disc"], crank - turns["carrier"], 0.0]
+    others = contacts.direction[:, None] * np.repeat(speeds, _counts(contacts.reducer)[1:])
+    return np.concatenate([samples_first(pin_slip(contacts)).reshape(n, -1), others], axis=1)
 
 
 def mean_mesh_slip(reducer: Reducer) -> float:
@@ -457,153 +419,95 @@ def path_of_contact(reducer: Reducer) -> tuple[float, float]:
     return sun, planet
 
 
-@dataclass(frozen=True)
-class _Coefficients:
-    """Coefficients of friction, times the lever where what slides is a turn."""
-
-    pin: float
-    joint: Array  # (joints,)
-    flank: float
-
-
-def _coefficients(reducer: Reducer, friction: Friction) -> _Coefficients:
-    cams = reducer.discs * reducer.cranks
+def _coefficients(reducer: Reducer, friction: Friction) -> Array:
+    """Coefficients of friction, times the lever where what slides is a turn, (contacts,)."""
     crank = friction.crank_bearing * (friction.crank_bearing_radius or 0.0)
     carrier = friction.carrier_bearing * (friction.carrier_bearing_radius or 0.0)
-    joint = np.array([crank] * cams + [carrier] * reducer.cranks + [0.0, 0.0])
-    return _Coefficients(friction.pin, joint, friction.mesh * mean_mesh_slip(reducer))
+    return np.repeat([friction.pin, friction.mesh * mean_mesh_slip(reducer), crank, carrier, 0.0], _counts(reducer))
 
 
-def _losses(
-    reducer: Reducer, by: _Coefficients, sliding: Sliding, *, pin: Array, joint: Array, flank: Array
-) -> dict[str, Array]:
-    """Power that each kind of contact takes, from the sizes of forces, samples first."""
-    cams = reducer.discs * reducer.cranks
-    in_joints = by.joint * joint * np.abs(sliding.joint)
-    return {
-        "pin": by.pin * (pin * np.abs(sliding.pin)).sum(axis=(1, 2)),
-        "mesh": by.flank * (flank * np.abs(sliding.flank)).sum(axis=1),
-        "crank_bearing": in_joints[:, :cams].sum(axis=1),
-        "carrier_bearing": in_joints[:, cams:].sum(axis=1),
-    }
+def _losses(reducer: Reducer, lost: Array) -> dict[str, Array]:
+    """Power that each kind of contact takes, from that of all contacts, (n, contacts)."""
+    first = np.cumsum([0, *_counts(reducer)[:-1]])
+    return dict(zip(_KINDS, np.add.reduceat(lost, first, axis=1).T, strict=False))
 
 
-def _closed_form_losses(unit: Reducer, under: Conditions, direction: Array, friction: Friction) -> dict[str, Array]:
+def _closed_form_losses(unit: Reducer, under: Conditions, friction: Friction) -> dict[str, Array]:
     where = motion(unit, under)
     assert isinstance(where, Contacts)
-    torque, n = under.torque or 0.0, where.theta.size
-    forces = closed_form_forces(where)
-    size = {key: torque * np.sqrt((forces[key] ** 2).sum(axis=-2)) for key in ("pin", "cam", "carrier", "mesh")}
-    joints = np.concatenate([size["cam"].reshape(-1, n), size["carrier"], np.zeros((2, n))])
-    return _losses(
-        unit,
-        _coefficients(unit, friction),
-        nominal_sliding(where, direction),
-        pin=samples_first(size["pin"]),
-        joint=samples_first(joints),
-        flank=samples_first(size["mesh"].reshape(-1, n)),
-    )
+    forces, n = closed_form_forces(where), where.theta.size
+    size = [np.sqrt((forces[key] ** 2).sum(axis=-2)).reshape(-1, n) for key in ("pin", "mesh", "cam", "carrier")]
+    pressed = (under.torque or 0.0) * np.concatenate([*size, np.zeros((2, n))]).T
+    return _losses(unit, _coefficients(unit, friction) * pressed * np.abs(_nominal_sliding(where)))
 
 
 def _in_equilibrium(
-    model: Model, under: Conditions, direction: Array, friction: Friction
+    model: Model, under: Conditions, sign: float, friction: Friction
 ) -> tuple[Array, dict[str, Array], Array]:
-    """Torque at the input, losses, and change of the error."""
+    """Torque at the input, losses, and change of the error; the motion is along the load's, or against it."""
     unit, by = _reducer(model), _coefficients(_reducer(model), friction)
-    statics = statics_of(_straight(model).mechanism, under)
-    found: list[tuple[Array, dict[str, Array], Array]] = []
-    first = 0
-    for settled in statics.solutions(felt(model.effects), matrix=True):
-        n = len(settled.x)
-        along = direction[first : first + n]
-        first += n
-        sliding = nominal_sliding(settled.contacts.motion, along)
-        slid = _slid(settled, by, sliding)
-        lost = _losses(unit, by, sliding, pin=slid.pin_force, joint=slid.joint_pressed, flank=slid.flank_force)
-        at_sun = _sun_torque(unit, by, sliding, slid) * settled.contacts.motion.sense
-        trace = 0.0 if under.torque else settled.torque / abs(unit.exact_carrier_ratio)
-        found.append((at_sun - trace, lost, unit.output_turn * (slid.x - settled.x)[:, 2]))
-    joined = {part: np.concatenate([one[1][part] for one in found]) for part in found[0][1]}
-    return np.concatenate([one[0] for one in found]), joined, np.concatenate([one[2] for one in found])
+    found: list[tuple[Array, Array, Array]] = []
+    for settled in statics_of(_straight(model).mechanism, under).solutions(felt(model.effects)):
+        where = settled.contacts.motion
+        sliding = sign * _nominal_sliding(where)
+        rub = by * np.sign(sliding)
+        slid = _slid(settled, rub)
+        trace = 0.0 if under.torque else np.abs(settled.problem.load[:, 2] / float(unit.exact_carrier_ratio))
+        at_sun = _sun_torque(unit, rub, _pressing(slid)) * where.sense - trace
+        change = unit.output_turn * (slid.solution.x - settled.solution.x)[:, 2]
+        found.append((at_sun, (rub * sliding * _pressing(slid)).T, change))
+    at_input, lost, change = (np.concatenate(one, axis=-1) for one in zip(*found, strict=True))
+    return at_input, _losses(unit, lost.T), change
 
 
-def _sun_torque(reducer: Reducer, by: _Coefficients, sliding: Sliding, slid: Tangent) -> Array:
+def _pressing(state: Settled) -> Array:
+    """What each contact presses, N, (n, contacts): more than its force where rollers on both sides carry."""
+    solution, n = state.solution, len(state.x)
+    (flank, force), (_, moved) = state.split(solution.row_force), state.split(solution.rows)
+    _, stiffness = state.split(state.problem.row_stiffness)
+    behind = np.maximum(-state.problem.clearance - np.sqrt((moved**2).sum(axis=-1)), 0.0)
+    joints = np.sqrt((force**2).sum(axis=-1)) + 2 * stiffness[..., 0] * behind
+    return np.concatenate([solution.pin_force.reshape(n, -1), flank, joints], axis=1)
+
+
+def _sun_torque(reducer: Reducer, rub: Array, pressing: Array) -> Array:
     """Torque that the input puts on the sun, counter-clockwise."""
-    base = reducer.sun_pitch_radius * math.cos(reducer.pressure_angle)
-    lever = np.tile([base, -base], reducer.cranks)
-    return np.asarray((slid.flank_force * (lever - by.flank * np.sign(sliding.flank))).sum(axis=1))
+    base, (pins, flanks) = reducer.sun_pitch_radius * math.cos(reducer.pressure_angle), _counts(reducer)[:2]
+    at, lever = slice(pins, pins + flanks), np.tile([base, -base], reducer.cranks)
+    return np.asarray((pressing[:, at] * (lever - rub[:, at])).sum(axis=1))
 
 
-def _friction(rows: _Rows, by: _Coefficients, sliding: Sliding, slid: Tangent) -> tuple[Array, Array]:
-    """Forces of friction on the parts, (n, size), and their change with the pose, (n, size, size)."""
-    contacts = slid.contacts
-    first = Layout(contacts.motion.reducer).disc[0]
-    n = len(slid.x)
-    on_pin = -by.pin * np.sign(sliding.pin)[:, :, None] * rows.pin  # per unit of the pin's force
-    on_joint = -(by.joint * np.sign(sliding.joint))[..., None] * rows.joint
-    on_flank = -(by.flank * np.sign(sliding.flank))[..., None] * rows.flank
-    size = np.sqrt((slid.joint_force**2).sum(axis=-1))
-    along = slid.joint_force / np.where(size > 0, size, 1.0)[..., None]
-    along[slid.joint_pressed > size] = 0.0  # what one side of a preloaded bearing gains the other loses
-    force = (slid.joint_pressed[:, None] @ on_joint + slid.flank_force[:, None] @ on_flank)[:, 0]
-    on_discs = np.einsum("nki,nkci->nkc", slid.pin_force, on_pin)
-    force[:, first : first + on_discs[0].size] += on_discs.reshape(n, -1)
-    by_joint = np.einsum("nqa,nqab,nqbd->nqd", along, slid.joint, contacts.joint_rows)
-    change = np.swapaxes(on_joint, 1, 2) @ by_joint
-    change += np.swapaxes(on_flank, 1, 2) @ (slid.flank[..., None] * contacts.flank_rows)
-    blocks = np.einsum("nki,nkbi,nkci->nkbc", slid.pin, on_pin, contacts.pin_rows)
-    return force, with_discs(change, blocks, first)
+def _slid(settled: Settled, rub: Array) -> Settled:
+    """State with friction, from that without; `rub` is signed as contacts slide.
 
-
-def _slid(settled: Settled, by: _Coefficients, sliding: Sliding) -> Tangent:
-    """Pose and forces with friction, from those without, by Newton steps on the balance.
-
-    Where a bearing slides along the rim of its clearance, or flanks change sides, these may go astray; there friction
-    is a load of the last pose until it changes no more.
+    Friction is a load of the last pose until it changes no more.  How its last few changes hang together tells where
+    that is (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12, 1965).
     """
-    contacts, problem, reducer = settled.contacts, settled.problem, settled.reducer
-    rows, sense = _rows(contacts.motion), contacts.motion.sense
-    own = np.abs(problem.load[:, 2])
-
-    def balance(x: Array) -> tuple[Tangent, Array, Array, Array]:
-        """State, what is out of balance, its change with the pose, and what may be left."""
-        state = settled.at(x)
-        slid, forces = state.tangent(), state.forces
-        force, change = _friction(rows, by, sliding, slid)
-        if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
-            force[:, 2] += sense * own / float(reducer.exact_carrier_ratio) - _sun_torque(reducer, by, sliding, slid)
-        left = forces.gradient - force
-        return slid, left, state.matrix - change, np.maximum(problem.tolerance, forces.unbalanced)
-
-    x, found = settled.x, balance(settled.x)
-    worst = np.abs(found[1]).max(axis=1)
-    for _ in range(_MOST_STEPS):
-        if (worst <= found[3]).all():
-            break
-        step, length = -refined(found[2], found[1]), np.ones((len(x), 1))
-        for _ in range(_MOST_HALVINGS):
-            ahead = balance(x + length * step)
-            left = np.abs(ahead[1]).max(axis=1)
-            rising = left > np.maximum((1 - 1e-4 * length[:, 0]) * worst, ahead[3])
-            if not rising.any():
-                break
-            length[rising] /= 2
-        x, found, worst = x + length * step, ahead, left
+    problem, reducer, theta = settled.problem, settled.reducer, settled.contacts.motion.theta
+    on, own = -rub[..., None] * _slide_rows(settled.contacts), -problem.load[:, 2] / float(reducer.exact_carrier_ratio)
+    state, load, strict = settled, np.zeros_like(problem.load), problem._replace(tolerance=_STRICT * problem.tolerance)
+    loads, changes = np.zeros((0, *load.shape)), np.zeros((0, *load.shape))
     for _ in range(_MOST_ROUNDS):
-        far = np.flatnonzero(worst > found[3])
-        if not far.size:
+        pressing = _pressing(state)
+        force = (pressing[:, None] @ on)[:, 0]
+        if reducer.output == "housing":  # the carrier bears what the housing and the sun put on it
+            force[:, 2] += own - _sun_torque(reducer, rub, pressing)
+        left = np.abs(state.solution.gradient + load - force).max(axis=1)
+        if (left <= np.maximum(strict.tolerance, state.solution.unbalanced)).all():
             break
-        # what is out of balance beside the energy's slope is friction: as a load it leaves a pose of least energy
-        loads = problem.load[far] + settled.at(x).forces.gradient[far] - found[1][far]
-        x = x.copy()
-        x[far] = solve(part_of(problem, far)._replace(load=loads), near=x[far]).x
-        found = balance(x)
-        worst = np.abs(found[1]).max(axis=1)
-    bad = worst > found[3]
+        loads, changes = (
+            np.append(loads, load[None], 0)[-_DEPTH:],
+            np.append(changes, (force - load)[None], 0)[-_DEPTH:],
+        )
+        moved, turned = (np.diff(one, axis=0).transpose(1, 2, 0) for one in (loads, changes))
+        share = np.linalg.pinv(turned, rcond=1e-8) @ (force - load)[..., None]
+        load = force - ((moved + turned) @ share)[..., 0]
+        state = replace(settled, solution=solve(strict._replace(load=problem.load + load), near=state.solution.x))
+    bad = left > np.maximum(problem.tolerance, state.solution.unbalanced)
     if bad.any():
-        where = ", ".join(f"{math.degrees(a):.4g}" for a in contacts.motion.theta[bad][:5])
+        where = ", ".join(f"{math.degrees(a):.4g}" for a in theta[bad][:5])
         raise NotConvergedError(
             f"forces and friction do not balance at {bad.sum()} of {bad.size} angles (theta = {where} deg ...): the "
             "parts wedge; use smaller coefficients of friction"
         )
-    return found[0]
+    return state

@@ -80,7 +80,7 @@ class RollerBearing:
         if isinstance(self.rollers, bool) or not isinstance(self.rollers, int) or self.rollers < 3:
             raise ValueError(f"rollers = {self.rollers!r}: must be a whole number, 3 or more")
         for item in fields(self)[1:]:
-            object.__setattr__(self, item.name, _length(item.name, getattr(self, item.name)))
+            object.__setattr__(self, item.name, above_zero(item.name, getattr(self, item.name), "length"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,10 +214,8 @@ def contact_pressure(
     'pin'
     """
     check_model(model)
-    widths = {name: _length(name, value) for name, value in (("disc_width", disc_width), ("gear_width", gear_width))}
-    modulus = units.named_core("youngs_modulus", youngs_modulus, "pressure")
-    if not modulus > 0:
-        raise ValueError(f"youngs_modulus = {modulus:g} MPa: must be above 0")
+    widths = [above_zero("disc_width", disc_width, "length"), above_zero("gear_width", gear_width, "length")]
+    modulus = above_zero("youngs_modulus", youngs_modulus, "pressure")
     if not 0 <= poisson_ratio < 0.5:
         raise ValueError(f"poisson_ratio = {poisson_ratio:g}: must lie between 0 and 0.5")
     state = equilibrium(model, theta, torque=torque, direction=direction)
@@ -228,7 +226,7 @@ def contact_pressure(
     size, pin = pressing(state), pin_contact_radius(stands)
     sine, sun, planet = math.sin(unit.pressure_angle), unit.sun_pitch_radius, unit.planet_pitch_radius
     mesh = np.array(sine * sun * planet / (sun + planet))
-    pressed = {"pin": (size["pin"], widths["disc_width"], pin), "mesh": (size["mesh"], widths["gear_width"], mesh)}
+    pressed = {"pin": (size["pin"], widths[0], pin), "mesh": (size["mesh"], widths[1], mesh)}
     for contact, bearing in (("cam", cam_bearing), ("carrier", carrier_bearing)):
         if bearing is not None:
             roller = np.array(0.5 / (1 / bearing.roller_diameter + 1 / bearing.race_diameter))
@@ -248,10 +246,19 @@ def contact_pressure(
     )
 
 
-def _length(name: str, value: Any) -> float:
-    size = units.named_core(name, value, "length")
+def above_zero(name: str, value: Any, dimension: str) -> float:
+    """A size that was asked for, in core units.
+
+    Raises
+    ------
+    ValueError
+        If it is not above 0, or no number.
+    """
+    size = units.named_core(name, value, dimension)
     if not 0 < size < math.inf:
-        raise ValueError(f"{name} = {size:g} mm: must be above 0")
+        unit = "mm" if dimension == "length" else units.DISPLAY_UNITS[dimension]
+        shown = size if dimension == "length" else units.to_display(size, dimension)
+        raise ValueError(f"{name} = {shown:g} {unit}: must be above 0")
     return size
 
 

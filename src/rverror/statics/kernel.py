@@ -18,7 +18,7 @@ envelope, row by row (A. Jennings, A compact storage scheme for the solution of 
 Comput. J. 9, 1966): in this order of the parts most of it is empty.  One more solution, for a unit torque on the
 output, gives the change of every contact force, by which virtual work tells every influence.
 
-Angles do not depend on one another: `solve` may run on slices of them in several threads.
+Angles do not depend on one another: `solve` may run on parts of them in several threads.
 """
 
 from __future__ import annotations
@@ -56,10 +56,11 @@ _HALVINGS = 40  # of a step, to 1e-12 of it
 #: Angles of which each but the first starts from the one before; a thread has whole blocks of them, so that poses do
 #: not depend on how many there are.
 BLOCK = 64
-#: First unknown of the first disc, and angle of the carrier.
-_FIRST_DISC, _CARRIER_ANGLE = 3, 2
-#: Places in `loaded_state.SOFTENING`; those of bearings are in the problem.
-_PIN_CONTACT, _GEAR_MESH, _BACKLASH, _PIN_EXPONENT, _FLANK_EXPONENT, _CURVATURE = 0, 3, 6, 7, 8, 9
+_FIRST_DISC = 3  # its first unknown
+# contacts as they are, or held closed, each by its declared stiffness: those that are closed, all of the loaded side
+_FREE, _CLOSED, _DRIVEN = 0, 1, 2
+#: Places in `loaded_state.SOFTENING`; those of rows are in the problem.
+_PIN_CONTACT, _BACKLASH, _PIN_EXPONENT, _FLANK_EXPONENT, _CURVATURE = 0, 6, 7, 8, 9
 
 
 class Problem(NamedTuple):
@@ -80,9 +81,8 @@ class Problem(NamedTuple):
     row_error: Array  # (n, rows)
     clearance: Array  # (bearings,), mm; below 0 a preload
     pin_stiffness: Array  # (m, discs, pins), N/mm
-    flank_stiffness: Array  # (m, 2 cranks)
-    bearing_stiffness: Array  # (m, bearings)
-    kind: Integers  # (bearings,): of `loaded_state.SOFTENING`
+    row_stiffness: Array  # (m, rows)
+    kind: Integers  # (rows,): of `loaded_state.SOFTENING`
     declared: Array  # (6,): stiffness of each of these kinds
     pin_exponent: float
     flank_exponent: float
@@ -90,27 +90,24 @@ class Problem(NamedTuple):
     share: float  # of the curvature that counts
     load: Array  # (n, unknowns), N and N*mm
     sense: Array  # (n,): of the carrier's motion
-    output_turn: float  # turn of the output per turn of the carrier
+    push: Array  # (unknowns,): load per unit of which changes are asked for
     longest: float  # mm that a step may move anything
     tolerance: float  # what may be out of balance, N and N*mm
     heavy: float  # a load at which all contacts settle easily, over the problem's
-    most_near: int  # Newton steps from a pose that is likely near
-    most_cold: int
-    most_unloading: int  # at each load on the way down
+    most: tuple[int, int, int]  # Newton steps from a pose that is likely near; from none; at each load on the way down
 
 
 class Solution(NamedTuple):
-    """What is found at n angles; groups but the first may be empty."""
+    """What is found at n angles; the matrix, the changes, and ways along profiles that do not count, may be empty."""
 
     x: Array  # (n, unknowns): poses, mm and rad
     steps: Integers  # (n,): Newton steps
     found: Flags  # (n,): whether the forces balance
     pins: Array  # (n, discs, pins): closing, mm
-    slides: Array  # (n, discs, pins): way along the profile, mm, where it counts or changes are asked for
+    slides: Array  # (n, discs, pins): way along the profile, mm
     rows: Array  # (n, rows): closing, mm
-    row_force: Array  # (n, rows), N
-    # forces
     pin_force: Array  # (n, discs, pins), N
+    row_force: Array  # (n, rows), N
     pin_tangent: Array  # (n, discs, pins), N/mm
     row_tangent: Array  # (n, rows)
     coupling: Array  # (n, bearings): tangent stiffness of one component with the other
@@ -119,7 +116,7 @@ class Solution(NamedTuple):
     unbalanced: Array  # (n,): what rounding leaves of the gradient
     # second derivative of the energy
     matrix: Array  # (n, unknowns, unknowns)
-    # changes per unit of output torque, the closed contacts held closed
+    # changes per unit of the push, the closed contacts held closed
     pin_change: Array  # (n, discs, pins): of the force into the disc
     slide_change: Array  # (n, discs, pins): of the force along the profile, as the normal turns
     row_change: Array  # (n, rows)
@@ -128,13 +125,10 @@ class Solution(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """State of one angle, beside its closings."""
+    """State of one angle, beside what the solution holds."""
 
-    pin_force: Array
-    pin_tangent: Array
-    row_tangent: Array
-    coupling: Array
-    gradient: Array
+    turned: Array  # rows of the pins with the normals of where they have moved to, if these turn
+    less: Array  # stiffness of a disc's pins that the turning of their forces takes off, below 0
     springs: Array  # lower triangle, as the matrix
     matrix: Array
     factor: Array
@@ -142,7 +136,7 @@ class _Scratch(NamedTuple):
     step: Array
     trial: Array
     near: Array
-    balance: Array  # energy, what rounding leaves of it, and of the gradient
+    balance: Array  # energy, what rounding leaves of it, and of the gradient, and of that per displacement
 
 
 @inlined
@@ -226,46 +220,46 @@ def bearing(dx: float, dy: float, stiffness: float, clearance: float) -> tuple[f
 
 
 @inlined
-def _pins(problem: Problem, i: int, x: Array, solution: Solution, s: _Scratch) -> float:
+def _pins(problem: Problem, i: int, x: Array, hold: int, solution: Solution, s: _Scratch) -> float:
     """Energy of the pins; adds their forces to the gradient."""
-    discs, count = s.pin_force.shape
-    exponent, energy, c = problem.pin_exponent, 0.0, min(i, len(problem.curvature) - 1)
+    discs, count = problem.pin_error.shape[1:]
+    exponent, energy, gradient = problem.pin_exponent, 0.0, solution.gradient[i]
+    c, m = min(i, len(problem.curvature) - 1), min(i, len(problem.pin_stiffness) - 1)
     for k in range(discs):
         at = _FIRST_DISC + 3 * k
         dx, dy, turn = x[at], x[at + 1], x[at + 2]
-        row, error = problem.pin_rows[i, k], problem.pin_error[i, k]
-        stiffness = problem.pin_stiffness[min(i, len(problem.pin_stiffness) - 1), k]
-        closing, force, tangent = solution.pins[i, k], s.pin_force[k], s.pin_tangent[k]
-        slide, lever, curvature = solution.slides[i, k], problem.profile_lever[c, k], problem.curvature[c, k]
+        row, error, stiffness = problem.pin_rows[i, k], problem.pin_error[i, k], problem.pin_stiffness[m, k]
+        closing, force, tangent = solution.pins[i, k], solution.pin_force[i, k], solution.pin_tangent[i, k]
         for p in range(count):
             closing[p] = row[0, p] * dx + row[1, p] * dy + row[2, p] * turn + error[p]
         if problem.share > 0.0:
-            along = problem.slide_error[i, k]
+            slide, along, now = solution.slides[i, k], problem.slide_error[i, k], s.turned[k]
+            lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
             for p in range(count):
                 slide[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn + along[p]
-                closing[p] -= 0.5 * problem.share * curvature[p] * slide[p] * slide[p]
-        if exponent == 1.0:
-            for p in range(count):
-                tangent[p] = stiffness[p] if closing[p] > 0.0 else 0.0
-                force[p] = tangent[p] * closing[p]
-        else:
+                turned = problem.share * curvature[p] * slide[p]
+                closing[p] -= 0.5 * turned * slide[p]
+                now[0, p] = row[0, p] + turned * row[1, p]
+                now[1, p] = row[1, p] - turned * row[0, p]
+                now[2, p] = row[2, p] - turned * lever[p]
+        if hold == _FREE and exponent != 1.0:
             for p in range(count):
                 force[p], tangent[p] = pressed(closing[p], stiffness[p], exponent, problem.reference_force)
+        else:
+            for p in range(count):
+                on = row[2, p] * problem.sense[i] < 0.0 if hold == _DRIVEN else closing[p] > 0.0
+                tangent[p] = stiffness[p] if on else 0.0
+                force[p] = tangent[p] * closing[p]
+        row = s.turned[k] if problem.share > 0.0 else row
         on_x, on_y, moment, work = 0.0, 0.0, 0.0, 0.0
         for p in range(count):
             on_x += force[p] * row[0, p]
             on_y += force[p] * row[1, p]
             moment += force[p] * row[2, p]
             work += force[p] * closing[p]
-        if problem.share > 0.0:  # the force turns with the normal
-            for p in range(count):
-                sideways = force[p] * problem.share * curvature[p] * slide[p]
-                on_x += sideways * row[1, p]
-                on_y -= sideways * row[0, p]
-                moment -= sideways * lever[p]
-        s.gradient[at] += on_x
-        s.gradient[at + 1] += on_y
-        s.gradient[at + 2] += moment
+        gradient[at] += on_x
+        gradient[at + 1] += on_y
+        gradient[at + 2] += moment
         energy += work
     return energy / (exponent + 1.0)
 
@@ -280,55 +274,51 @@ def _closing(problem: Problem, i: int, r: int, x: Array) -> float:
 
 
 @inlined
-def _add_force(problem: Problem, i: int, r: int, force: float, gradient: Array) -> None:
-    """Add what the force of a row does to its parts."""
-    for w in range(problem.columns.shape[1]):
-        gradient[problem.columns[r, w]] += problem.rows[i, r, w] * force
-
-
-@inlined
-def _others(problem: Problem, i: int, x: Array, solution: Solution, s: _Scratch) -> float:
+def _others(problem: Problem, i: int, x: Array, hold: int, solution: Solution) -> float:
     """Energy of gear flanks and bearings; adds their forces to the gradient."""
-    closing, force, tangent = solution.rows[i], solution.row_force[i], s.row_tangent
+    closing, force, tangent = solution.rows[i], solution.row_force[i], solution.row_tangent[i]
+    flanks, m, energy = len(closing) - 2 * len(problem.clearance), min(i, len(problem.row_stiffness) - 1), 0.0
+    exponent, reference, stiffness = problem.flank_exponent, problem.reference_force, problem.row_stiffness[m]
     for r in range(len(closing)):
         closing[r] = problem.row_error[i, r] + _closing(problem, i, r, x)
-    flanks, m, energy = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1), 0.0
-    exponent, reference = problem.flank_exponent, problem.reference_force
     for r in range(flanks):
-        force[r], tangent[r] = pressed(closing[r], problem.flank_stiffness[m, r], exponent, reference)
+        if hold == _FREE:
+            force[r], tangent[r] = pressed(closing[r], stiffness[r], exponent, reference)
+        else:
+            on = (r % 2 == 0) == (problem.sense[i] > 0.0) if hold == _DRIVEN else closing[r] > 0.0
+            tangent[r] = stiffness[r] if on else 0.0
+            force[r] = tangent[r] * closing[r]
         energy += force[r] * closing[r] / (exponent + 1.0)
-    m = min(i, len(problem.bearing_stiffness) - 1)
     for q in range(len(problem.clearance)):
-        r = flanks + 2 * q
-        stiffness, clearance = problem.bearing_stiffness[m, q], problem.clearance[q]
-        secant, work, xx, xy, yy = bearing(closing[r], closing[r + 1], stiffness, clearance)
+        r, clearance = flanks + 2 * q, problem.clearance[q]
+        secant, work, xx, xy, yy = bearing(closing[r], closing[r + 1], stiffness[r], clearance)
+        if hold != _FREE:  # in the middle of its clearance, or where it is closed on the rim
+            distance = math.sqrt(closing[r] ** 2 + closing[r + 1] ** 2)
+            rim = 0.0 if hold == _DRIVEN or distance == 0.0 else clearance / distance
+            secant, xx, xy, yy = stiffness[r] * (1.0 - rim), stiffness[r], 0.0, stiffness[r]
         force[r], force[r + 1] = secant * closing[r], secant * closing[r + 1]
-        tangent[r], tangent[r + 1], s.coupling[q] = xx, yy, xy
+        tangent[r], tangent[r + 1], solution.coupling[i, q] = xx, yy, xy
         energy += work
     for r in range(len(closing)):
-        _add_force(problem, i, r, force[r], s.gradient)
+        for w in range(problem.columns.shape[1]):
+            solution.gradient[i, problem.columns[r, w]] += problem.rows[i, r, w] * force[r]
     return energy
 
 
 @inlined
-def _evaluate(
-    problem: Problem, i: int, x: Array, load: float, rounding: float, solution: Solution, s: _Scratch
-) -> None:
-    """Contacts, energy and gradient of a pose.
-
-    The load is `load` times that of the problem, `rounding` what `_assemble_springs` tells.
-    """
+def _evaluate(problem: Problem, i: int, x: Array, hold: int, load: float, solution: Solution, s: _Scratch) -> None:
+    """Contacts, energy and gradient of a pose; the load is `load` times that of the problem."""
     energy, size, far = 0.0, 0.0, 0.0
     for r in range(len(x)):
         force = load * problem.load[i, r]
-        s.gradient[r] = -force
+        solution.gradient[i, r] = -force
         energy -= force * x[r]
         size += abs(force * x[r])
         far = max(far, abs(x[r]))
-    work = _pins(problem, i, x, solution, s) + _others(problem, i, x, solution, s)
+    work = _pins(problem, i, x, hold, solution, s) + _others(problem, i, x, hold, solution)
     s.balance[0] = energy + work
-    s.balance[1] = rounding * far * far + 4.0 * _EPSILON * (size + work)
-    s.balance[2] = rounding * far
+    s.balance[1] = s.balance[3] * far * far + 4.0 * _EPSILON * (size + work)
+    s.balance[2] = s.balance[3] * far
 
 
 @inlined
@@ -343,21 +333,39 @@ def _add(problem: Problem, i: int, r: int, q: int, stiffness: float, matrix: Arr
 
 
 @inlined
-def _assemble_springs(problem: Problem, i: int, s: _Scratch) -> float:
+def _add_pins(stiffness: Array, x: Array, y: Array, t: Array, sign: float, matrix: Array, at: int) -> None:
+    """Add the lower triangle of stiffness along the rows (sign x, y, t) of a disc's pins."""
+    xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(len(stiffness)):
+        xx += stiffness[p] * x[p] * x[p]
+        yx += stiffness[p] * y[p] * x[p]
+        yy += stiffness[p] * y[p] * y[p]
+        tx += stiffness[p] * t[p] * x[p]
+        ty += stiffness[p] * t[p] * y[p]
+        tt += stiffness[p] * t[p] * t[p]
+    matrix[at, at] += xx
+    matrix[at + 1, at] += sign * yx
+    matrix[at + 1, at + 1] += yy
+    matrix[at + 2, at] += sign * tx
+    matrix[at + 2, at + 1] += ty
+    matrix[at + 2, at + 2] += tt
+
+
+@inlined
+def _assemble_springs(problem: Problem, i: int, s: _Scratch) -> None:
     """Stiffness of the bearings without clearance, and what rounding leaves of a gradient per displacement."""
-    matrix, m, flanks = s.springs, min(i, len(problem.bearing_stiffness) - 1), problem.flank_stiffness.shape[1]
-    matrix[:] = 0.0
+    m, flanks = min(i, len(problem.row_stiffness) - 1), len(problem.columns) - 2 * len(problem.clearance)
+    s.springs[:] = 0.0
     for r in range(flanks, len(problem.columns)):
-        q = (r - flanks) // 2
-        if problem.clearance[q] == 0.0:
-            _add(problem, i, r, r, problem.bearing_stiffness[m, q], matrix)
+        if problem.clearance[(r - flanks) // 2] == 0.0:
+            _add(problem, i, r, r, problem.row_stiffness[m, r], s.springs)
     largest = 0.0
-    for r in range(len(matrix)):
+    for r in range(len(s.springs)):
         total = 0.0
-        for c in range(len(matrix)):
-            total += abs(matrix[max(r, c), min(r, c)])
+        for c in range(len(s.springs)):
+            total += abs(s.springs[max(r, c), min(r, c)])
         largest = max(largest, total)
-    return _ROUNDING * largest
+    s.balance[3] = _ROUNDING * largest
 
 
 @inlined
@@ -370,44 +378,21 @@ def _assemble(problem: Problem, i: int, turning: float, solution: Solution, s: _
     for a in range(len(matrix)):
         for b in range(problem.envelope[a], a + 1):
             matrix[a, b] = s.springs[a, b]
-    discs, count = s.pin_force.shape
-    for k in range(discs):
-        row, tangent, slide, force = problem.pin_rows[i, k], s.pin_tangent[k], solution.slides[i, k], s.pin_force[k]
-        lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
-        xx, yx, yy, tx, ty, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if problem.share > 0.0:
-            for p in range(count):
-                bend = problem.share * curvature[p]
-                turned, less = bend * slide[p], turning * bend * force[p]
-                x, y, t = row[0, p] + turned * row[1, p], row[1, p] - turned * row[0, p], row[2, p] - turned * lever[p]
-                xx += tangent[p] * x * x - less * row[1, p] * row[1, p]
-                yx += tangent[p] * y * x + less * row[0, p] * row[1, p]
-                yy += tangent[p] * y * y - less * row[0, p] * row[0, p]
-                tx += tangent[p] * t * x + less * lever[p] * row[1, p]
-                ty += tangent[p] * t * y - less * lever[p] * row[0, p]
-                tt += tangent[p] * t * t - less * lever[p] * lever[p]
-        else:
-            for p in range(count):
-                xx += tangent[p] * row[0, p] * row[0, p]
-                yx += tangent[p] * row[1, p] * row[0, p]
-                yy += tangent[p] * row[1, p] * row[1, p]
-                tx += tangent[p] * row[2, p] * row[0, p]
-                ty += tangent[p] * row[2, p] * row[1, p]
-                tt += tangent[p] * row[2, p] * row[2, p]
-        at = _FIRST_DISC + 3 * k
-        matrix[at, at] += xx
-        matrix[at + 1, at] += yx
-        matrix[at + 1, at + 1] += yy
-        matrix[at + 2, at] += tx
-        matrix[at + 2, at + 1] += ty
-        matrix[at + 2, at + 2] += tt
-    flanks = problem.flank_stiffness.shape[1]
-    for r in range(len(problem.columns)):
+    for k in range(problem.pin_error.shape[1]):
+        row, tangent = s.turned[k] if problem.share > 0.0 else problem.pin_rows[i, k], solution.pin_tangent[i, k]
+        _add_pins(tangent, row[0], row[1], row[2], 1.0, matrix, _FIRST_DISC + 3 * k)
+        if problem.share > 0.0 and turning > 0.0:
+            row, force, curvature = problem.pin_rows[i, k], solution.pin_force[i, k], problem.curvature[c, k]
+            for p in range(len(force)):
+                s.less[p] = -turning * problem.share * curvature[p] * force[p]
+            _add_pins(s.less, row[1], row[0], problem.profile_lever[c, k], -1.0, matrix, _FIRST_DISC + 3 * k)
+    tangent, flanks = solution.row_tangent[i], len(problem.columns) - 2 * len(problem.clearance)
+    for r in range(len(tangent)):
         q = (r - flanks) // 2
-        if s.row_tangent[r] > 0.0 and (q < 0 or problem.clearance[q] != 0.0):
-            _add(problem, i, r, r, s.row_tangent[r], matrix)
-            if q >= 0 and s.coupling[q] != 0.0:
-                _add(problem, i, r, r + 1 - 2 * ((r - flanks) % 2), s.coupling[q], matrix)
+        if tangent[r] > 0.0 and (q < 0 or problem.clearance[q] != 0.0):
+            _add(problem, i, r, r, tangent[r], matrix)
+            if q >= 0 and solution.coupling[i, q] != 0.0:
+                _add(problem, i, r, r + 1 - 2 * ((r - flanks) % 2), solution.coupling[i, q], matrix)
 
 
 # --- linear equations -------------------------------------------------------------------------------------------------
@@ -463,75 +448,29 @@ def _back_substitute(envelope: Integers, factor: Array, inverse: Array, right: A
 
 
 @inlined
-def _hold(problem: Problem, i: int, driven: bool, solution: Solution, s: _Scratch) -> None:
-    """Hold contacts closed, each by its declared stiffness: of the loaded side, or those that are closed.
-
-    Journals are held in the middle of their clearances, or where they are closed on the rim.
-    """
-    discs, count = s.pin_force.shape
-    m, c = min(i, len(problem.pin_stiffness) - 1), min(i, len(problem.curvature) - 1)
-    for k in range(discs):
-        at = _FIRST_DISC + 3 * k
-        for p in range(count):
-            x, y, turn = problem.pin_rows[i, k, 0, p], problem.pin_rows[i, k, 1, p], problem.pin_rows[i, k, 2, p]
-            on = turn * problem.sense[i] < 0.0 if driven else solution.pins[i, k, p] > 0.0
-            s.pin_tangent[k, p] = problem.pin_stiffness[m, k, p] if on else 0.0
-            force = s.pin_tangent[k, p] * solution.pins[i, k, p] - s.pin_force[k, p]
-            turned = problem.share * problem.curvature[c, k, p] * solution.slides[i, k, p]
-            s.gradient[at] += force * (x + turned * y)
-            s.gradient[at + 1] += force * (y - turned * x)
-            s.gradient[at + 2] += force * (turn - turned * problem.profile_lever[c, k, p])
-    flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
-    for r in range(flanks):
-        on = (r % 2 == 0) == (problem.sense[i] > 0.0) if driven else solution.rows[i, r] > 0.0
-        s.row_tangent[r] = problem.flank_stiffness[m, r] if on else 0.0
-        _add_force(problem, i, r, s.row_tangent[r] * solution.rows[i, r] - solution.row_force[i, r], s.gradient)
-    m = min(i, len(problem.bearing_stiffness) - 1)
-    for q in range(len(problem.clearance)):
-        if problem.clearance[q] != 0.0:
-            r = flanks + 2 * q
-            distance = math.sqrt(solution.rows[i, r] ** 2 + solution.rows[i, r + 1] ** 2)
-            rim = 0.0 if driven or distance == 0.0 else problem.clearance[q] / distance
-            s.coupling[q] = 0.0
-            for side in range(r, r + 2):
-                s.row_tangent[side] = problem.bearing_stiffness[m, q]
-                force = s.row_tangent[side] * (1.0 - rim) * solution.rows[i, side]
-                _add_force(problem, i, side, force - solution.row_force[i, side], s.gradient)
-
-
-@inlined
 def _newton(
-    problem: Problem,
-    i: int,
-    x: Array,
-    driven: bool,
-    rim: bool,
-    load: float,
-    tolerance: float,
-    most: int,
-    rounding: float,
-    solution: Solution,
-    s: _Scratch,
-) -> tuple[int, bool]:
-    """Newton steps from a pose until the forces balance; the scratch holds the state and matrix of the last pose.
+    problem: Problem, i: int, x: Array, hold: int, rim: bool, load: float, tolerance: float, most: int,
+    solution: Solution, s: _Scratch,
+) -> tuple[int, bool]:  # fmt: skip
+    """Newton steps from a pose until the forces balance; the scratch holds the matrix of the last pose.
 
-    First, if so solution, it goes where the loaded side alone carries, and to where journals are on the rims of their
+    First, if so asked, it goes where the loaded side alone carries, and to where journals are on the rims of their
     clearances.  A step is halved until the energy falls below the most that the last steps had: a journal that slides
     along the curved rim of its clearance is pressed into it by each straight step, and comes out by the next one.
     Where rounding hides the fall, the slope at the end must not be as steep upwards as it was downwards.
     """
-    size = len(x)
+    size, gradient = len(x), solution.gradient[i]
     before, work, slope, length, here, hidden = math.inf, math.inf, 0.0, 1.0, 0.0, 0.0
     last, second, third, fourth = -math.inf, -math.inf, -math.inf, -math.inf  # energies of the last steps
-    steps, halvings, free = 0, 0, True
+    steps, halvings, judged = 0, 0, False
     _copy(x, s.trial)
     while True:
-        _evaluate(problem, i, s.trial, load, rounding, solution, s)
+        _evaluate(problem, i, s.trial, hold, load, solution, s)
         energy, unbalanced = s.balance[0], s.balance[2]
-        if not free:
+        if judged:
             ahead = 0.0
             for r in range(size):
-                ahead += s.gradient[r] * s.step[r]
+                ahead += gradient[r] * s.step[r]
             falls = energy <= max(max(last, second), max(third, fourth)) + 1e-4 * length * slope
             falls = falls or (energy < here + hidden and ahead <= -0.8 * slope)
             if not falls and halvings < _HALVINGS:
@@ -541,17 +480,14 @@ def _newton(
                     s.trial[r] = x[r] + length * s.step[r]
                 continue
         _copy(s.trial, x)
-        free = driven or rim
-        if free:
-            _hold(problem, i, driven, solution, s)
-            driven, rim = False, rim and driven
-        turning = 0.0 if free else 1.0
+        judged = hold == _FREE
+        turning = 1.0 if judged else 0.0
         while True:
             _assemble(problem, i, turning, solution, s)
-            if not free and turning == 1.0:
+            if turning == 1.0:
                 left = 0.0
                 for r in range(size):
-                    left = max(left, abs(s.gradient[r]))
+                    left = max(left, abs(gradient[r]))
                 # what is as small as rounding is let go once it shrinks no more
                 moving = left > tolerance and (left > unbalanced or left < 0.5 * before)
                 if not moving or not (work > _CREEPING * tolerance or steps < _PATIENT):
@@ -559,19 +495,18 @@ def _newton(
                 if steps == most:
                     return steps, False
                 before = left
-            if _factorise(problem.envelope, s.matrix, s.factor, s.inverse, _TRACE):
-                break
-            if problem.share == 0.0 or turning == 0.0:
+            regular = _factorise(problem.envelope, s.matrix, s.factor, s.inverse, _TRACE)
+            if regular or problem.share == 0.0 or turning == 0.0:
                 break
             turning = 0.0
         for r in range(size):
-            s.step[r] = -s.gradient[r]
+            s.step[r] = -gradient[r]
         _back_substitute(problem.envelope, s.factor, s.inverse, s.step)
         slope, far = 0.0, 0.0
         for r in range(size):
-            slope += s.gradient[r] * s.step[r]
+            slope += gradient[r] * s.step[r]
             far = max(far, abs(s.step[r]))
-        if not free:
+        if judged:
             steps += 1
             work, length, halvings, here, hidden = -slope, 1.0, 0, energy, s.balance[1]
             last, second, third, fourth = energy, last, second, third
@@ -581,18 +516,11 @@ def _newton(
                     s.step[r] *= problem.longest / far
         for r in range(size):
             s.trial[r] = x[r] + s.step[r]
+        hold = _CLOSED if hold == _DRIVEN and rim else _FREE
 
 
 @inlined
-def _stages(problem: Problem, factor: float) -> int:
-    """Loads on the way down, each by a factor, from one at which all contacts settle easily."""
-    return max(math.ceil(math.log(problem.heavy) / math.log(factor)), 0)
-
-
-@inlined
-def _settle(
-    problem: Problem, i: int, x: Array, start: int, rounding: float, solution: Solution, s: _Scratch
-) -> tuple[int, bool]:
+def _settle(problem: Problem, i: int, x: Array, start: int, solution: Solution, s: _Scratch) -> tuple[int, bool]:
     """Pose of least energy from one start after another: Newton steps, and whether it was found.
 
     0: the pose at hand, if it is likely near, or given.  1: that with the journals on the rims of their clearances.  2:
@@ -612,12 +540,11 @@ def _settle(
             _copy(s.near, x)
         if driven:
             x[:] = 0.0
-        most = problem.most_near if attempt < 2 else problem.most_cold if attempt == 2 else problem.most_unloading
-        if start == GIVEN:
-            most = 0
+        most = 0 if start == GIVEN else problem.most[min(max(attempt - 1, 0), 2)]
         tolerance = problem.tolerance * load * (1e4 if stage else 1.0)  # looser on the way down
         rim = floats and attempt >= 1
-        steps, found = _newton(problem, i, x, driven, rim, load, tolerance, most, rounding, solution, s)
+        hold = _DRIVEN if driven else _CLOSED if rim else _FREE
+        steps, found = _newton(problem, i, x, hold, rim, load, tolerance, most, solution, s)
         total += steps
         if stage:
             stage -= 1
@@ -625,42 +552,24 @@ def _settle(
         if found or attempt == 4 or start == GIVEN:
             return total, found
         attempt += 1 if floats or attempt else 2
-        if attempt >= 3:
-            stage = stages = _stages(problem, 8.0 if attempt == 3 else 3.0)
+        if attempt >= 3:  # stages on the way down, from a load at which all contacts settle easily
+            stage = stages = max(math.ceil(math.log(problem.heavy) / math.log(8.0 if attempt == 3 else 3.0)), 0)
 
 
 # --- forces and changes -----------------------------------------------------------------------------------------------
 
 
 @inlined
-def _write_state(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
-    """Write forces, stiffness and balance of one angle, and its matrix."""
-    solution.energy[i], solution.unbalanced[i] = s.balance[0], s.balance[2]
-    for k in range(len(s.pin_force)):
-        _copy(s.pin_force[k], solution.pin_force[i, k])
-        _copy(s.pin_tangent[k], solution.pin_tangent[i, k])
-    _copy(s.row_tangent, solution.row_tangent[i])
-    _copy(s.coupling, solution.coupling[i])
-    _copy(s.gradient, solution.gradient[i])
-    for a in range(len(s.matrix) if len(solution.matrix) else 0):
-        for b in range(a + 1):
-            entry = s.matrix[a, b] if b >= problem.envelope[a] else 0.0
-            solution.matrix[i, a, b] = entry
-            solution.matrix[i, b, a] = entry
-
-
-@inlined
 def _answer(problem: Problem, pose: Array, s: _Scratch) -> None:
-    """Displacement by less than a unit torque on the output, the closed contacts held closed."""
+    """Displacement by less than a unit of the push, the closed contacts held closed."""
     left = s.step
     for trace in (0.0, _TRACE):
         if _factorise(problem.envelope, s.matrix, s.factor, s.inverse, trace):
             break
     pose[:] = 0.0
     for refinement in range(2):
-        # what is left of the torque, which stands on the carrier alone
-        left[:] = 0.0
-        left[_CARRIER_ANGLE] = -problem.output_turn
+        for a in range(len(pose)):  # what is left of the push
+            left[a] = -problem.push[a]
         for a in range(len(pose) if refinement else 0):
             left[a] -= s.matrix[a, a] * pose[a]
             for b in range(problem.envelope[a], a):
@@ -675,36 +584,32 @@ def _answer(problem: Problem, pose: Array, s: _Scratch) -> None:
 
 @inlined
 def _write_changes(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
-    """Write the changes of one angle per unit of output torque.
+    """Write the changes of one angle per unit of the push, and of the output angle where that is a torque on it.
 
     A contact that gives way by dp more under the force that it carries opens by dp: the output moves by -lambda dp,
     lambda the change of its force per unit of output torque.
     """
-    pose, softening, closing, change = (
-        solution.pose_change[i],
-        solution.softening[i],
-        solution.rows[i],
-        solution.row_change[i],
-    )
+    pose, softening, closing = solution.pose_change[i], solution.softening[i], solution.rows[i]
+    change, tangent, coupling = solution.row_change[i], solution.row_tangent[i], solution.coupling[i]
     _answer(problem, pose, s)
     softening[:] = 0.0
     _write_pin_changes(problem, i, solution, s)
     for r in range(len(change)):
         change[r] = _closing(problem, i, r, pose)
-    flanks, m = problem.flank_stiffness.shape[1], min(i, len(problem.flank_stiffness) - 1)
+    flanks, m = len(change) - 2 * len(problem.clearance), min(i, len(problem.row_stiffness) - 1)
     for r in range(flanks):
-        change[r] *= s.row_tangent[r]
+        change[r] *= tangent[r]
         if closing[r] > 0.0:
-            linear = problem.flank_stiffness[m, r] * closing[r]
-            softening[_GEAR_MESH] -= change[r] * linear / problem.declared[_GEAR_MESH]
+            kind, linear = problem.kind[r], problem.row_stiffness[m, r] * closing[r]
+            softening[kind] -= change[r] * linear / problem.declared[kind]
             softening[_BACKLASH] -= change[r] / 2.0  # half of it is on each side
             shut = change[r] * closing[r] * math.log(linear / problem.reference_force)
             softening[_FLANK_EXPONENT] += shut / problem.flank_exponent
     for q in range(len(problem.clearance)):
-        r, kind = flanks + 2 * q, problem.kind[q]
+        r, kind = flanks + 2 * q, problem.kind[flanks + 2 * q]
         dx, dy = change[r], change[r + 1]
-        change[r] = s.row_tangent[r] * dx + s.coupling[q] * dy
-        change[r + 1] = s.coupling[q] * dx + s.row_tangent[r + 1] * dy
+        change[r] = tangent[r] * dx + coupling[q] * dy
+        change[r + 1] = coupling[q] * dx + tangent[r + 1] * dy
         work = change[r] * solution.row_force[i, r] + change[r + 1] * solution.row_force[i, r + 1]
         if problem.clearance[q] < 0.0 and closing[r] ** 2 + closing[r + 1] ** 2 < problem.clearance[q] ** 2:
             work /= 2.0  # rollers on both sides give way half as far
@@ -714,32 +619,30 @@ def _write_changes(problem: Problem, i: int, solution: Solution, s: _Scratch) ->
 @inlined
 def _write_pin_changes(problem: Problem, i: int, solution: Solution, s: _Scratch) -> None:
     """The pins' part of `_write_changes`."""
-    discs, count = s.pin_force.shape
     x, pose, softening = solution.x[i], solution.pose_change[i], solution.softening[i]
+    c, m = min(i, len(problem.curvature) - 1), min(i, len(problem.pin_stiffness) - 1)
     yielded, by_exponent, by_curvature = 0.0, 0.0, 0.0
-    for k in range(discs):
-        at, m = _FIRST_DISC + 3 * k, min(i, len(problem.pin_stiffness) - 1)
+    for k in range(problem.pin_error.shape[1]):
+        at = _FIRST_DISC + 3 * k
         dx, dy, turn = pose[at], pose[at + 1], pose[at + 2]
-        row, lever, curvature = problem.pin_rows[i, k], problem.profile_lever[i, k], problem.curvature[i, k]
-        tangent, change = s.pin_tangent[k], solution.pin_change[i, k]
-        slide, along = solution.slides[i, k], solution.slide_change[i, k]
-        for p in range(count):
-            change[p] = tangent[p] * (row[0, p] * dx + row[1, p] * dy + row[2, p] * turn)
-            along[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn
+        row = s.turned[k] if problem.share > 0.0 else problem.pin_rows[i, k]
+        lever, curvature = problem.profile_lever[c, k], problem.curvature[c, k]
+        force, tangent, change = solution.pin_force[i, k], solution.pin_tangent[i, k], solution.pin_change[i, k]
+        slide, along = s.turned[k, 0], s.turned[k, 1]  # free where no normal turns
         if problem.share > 0.0:
-            for p in range(count):
-                change[p] -= tangent[p] * problem.share * curvature[p] * slide[p] * along[p]
-        else:
-            error = problem.slide_error[i, k]
-            for p in range(count):
-                slide[p] = row[0, p] * x[at + 1] - row[1, p] * x[at] + lever[p] * x[at + 2] + error[p]
-        force = s.pin_force[k]
-        for p in range(count):
+            slide, along = solution.slides[i, k], solution.slide_change[i, k]
+        for p in range(len(change)):
+            change[p] = tangent[p] * (row[0, p] * dx + row[1, p] * dy + row[2, p] * turn)
+        row, error = problem.pin_rows[i, k], problem.slide_error[i, k]
+        for p in range(len(change)):
+            along[p] = row[0, p] * dy - row[1, p] * dx + lever[p] * turn
+            slide[p] = row[0, p] * x[at + 1] - row[1, p] * x[at] + lever[p] * x[at + 2] + error[p]
             by_curvature += curvature[p] * slide[p] * (0.5 * change[p] * slide[p] + force[p] * along[p])
-        for p in range(count):
-            along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
+        if problem.share > 0.0:
+            for p in range(len(change)):
+                along[p] = -problem.share * curvature[p] * (slide[p] * change[p] + force[p] * along[p])
         stiffness, closing = problem.pin_stiffness[m, k], solution.pins[i, k]
-        for p in range(count):
+        for p in range(len(change)):
             if closing[p] > 0.0:
                 linear = stiffness[p] * closing[p]
                 yielded += change[p] * linear
@@ -763,14 +666,14 @@ def scratch(problem: Problem) -> _Scratch:
     -------
     tuple of ndarray
     """
-    pins, size = problem.pin_error.shape[1:], len(problem.envelope)
-    rows, bearings, square = len(problem.columns), len(problem.clearance), (size, size)
-    shapes = (pins, pins, rows, bearings, size, square, square, square, size, size, size, size, 3)
+    size = len(problem.envelope)
+    square = (size, size)
+    shapes = (problem.pin_rows.shape[1:], problem.pin_rows.shape[3], square, square, square, size, size, size, size, 4)
     return _Scratch(*(np.empty(shape) for shape in shapes))
 
 
 @compiled
-def solve(problem: Problem, start: int, solution: Solution, s: _Scratch) -> None:
+def solve(problem: Problem, start: int, first: int, last: int, solution: Solution, s: _Scratch) -> None:
     """Find the poses of least energy, and the state of the contacts there.
 
     Parameters
@@ -778,19 +681,24 @@ def solve(problem: Problem, start: int, solution: Solution, s: _Scratch) -> None
     problem : Problem
     start : int
         `GIVEN`, `NEAR` or `COLD`: what the poses are before.
+    first, last : int
+        At which angles; the first of them begins a block.
     solution : Solution
-        Overwritten, but for poses that are given, and groups that are empty.
+        Overwritten there, but for poses that are given, and groups that are empty.
     s : tuple of ndarray
         From `scratch`; overwritten.
     """
-    for i in range(len(solution.x)):
-        rounding = _assemble_springs(problem, i, s)
-        first = start
+    for i in range(first, last):
+        _assemble_springs(problem, i, s)
+        begin = start
         if start == COLD and i % BLOCK and solution.found[i - 1]:
             _copy(solution.x[i - 1], solution.x[i])
-            first = NEAR
-        solution.steps[i], solution.found[i] = _settle(problem, i, solution.x[i], first, rounding, solution, s)
-        if len(solution.energy):
-            _write_state(problem, i, solution, s)
+            begin = NEAR
+        solution.steps[i], solution.found[i] = _settle(problem, i, solution.x[i], begin, solution, s)
+        solution.energy[i], solution.unbalanced[i] = s.balance[0], s.balance[2]
+        for a in range(len(s.matrix) if len(solution.matrix) else 0):
+            for b in range(a + 1):
+                entry = s.matrix[a, b] if b >= problem.envelope[a] else 0.0
+                solution.matrix[i, a, b], solution.matrix[i, b, a] = entry, entry
         if len(solution.pose_change):
             _write_changes(problem, i, solution, s)

@@ -10,10 +10,9 @@ sharply curved.  `ContactLaw.profile_curvature` lets pins follow it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -28,14 +27,11 @@ from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.energy import (
     GRADIENT_TOLERANCE,
-    Errors,
     Geometry,
     by_contact,
-    error_closing,
     flank_lever,
     loaded_problem,
-    preloaded,
-    refined,
+    profile_tangent,
     samples_last,
     solve,
 )
@@ -43,8 +39,10 @@ from rverror.statics.energy import (
 if TYPE_CHECKING:
     from rverror.statics.kernel import Problem, Solution
 
+T = TypeVar("T")
+
 _AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
-_NO_LOAD = 1e-10  # torque that stands for none, of pin stiffness times pin circle radius squared
+_NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness times pin circle radius squared
 
 
 #: What else the output depends on, in the order of rows of `Prediction.softening`: the logarithm of the compliance (one
@@ -84,39 +82,6 @@ class Linearisation(OneLine):
     state: Equilibrium
     motion: Contacts
     forces: ContactForces
-
-
-@dataclass(frozen=True)
-class Tangent(OneLine):
-    """Loaded state at n angles and how stiff each contact is there, the closed ones held closed.
-
-    Attributes
-    ----------
-    contacts : Geometry
-    x : ndarray, shape (n, unknowns)
-        Pose, in the layout of `energy.Layout`.
-    pin : ndarray, shape (n, discs, pins)
-        N/mm; 0 where open.
-    flank : ndarray, shape (n, 2 cranks)
-    joint : ndarray, shape (n, joints, 2, 2)
-        Cams (disc by crank), carrier bores, main bearing, sun support.
-    pin_force : ndarray, shape (n, discs, pins)
-        N.
-    flank_force : ndarray, shape (n, 2 cranks)
-    joint_force : ndarray, shape (n, joints, 2)
-    joint_pressed : ndarray, shape (n, joints)
-        What the rollers of each bearing press in all, N: more than its force where those on both sides carry.
-    """
-
-    contacts: Geometry
-    x: Array
-    pin: Array
-    flank: Array
-    joint: Array
-    pin_force: Array
-    flank_force: Array
-    joint_force: Array
-    joint_pressed: Array
 
 
 def equilibrium(
@@ -225,19 +190,17 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
 
-def _joined(parts: list[Equilibrium]) -> Equilibrium:
-    if len(parts) == 1:
+def _joined(parts: Sequence[T]) -> T:
+    """Arrays of all stretches along their last axis, and mappings and records of them."""
+    first: Any = parts[0]
+    if len(parts) == 1 or first is None:  # told by who asked for it
         return parts[0]
-
-    def join(name: str) -> Any:
-        values = [getattr(part, name) for part in parts]
-        if values[0] is None:  # told by who asked for it
-            return None
-        if isinstance(values[0], Mapping):
-            return {key: np.concatenate([v[key] for v in values], axis=-1) for key in values[0]}
-        return np.concatenate(values, axis=-1)
-
-    return Equilibrium(**{field.name: join(field.name) for field in fields(Equilibrium)})
+    if isinstance(first, Mapping):
+        return cast(T, {key: _joined([cast(Any, one)[key] for one in parts]) for key in first})
+    if is_dataclass(first):
+        same = {item.name: _joined([getattr(one, item.name) for one in parts]) for item in fields(first)}
+        return cast(T, replace(cast(Any, first), **same))
+    return cast(T, np.concatenate(cast(Any, parts), axis=-1))
 
 
 def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
@@ -270,7 +233,7 @@ def _along(where: Contacts) -> Statics:
         raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
     if not where.torque >= 0:
         raise ValueError(f"torque = {where.torque / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
-    return Statics(Travel(where), where.reducer, where.torque)
+    return Statics(Geometry(where), where.reducer, where.torque)
 
 
 def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
@@ -297,48 +260,13 @@ def reducer_of(mechanism: Mechanism, what: str = "the equilibrium") -> Reducer:
 
 
 @dataclass(frozen=True)
-class Travel:
-    """Contact geometry along one motion, whatever errors and stiffnesses are: shared by all that is solved along it.
-
-    Attributes
-    ----------
-    motion : Contacts
-    """
-
-    motion: Contacts
-
-    @cached_property
-    def output_turn(self) -> float:
-        """Turn of the output per turn of the carrier."""
-        return self.motion.reducer.output_turn
-
-    @cached_property
-    def _kept(self) -> tuple[Geometry, ...]:
-        return tuple(self._made())
-
-    def _made(self) -> Iterator[Geometry]:
-        whole = self.motion
-        if whole.theta.size <= _AT_ONCE:
-            yield Geometry(whole)
-            return
-        for first in range(0, whole.theta.size, _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
-            assert isinstance(where, Contacts)
-            yield Geometry(where)
-
-    def geometries(self) -> Iterable[Geometry]:
-        """Geometry of one stretch of angles after another; that of few angles is kept."""
-        return self._kept if self.motion.theta.size <= _AT_ONCE else self._made()
-
-
-@dataclass(frozen=True)
 class Statics:
     """Statics of a reducer along one motion, prepared once for many sets of errors.
 
     Attributes
     ----------
-    travel : Travel
+    whole : Geometry
+        Of the motion, whatever errors and stiffnesses are.
     reducer : Reducer
         Whose stiffness, backlash and contact law count.
     torque : float
@@ -347,7 +275,7 @@ class Statics:
         Angles of the bench where they are not the gear's, rad.
     """
 
-    travel: Travel
+    whole: Geometry
     reducer: Reducer
     torque: float
     read_at: Array | None = None
@@ -355,7 +283,19 @@ class Statics:
     @property
     def motion(self) -> Contacts:
         """Nominal motion."""
-        return self.travel.motion
+        return self.whole.motion
+
+    def _stretches(self) -> Iterator[Geometry]:
+        """Geometry of one stretch of angles after another; that of few angles is kept."""
+        whole = self.motion
+        if whole.theta.size <= _AT_ONCE:
+            yield self.whole
+            return
+        for first in range(0, whole.theta.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
+            assert isinstance(where, Contacts)
+            yield Geometry(where)
 
     def elastic(self, reducer: Reducer) -> Statics:
         """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
@@ -385,8 +325,6 @@ class Statics:
         effects: tuple[Effect, ...],
         start: Array | None = None,
         *,
-        forces: bool = False,
-        matrix: bool = False,
         response: bool = False,
     ) -> Iterator[Settled]:
         """Settled poses of one stretch of angles after another.
@@ -396,8 +334,8 @@ class Statics:
         effects : tuple of Effect
         start : ndarray, shape (n, unknowns), optional
             Poses at all angles that are likely near.
-        forces, matrix, response : bool
-            Whether these are wanted; the first two can be asked for later, at the cost of finding the contacts again.
+        response : bool
+            Whether changes per unit of output torque are wanted.
 
         Yields
         ------
@@ -408,51 +346,50 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        first, felt_effects, idle = 0, felt(effects), not self.torque
-        response = response or idle
-        slides = response or self.reducer.contact_law.profile_curvature > 0
-        torque = abs(self.travel.output_turn) * self.torque or trace_of_load(self.reducer)
-        for contacts in self.travel.geometries():
-            errors = error_closing(contacts, felt_effects, slides=slides)
-            errors = preloaded(errors, self.reducer)
+        first, acting, idle = 0, felt(effects), not self.torque
+        torque = abs(self.reducer.output_turn) * self.torque or trace_of_load(self.reducer)
+        for contacts in self._stretches():
             try:
-                problem = loaded_problem(contacts, self.reducer, errors, torque, response=response)
+                problem = loaded_problem(contacts, self.reducer, acting, torque, response=response or idle)
             except ValueError as error:
                 raise NotConvergedError(str(error)) from error
             last = first + len(problem.load)
             near = None if start is None else start[first:last]
-            solution = solve(problem, near=near, forces=forces, matrix=matrix, response=response)
+            solution = solve(problem, near=near, response=response or idle)
             check_found(solution, contacts.motion.theta, idle=idle)
-            settled = Settled(contacts, self.reducer, torque, errors, problem, solution)
+            settled = Settled(contacts, self.reducer, problem, solution)
             yield settled.unloaded() if idle else settled
             first = last
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""
-        parts = [
-            (part.transmission_error, part.influences(effects), part.softening(), part.x.T)
-            for part in self.solutions(effects, start, response=True)
-        ]
-        error, matrix, softening, poses = (np.concatenate(one, axis=-1) for one in zip(*parts, strict=True))
-        return Prediction(error, matrix, softening, poses.T)
+        found = _joined(
+            [
+                Prediction(
+                    part.transmission_error,
+                    part.influences(effects),
+                    np.ascontiguousarray(part.solution.softening.T),
+                    part.solution.x.T,
+                )
+                for part in self.solutions(effects, start, response=True)
+            ]
+        )
+        assert found.poses is not None
+        return replace(found, poses=found.poses.T)
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque."""
-        return _side_by_side([part.forces_per_torque() for part in self.solutions(effects, start, response=True)])
+        return _joined([part.forces_per_torque() for part in self.solutions(effects, start, response=True)])
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        return self._read([part.equilibrium() for part in self.solutions(effects, forces=True)], effects)
-
-    def tangents(self, effects: tuple[Effect, ...]) -> Iterator[Tangent]:
-        """Loaded state and stiffness of every contact, one stretch of angles after another."""
-        return (part.tangent() for part in self.solutions(effects, forces=True))
+        return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
 
     def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
         """`linearise` for these errors."""
-        parts = list(self.solutions(effects, forces=True, response=True))
+        parts = list(self.solutions(effects, response=True))
         state = self._read([part.equilibrium() for part in parts], effects)
-        return Linearisation(state, self.motion, _side_by_side([part.forces_per_torque() for part in parts]))
+        return Linearisation(state, self.motion, _joined([part.forces_per_torque() for part in parts]))
 
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
@@ -485,10 +422,6 @@ class Prediction(OneLine):
     poses: Array | None = None
 
 
-def _side_by_side(forces: list[ContactForces]) -> ContactForces:
-    return {key: np.concatenate([one[key] for one in forces], axis=-1) for key in forces[0]}
-
-
 def trace_of_load(reducer: Reducer) -> float:
     """Torque on the carrier that stands for none, N*mm."""
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
@@ -507,16 +440,13 @@ def check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
 
 
 @dataclass(frozen=True)
-class Settled:
+class Settled(OneLine):
     """Settled pose of one stretch of angles, its contacts, and what it was found with.
 
     Attributes
     ----------
     contacts : Geometry
     reducer : Reducer
-    torque : float
-        Size of the load on the carrier, N*mm.
-    errors : Errors
     problem : kernel.Problem
     solution : kernel.Solution
         What was found.
@@ -526,217 +456,152 @@ class Settled:
 
     contacts: Geometry
     reducer: Reducer
-    torque: float
-    errors: Errors
     problem: Problem
     solution: Solution
     unloading: Array | float = 0.0
 
     @property
     def x(self) -> Array:
-        """Pose under the load, (n, unknowns)."""
-        return self.solution.x
+        """Pose, mm and rad, (n, unknowns), in the layout of `energy.Layout`."""
+        return self.solution.x + self.unloading
 
-    @cached_property
-    def forces(self) -> Solution:
-        """The same with what the contacts carry, how stiff they are, and what is out of balance."""
-        return self.solution if len(self.solution.energy) else solve(self.problem, given=self.x, forces=True)
+    @property
+    def flank(self) -> Array:
+        """Tangent stiffness of each flank, (n, 2 cranks)."""
+        return self.split(self.solution.row_tangent)[0]
 
-    @cached_property
-    def matrix(self) -> Array:
-        """Second derivative of the energy, (n, unknowns, unknowns)."""
-        return (self.solution if len(self.solution.matrix) else solve(self.problem, given=self.x, matrix=True)).matrix
+    @property
+    def joint(self) -> Array:
+        """Tangent stiffness of cams (disc by crank), carrier bores, main bearing, sun support, (n, bearings, 2, 2)."""
+        own = self.split(self.solution.row_tangent)[1]
+        return own[..., None] * np.eye(2) + self.solution.coupling[..., None, None] * (1 - np.eye(2))
 
-    def at(self, x: Array) -> Settled:
-        """The same in other poses, whether or not forces balance there."""
-        return replace(self, solution=solve(self.problem, given=x, matrix=True), unloading=0.0)
+    def split(self, rows: Array) -> tuple[Array, Array]:
+        """Rows of flanks, (n, 2 cranks, ...), and of bearings, (n, bearings, 2, ...)."""
+        flanks = 2 * self.reducer.cranks
+        return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2, *rows.shape[2:])
 
     def unloaded(self) -> Settled:
         """Take the load off with the closed contacts held closed; forces and contacts stay those of the load."""
-        return replace(
-            self, unloading=self.problem.load[:, 2:3] / self.contacts.output_turn * self.solution.pose_change
-        )
+        unloading = self.problem.load[:, 2:3] / self.reducer.output_turn * self.solution.pose_change
+        return replace(self, unloading=unloading)
 
     @property
     def transmission_error(self) -> Array:
         """Turn of the output."""
-        return np.asarray(self.contacts.output_turn * (self.x + self.unloading)[:, 2], dtype=np.float64)
+        return np.asarray(self.reducer.output_turn * self.x[:, 2], dtype=np.float64)
 
     def equilibrium(self) -> Equilibrium:
         """What users see of it."""
-        reducer, n = self.reducer, len(self.x)
-        parts = samples_last(self.x + self.unloading)
-        bodies = parts[3:-2].reshape(-1, 3, n)
-        normal = self.contacts.motion.pin_normal
-        if self.problem.share:
-            normal = normal - samples_last(self._turn)[:, :, None] * self.contacts.profile_tangent
+        solution, parts = self.solution, samples_last(self.x)
+        bodies = parts[3:-2].reshape(-1, 3, len(self.x))
+        turned = None
+        if self.problem.share:  # a pin's force turns with its normal
+            turned = -self.problem.share * self.contacts.curvature * solution.slides * solution.pin_force
+        vectors = self._vectors(solution.pin_force, solution.row_force, turned)
         return Equilibrium(
             transmission_error=self.transmission_error,
             pose={
                 "carrier": parts[:3],
-                "disc": bodies[: reducer.discs],
-                "crank": bodies[reducer.discs :],
+                "disc": bodies[: self.reducer.discs],
+                "crank": bodies[self.reducer.discs :],
                 "sun": parts[-2:],
             },
-            contact_forces={
-                **self._vectors(self.solution.row_force),
-                "pin": np.ascontiguousarray(samples_last(self.forces.pin_force))[:, :, None] * normal,
-            },
-            loaded_pins=(self.solution.pins > 0).sum(axis=2).T,
-            steps=self.solution.steps,
-            residual=GRADIENT_TOLERANCE * np.abs(self.forces.gradient).max(axis=1) / self.problem.tolerance,
+            contact_forces=vectors,
+            loaded_pins=(solution.pins > 0).sum(axis=2).T,
+            steps=solution.steps,
+            residual=GRADIENT_TOLERANCE * np.abs(solution.gradient).max(axis=1) / self.problem.tolerance,
             theta=self.contacts.motion.theta,
         )
 
-    @property
-    def _turn(self) -> Array:
-        """How far the normal of each pin has turned, (n, discs, pins)."""
-        return np.asarray(self.problem.share * self.contacts.curvature * self.solution.slides)
+    def _vectors(self, pins: Array, rows: Array, along: Array | None = None) -> dict[str, Array]:
+        """Vectors of the driving on the driven part, samples last, from sizes at contacts and vectors of bearings.
 
-    def _split(self, rows: Array) -> tuple[Array, Array]:
-        """Rows of flanks, (n, 2 cranks), and of bearings, (n, bearings, 2)."""
-        flanks = 2 * self.reducer.cranks
-        return rows[:, :flanks], rows[:, flanks:].reshape(len(rows), -1, 2)
-
-    def tangent(self) -> Tangent:
-        """Stiffness of every contact."""
-        forces, stiffness = self.forces, self.problem.bearing_stiffness
-        (flank, own), (flank_force, force) = self._split(forces.row_tangent), self._split(self.solution.row_force)
-        behind = np.maximum(
-            -self.errors.clearance - np.sqrt((self._split(self.solution.rows)[1] ** 2).sum(axis=-1)), 0.0
-        )
-        return Tangent(
-            contacts=self.contacts,
-            x=self.x + self.unloading,
-            pin=forces.pin_tangent,
-            flank=flank,
-            joint=own[..., None] * np.eye(2) + forces.coupling[..., None, None] * (1 - np.eye(2)),
-            pin_force=forces.pin_force,
-            flank_force=flank_force,
-            joint_force=force,
-            joint_pressed=np.sqrt((force**2).sum(axis=-1)) + 2 * stiffness * behind,
-        )
-
-    def _vectors(self, rows: Array) -> dict[str, Array]:
-        """Vectors of the driving on the driven part, samples last, from sizes on flanks and vectors of bearings."""
-        reducer, n = self.reducer, len(rows)
-        flanks, joints = self._split(rows)
-        flank = samples_last(flanks.reshape(n, reducer.cranks, 2))
+        Pins may have a part along the profile.
+        """
+        where = self.contacts.motion
+        sizes = {key: samples_last(one) for key, one in by_contact(self.reducer, pin=pins, row=rows).items()}
+        on_pins = np.ascontiguousarray(sizes["pin"])[:, :, None] * where.pin_normal
+        if along is not None:
+            on_pins += samples_last(along)[:, :, None] * profile_tangent(where)
         return {
-            **self._bearings(joints),
-            "mesh": flank[..., None, :] * self.contacts.motion.mesh_normal,
-            "spline": -(flank * flank_lever(reducer)[:, None])[..., None, :],
-        }
-
-    def _bearings(self, joints: Array) -> dict[str, Array]:
-        """Vectors of cams and carrier bores, samples last, from those of all bearings, samples first."""
-        reducer, vectors = self.reducer, samples_last(joints)
-        cams = reducer.discs * reducer.cranks
-        return {
-            "cam": vectors[:cams].reshape(reducer.discs, reducer.cranks, 2, -1),
-            "carrier": vectors[cams:-2],
+            **sizes,
+            "pin": on_pins,
+            "mesh": sizes["mesh"][..., None, :] * where.mesh_normal,
+            "spline": -(sizes["mesh"] * flank_lever(self.reducer)[:, None])[..., None, :],
         }
 
     def _directions(self) -> Array:
-        """Unit vectors along which bearings carry, (n, bearings, 2); 0 where rollers behind do, too."""
-        joints = self._split(self.solution.rows)[1]
+        """Unit vectors along which bearings carry, (n, rows); 0 for flanks and where rollers behind carry, too."""
+        made = np.zeros_like(self.solution.rows)
+        joints, units = self.split(self.solution.rows)[1], self.split(made)[1]
         far = np.sqrt((joints**2).sum(axis=-1))
-        return np.asarray(
-            joints * ((far > 0) & (far >= -self.errors.clearance))[..., None] / np.where(far, far, 1)[..., None]
-        )
+        carries = (far > 0) & (far >= -self.problem.clearance)
+        units += joints * carries[..., None] / np.where(far, far, 1)[..., None]
+        return made
 
     def _pressed_in(self) -> tuple[Array, Array]:
         """Forces on pins, and on rows, that would press linear contacts in as far as they are."""
-        flanks, rows = self.problem.flank_stiffness.shape[1], self.solution.row_force.copy()
-        rows[:, :flanks] = self.problem.flank_stiffness * np.maximum(self.solution.rows[:, :flanks], 0.0)
-        return self.problem.pin_stiffness * np.maximum(self.solution.pins, 0.0), rows
+        problem, flanks, rows = self.problem, 2 * self.reducer.cranks, self.solution.row_force.copy()
+        rows[:, :flanks] = (problem.row_stiffness * np.maximum(self.solution.rows, 0.0))[:, :flanks]
+        return problem.pin_stiffness * np.maximum(self.solution.pins, 0.0), rows
 
     def pose_changes(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the pose per parameter (n, unknowns, parameters), the closed contacts held closed.
 
-        What an effect closes presses on every part; effects that no contact feels change nothing.
+        By virtual work a coordinate follows an error as the forces of contacts follow a load on it.  Effects that no
+        contact feels change nothing.
         """
-        pressed = [np.zeros((*self.x.shape, 0))]
-        for effect in effects:
-            for unit in np.eye(len(effect.values)):
-                one = felt((replace(effect, values=tuple(unit)),))
-                pressed.append(self._pressing(error_closing(self.contacts, one))[..., None])
-        return refined(self.matrix, -np.concatenate(pressed, axis=2))
-
-    def _pressing(self, errors: Errors) -> Array:
-        """Force of errors on the pose, (n, unknowns), the closed contacts held closed."""
-        contacts, forces, turn = self.contacts, self.forces, self._turn
-        pins, rows = errors.pin - turn * errors.along, errors.row.copy()
-        # what gives way opens by as much
-        pressed_pins, pressed = self._pressed_in()
-        pins -= errors.compliance.get("pin", 0.0) * pressed_pins
-        of_rows = by_contact(self.reducer, pin=pins, along=pins, row=rows)
-        carried = by_contact(self.reducer, pin=pins, along=pins, row=pressed)
-        for contact, more in errors.compliance.items():
-            if contact != "pin":
-                shape = of_rows[contact].shape
-                more = more.reshape(shape) if contact == "mesh" else more.reshape(shape[:-1])[..., None]
-                of_rows[contact] -= more * carried[contact]
-        flanks, joints = self._split(rows)
-        joints = joints - errors.clearance[:, None] * self._directions()
-        tangent = self.tangent()
-        force = np.einsum("nqd,nq->nd", contacts.flank_rows, tangent.flank * flanks)
-        force += np.einsum("nqcd,nqc->nd", contacts.joint_rows, (tangent.joint @ joints[..., None])[..., 0])
-        into = forces.pin_tangent * pins
-        sideways = -turn * into
-        if self.problem.share:
-            sideways = sideways - self.problem.share * contacts.curvature * forces.pin_force * errors.along
-        profile = np.stack([-contacts.pin_rows[:, :, 1], contacts.pin_rows[:, :, 0], contacts.profile_lever], axis=2)
-        on_discs = np.einsum("nki,nkci->nkc", into, contacts.pin_rows)
-        on_discs += np.einsum("nki,nkci->nkc", sideways, profile)
-        force[:, 3 : 3 + on_discs[0].size] += on_discs.reshape(len(force), -1)
-        return np.asarray(force)
-
-    def softening(self) -> Array:
-        """Change of the output angle per unit of each of `SOFTENING`, (10, n)."""
-        return np.ascontiguousarray(self.solution.softening.T)
+        acting, (n, size) = felt(effects), self.x.shape
+        moving = np.concatenate([[one in acting] * len(one.values) for one in effects]) if effects else np.zeros(0)
+        changes = np.zeros((n, size, moving.size))
+        for coordinate, push in enumerate(np.eye(size)):
+            alone = solve(self.problem._replace(push=push), given=self.solution.x, response=True)
+            changes[:, coordinate, moving > 0] = replace(self, solution=alone).influences(acting).T
+        return changes
 
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
-        solution, normal = self.solution, self.contacts.motion.pin_normal
-        pins = samples_last(solution.pin_change)[:, :, None] * normal
-        if self.problem.share:  # a pin's force turns with its normal
-            pins = pins + samples_last(solution.slide_change)[:, :, None] * self.contacts.profile_tangent
-        pressed_pins, pressed = self._pressed_in()
-        carried = {**self._vectors(pressed), "pin": samples_last(pressed_pins)[:, :, None] * normal}
+        solution, along = self.solution, by_contact(self.reducer, pin=self.solution.pins, row=self._directions())
+        carried = self._vectors(*self._pressed_in())
         return {
-            **self._vectors(solution.row_change),
-            "pin": pins,
-            **{f"{key} direction": along for key, along in self._bearings(self._directions()).items()},
+            **self._vectors(
+                solution.pin_change, solution.row_change, solution.slide_change if self.problem.share else None
+            ),
+            **{f"{key} direction": samples_last(along[key]) for key in BEARINGS},
             **{f"{key} carried": carried[key] for key in YIELDING},
-            "output": np.ones((1, len(self.x))),
+            "output": np.ones((1, len(solution.x))),
         }
 
     def influences(self, effects: tuple[Effect, ...]) -> Array:
         """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
-        solution, rows = self.solution, [np.zeros((0, len(self.x)))]
-        changes = by_contact(
-            self.reducer, pin=solution.pin_change, along=solution.slide_change, row=solution.row_change
-        )
+        solution, rows = self.solution, [np.zeros((0, len(self.solution.x)))]
+        changes = by_contact(self.reducer, pin=solution.pin_change, row=solution.row_change)
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
                 rows.append(self.yielding(closings))
                 continue
-            parts = [one.work(changes[one.contact]) for one in closings]
-            if self.problem.share:
-                parts += [one.work(changes[one.contact]) for one in self.contacts.slides(effect)]
+            parts = []
+            for one in closings:
+                here = (slice(None), *one.error.at)
+                parts.append(_work(one.across, changes[one.contact][here]))
+                if self.problem.share and one.contact == "pin":
+                    parts.append(_work(one.along, solution.slide_change[here]))
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 
     def yielding(self, part: Clearance | Compliance) -> Array:
         """`influences` of what lets a contact give way along its own force, and so against the motion."""
         solution = self.solution
-        if isinstance(part, Clearance):
-            bearings = self._bearings(self._split(solution.row_change)[1] * self._directions())[part.contact]
-            return np.asarray(-bearings.reshape(1, -1, len(self.x)).sum(axis=1))
-        pins, rows = self._pressed_in()
-        work = by_contact(self.reducer, pin=solution.pin_change * pins, along=pins, row=solution.row_change * rows)
-        here = samples_last(work[part.contact])
-        here = (here.sum(axis=-2) if part.contact in BEARINGS else here)[part.at]
-        return np.asarray(-np.sum(part.share * here, axis=tuple(range(1, here.ndim))))
+        pins, rows = self._pressed_in() if isinstance(part, Compliance) else (solution.pins, self._directions())
+        work = by_contact(self.reducer, pin=solution.pin_change * pins, row=solution.row_change * rows)[part.contact]
+        here = samples_last(work.sum(axis=-1) if part.contact in BEARINGS else work)
+        share, at = (part.share, part.at) if isinstance(part, Compliance) else (np.ones((1, *[1] * here.ndim)), ())
+        return np.asarray(-np.sum(share * here[at], axis=tuple(range(1, here.ndim))))
+
+
+def _work(rows: Array, forces: Array) -> Array:
+    """Work of forces at contacts, (n, ...), by one unit of each parameter, (terms, n)."""
+    axes = "abc"[: forces.ndim - 1]
+    return np.asarray(np.einsum(f"tn{axes},n{axes}->tn", rows, forces))

@@ -20,11 +20,12 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
-from rverror.geartrain.mechanism import Reducer, doubt_torque
+from rverror.geartrain.mechanism import doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import unread
 from rverror.statics.loaded_state import equilibrium, reducer_of
 
+_ASKS = "the torsion of a reducer"
 _ROUNDING = 1e-15  # rad: what is left of the difference of two equal angles, 2e-10 arcsec
 
 
@@ -61,18 +62,17 @@ class TorsionCurve(Viewed):
         ValueError
             If the torques are equal or lie outside the curve.
         """
-        order = np.argsort(self.torque)
-        torque = self.torque[order]
+        least, most = self.torque.min(), self.torque.max()
         ends = [units.to_core(value, "torque") for value in (low, high)]
         for value in ends:
-            if not torque[0] <= value <= torque[-1]:
+            if not least <= value <= most:
                 raise ValueError(
-                    f"{value / 1e3:g} N*m lies outside the curve, {torque[0] / 1e3:g} to {torque[-1] / 1e3:g} N*m; "
+                    f"{value / 1e3:g} N*m lies outside the curve, {least / 1e3:g} to {most / 1e3:g} N*m; "
                     "compute it for more torques"
                 )
         if ends[0] == ends[1]:
             raise ValueError(f"low and high are both {ends[0] / 1e3:g} N*m; a slope needs two torques")
-        first, last = (np.array([np.interp(value, torque, line) for line in self.angle[order].T]) for value in ends)
+        first, last = (_between(self.torque, self.angle, value) for value in ends)
         return np.asarray((ends[1] - ends[0]) / (last - first), dtype=np.float64)
 
 
@@ -256,7 +256,7 @@ def _position(model: Model, theta: Any | None, torque: float) -> Array:
     A torque that turns the output counter-clockwise drives it the way a load does that resists the reverse motion.
     What only misreads it is no turn of the output; the gear train stands where its marks are.
     """
-    _reducer(model)
+    reducer_of(model.mechanism, _ASKS)
     found = equilibrium(unread(model), theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
     return found.transmission_error
 
@@ -282,14 +282,16 @@ def on_its_branch(torque: Array, angle: Array, at: float) -> Array:
     ValueError
         If the torques of that sense do not reach it, on either side.
     """
-    branch = np.flatnonzero(np.sign(torque) == np.sign(at))
-    branch = branch[np.argsort(torque[branch], kind="stable")]
-    if not branch.size or not torque[branch[0]] <= at <= torque[branch[-1]]:
+    own = np.sign(torque) == np.sign(at)
+    if not own.any() or not torque[own].min() <= at <= torque[own].max():
         raise ValueError(f"there are no torques on both sides of {at / 1e3:g} N*m; compute it for more torques")
-    above = branch[min(int(np.searchsorted(torque[branch], at)), branch.size - 1)]
-    below = branch[max(int(np.searchsorted(torque[branch], at, side="right")) - 1, 0)]
-    share = 0.0 if above == below else (at - torque[below]) / (torque[above] - torque[below])
-    return np.asarray(angle[below] + share * (angle[above] - angle[below]), dtype=np.float64)
+    return _between(torque[own], angle[own], at)
+
+
+def _between(torque: Array, angle: Array, at: float) -> Array:
+    order = np.argsort(torque, kind="stable")
+    columns = angle[order].reshape(torque.size, -1).T
+    return np.array([np.interp(at, torque[order], column) for column in columns]).reshape(angle.shape[1:])
 
 
 def row_of_torques(torques: Any) -> Array:
@@ -316,12 +318,8 @@ def row_of_torques(torques: Any) -> Array:
     return row
 
 
-def _reducer(model: Model) -> Reducer:
-    return reducer_of(model.mechanism, "the torsion of a reducer")
-
-
 def _rated_torque(model: Model) -> float:
-    unit = _reducer(model)
+    unit = reducer_of(model.mechanism, _ASKS)
     if unit.rated_torque is None:
         raise ValueError(
             f"reducer {unit.name!r} has no rated_torque, of which the percentage is taken; "

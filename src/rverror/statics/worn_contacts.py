@@ -33,9 +33,8 @@ from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.readings import felt
-from rverror.statics.energy import samples_last
-from rverror.statics.friction import mean_mesh_slip, nominal_sliding, path_of_contact
-from rverror.statics.hertz import pin_contact_radius, pressing, strip_half_width
+from rverror.statics.friction import mean_mesh_slip, path_of_contact, pin_slip
+from rverror.statics.hertz import above_zero, pin_contact_radius, pressing, strip_half_width
 from rverror.statics.loaded_state import Statics, reducer_of, statics_of
 from rverror.statics.rigidity import lost_motion
 
@@ -246,67 +245,53 @@ def wear(
         raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")
     if direction not in (None, 1, -1):
         raise ValueError(f"direction = {direction!r}: must be +1 (forward), -1 (reverse), or left out for both")
-    asked = {
-        "torque": (torque, "torque"),
-        "speed": (speed, "angular_speed"),
-        "disc_width": (disc_width, "length"),
-        "gear_width": (gear_width, "length"),
-    }
-    size = {name: units.named_core(name, *given) for name, given in asked.items()}
+    size = above_zero("torque", torque, "torque")
     doubt_torque(unit, torque)
-    for name, value in size.items():
-        if not 0 < value < math.inf:
-            dimension = asked[name][1]
-            shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
-            raise ValueError(f"{name} = {shown}: must be above 0")
-    told = _row_of_hours(hours)
+    per_hour = 3600 * above_zero("speed", speed, "angular_speed") / abs(unit.ratio)
     errors = felt(model.effects)
+    alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in errors)
     duty = _Duty(
         reducer=unit,
         by=coefficients,
-        disc_width=size["disc_width"],
-        gear_width=size["gear_width"],
+        disc_width=above_zero("disc_width", disc_width, "length"),
+        gear_width=above_zero("gear_width", gear_width, "length"),
         fixed=pins == "fixed",
-        alike=_alike(model),
+        alike=alike,
         errors=bool(errors),
     )
-    theta = _angles(model)
+    # one turn of the crank against the carrier says all where pins are loaded alike
+    turn = 2 * math.pi / fundamental_orders(unit)["carrier"] if alike else 2 * math.pi * true_period(unit)
+    angles = _ANGLES["turn of the crank" if alike else "period"]
+    theta, told = np.asarray(turn * np.arange(angles) / angles), _row_of_hours(hours)
     sides = (1.0, -1.0) if direction is None else (float(direction),)
-    statics = [statics_of(unit, Conditions(theta, side, size["torque"])) for side in sides]
-    per_hour = 3600 * size["speed"] / abs(unit.ratio)
-    states = list(_states(duty, errors, statics, told * per_hour))
-    rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size["torque"]))
-    worn = [duty.effects(state.worn) for state in states]
+    statics = [statics_of(unit, Conditions(theta, side, size)) for side in sides]
+    worn, swings = zip(*_states(duty, errors, statics, told * per_hour), strict=True)
+    rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size))
+    effects = [duty.effects(one) for one in worn]
     places = theta[:: max(theta.size // _LOST_AT, 1)]
-    lost = [float(lost_motion(rated.with_effects(*more), places).mean()) for more in worn]
-    volume = np.array([state.worn.volume for state in states])
-    thinning = np.array([state.worn.thinning for state in states])
+    depths = _Worn(*(np.array([getattr(one, item.name) for one in worn]) for item in fields(_Worn)))
     return Wear(
         model=model,
-        torque=size["torque"],
-        speed=size["speed"],
+        torque=size,
+        speed=per_hour * abs(unit.ratio) / 3600,
         hours=told,
-        peak_to_peak=np.array([state.peak_to_peak for state in states]),
-        lost_motion=np.array(lost),
-        volume=dict(zip(BODIES, volume.T, strict=True)),
+        peak_to_peak=np.array(swings),
+        lost_motion=np.array([lost_motion(rated.with_effects(*more), places).mean() for more in effects]),
+        volume=dict(zip(BODIES, depths.volume.T, strict=True)),
         roll_angle=_PHASE,
-        lobe_depth=np.array([state.worn.lobe for state in states]),
-        pin_depth=np.array([state.worn.pin for state in states]),
-        each_pin=np.array([state.worn.each_pin for state in states]),
-        thinning=dict(zip(("sun", "planet"), thinning.T, strict=True)),
-        effects=worn[-1],
-        sizes=np.array([[value for one in more for value in one.values] for more in worn]),
+        lobe_depth=depths.lobe,
+        pin_depth=depths.pin,
+        each_pin=depths.each_pin,
+        thinning=dict(zip(("sun", "planet"), depths.thinning.T, strict=True)),
+        effects=effects[-1],
+        sizes=np.array([[value for one in more for value in one.values] for more in effects]),
     )
 
 
 def _row_of_hours(hours: Any) -> Array:
     """Hours at which to tell, from none on; plain numbers are hours."""
-    if isinstance(hours, str):
-        row = np.array(units.named_core("hours", hours, "time") / 3600)
-    elif units.is_quantity(hours):
-        row = units.to_core_array(hours, "time") / 3600
-    else:
-        row = np.asarray(hours, dtype=np.float64)
+    timed = isinstance(hours, str) or units.is_quantity(hours)
+    row = units.to_core_array(hours, "time") / 3600 if timed else np.asarray(hours, dtype=np.float64)
     if row.ndim == 0:
         row = np.linspace(0.0, float(row), _POINTS)
     elif row.ndim == 1 and row.size and row[0] > 0:
@@ -314,20 +299,6 @@ def _row_of_hours(hours: Any) -> Array:
     if row.ndim != 1 or not (np.isfinite(row).all() and row.size > 1 and row[0] == 0 and (np.diff(row) > 0).all()):
         raise ValueError(f"hours = {hours!r}: must be above 0, and grow where there are several")
     return row
-
-
-def _alike(model: Model) -> bool:
-    """Whether all pins are loaded alike, so that one turn of the crank against the carrier says all."""
-    return all(source(e.key).repeats_with_crank(model.mechanism, e.indices) for e in felt(model.effects))
-
-
-def _angles(model: Model) -> Array:
-    unit = reducer_of(model.mechanism)
-    if _alike(model):
-        n, span = _ANGLES["turn of the crank"], 2 * math.pi / fundamental_orders(unit)["carrier"]
-    else:
-        n, span = _ANGLES["period"], 2 * math.pi * true_period(unit)
-    return np.asarray(span * np.arange(n) / n)
 
 
 @dataclass(frozen=True)
@@ -361,8 +332,8 @@ class _Worn:
 
     @property
     def lobe(self) -> Array:
-        """Depth of the mean lobe over the roll angle, (q,)."""
-        return _over_phases(self.lobes.mean(axis=0))
+        """Depth of the mean lobe over the roll angle, (..., q)."""
+        return _over_phases(self.lobes.mean(axis=-2))
 
 
 _STEP = 2 * math.pi / _PHASES
@@ -383,7 +354,7 @@ def _pressed_before(place: Array) -> Array:
 
 
 def _over_phases(waves: Any) -> Array:
-    return np.asarray((np.exp(-1j * _PHASE[:, None] * _H) @ waves).real)
+    return np.asarray((waves @ np.exp(-1j * _H[:, None] * _PHASE)).real)
 
 
 def _waves_of(depth: Array) -> Any:
@@ -412,13 +383,12 @@ class _Duty:
     def rate(self, statics: Statics, state: Equilibrium) -> _Worn:
         """Wear per rad of output in the mean over a motion."""
         where, force, unit = statics.motion, pressing(state), self.reducer
-        sliding = nominal_sliding(where, where.direction)
-        slip = samples_last(sliding.pin)
+        slip, turns = pin_slip(where), frame_orders(unit)
         work = force["pin"] * np.abs(slip)  # N mm per rad
         n = work.shape[-1]
         lobes, slow = self._on_discs(where, slip, work)
         pin, each_pin = self._on_pins(where, force["pin"], work)
-        flank = np.abs(sliding.flank).max() * mean_mesh_slip(unit) * force["mesh"].sum() / n
+        flank = abs(turns["planet"] - turns["sun"]) * mean_mesh_slip(unit) * force["mesh"].sum() / n
         volume = np.array([self.by.disc, self.by.pin, self.by.sun, self.by.planet])
         volume = volume * np.array([work.sum() / n, work.sum() / n, flank, flank])
         return _Worn(lobes, slow, pin, each_pin, volume[2:] * self._thinning(), volume)
@@ -431,9 +401,10 @@ class _Duty:
         taken = self.by.disc * work / (per_phase * self.disc_width * n)
         lobes = _sums(taken, lead, _H) / (2 * math.pi) * np.where(_H == 0, 1.0, 2.0)
         worked = work.sum(axis=(1, 2))
-        depth = np.stack([_over_phases(waves) for waves in lobes])
         by_phase = np.stack([_by_phase(one, phi) for one, phi in zip(work, lead, strict=True)])
-        carried = np.divide((by_phase * depth).sum(axis=1), worked**2, out=np.zeros_like(worked), where=worked > 0)
+        carried = np.divide(
+            (by_phase * _over_phases(lobes)).sum(axis=1), worked**2, out=np.zeros_like(worked), where=worked > 0
+        )
         return lobes, 2 * carried[:, None] * _sums(work, where.pin_angle, _SLOW)
 
     def _on_pins(self, where: Contacts, force: Array, work: Array) -> tuple[Array, Array]:
@@ -506,11 +477,10 @@ class _Duty:
 
 def _sums(amount: Array, angle: Array, harmonics: Any) -> Any:
     """Sum over all pins and angles of an amount times each wave exp(i h angle), (discs, waves)."""
-    once = np.exp(1j * angle)
-    wave, found = amount.astype(np.complex128), []
-    for h in range(harmonics[-1] + 1):
-        if h >= harmonics[0]:
-            found.append(wave.sum(axis=(1, 2)))
+    once, found = np.exp(1j * angle), []
+    wave = amount * once ** harmonics[0]
+    for _ in harmonics:
+        found.append(wave.sum(axis=(1, 2)))
         wave = wave * once
     return np.stack(found, axis=-1)
 
@@ -529,18 +499,10 @@ def _by_phase(amount: Array, lead: Array) -> Array:
 _ORIGIN = "wear"
 
 
-@dataclass(frozen=True)
-class _WornUnit:
-    """A worn unit when it is told."""
-
-    worn: _Worn
-    peak_to_peak: float
-
-
-def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array) -> Iterator[_WornUnit]:
-    """Worn units after each of some turns of the output, rad, by Heun's steps."""
-    stiffness = duty.reducer.stiffness.pin_contact
-
+def _states(
+    duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array
+) -> Iterator[tuple[_Worn, float]]:
+    """What is worn after each of some turns of the output, rad, by Heun's steps, and the error's peak-to-peak."""
     near: list[Array | None] = [None] * len(sides)
 
     def solved(worn: _Worn) -> tuple[_Worn, float, float]:
@@ -553,7 +515,7 @@ def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], 
             rate = rate.plus(duty.rate(one, state), 1 / len(sides))
             force = max(force, float(pressing(state)["pin"].max()))
             swing = max(swing, float(np.ptp(state.transmission_error)))
-        return rate, force / stiffness, swing
+        return rate, force / duty.reducer.stiffness.pin_contact, swing
 
     worn, at, steps = duty.nothing(), 0.0, 0
     first, approach, swing = solved(worn)
@@ -571,14 +533,11 @@ def _states(duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], 
             worn = worn.plus(first, step / 2).plus(second, step / 2)
             first, approach, swing = solved(worn)
             at, steps = (end if parts == 1 else at + step), steps + 1
-        yield _WornUnit(worn, swing)
+        yield worn, swing
 
 
 def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:
     """The same effects of other sizes."""
-    made, first = [], 0
-    for one in effects:
-        last = first + len(one.values)
-        made.append(replace(one, values=tuple(float(value) for value in sizes[first:last])))
-        first = last
-    return tuple(made)
+    stops = np.cumsum([len(one.values) for one in effects])
+    parts = zip(effects, np.split(sizes, stops[:-1]), strict=True)
+    return tuple(replace(one, values=tuple(map(float, part))) for one, part in parts)

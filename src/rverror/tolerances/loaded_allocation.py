@@ -246,7 +246,7 @@ class _Search:
 
     def _leaves(self, attempt: int) -> float:
         """What the confidence of an attempt leaves: half of what that of all before it leaves, so that all hold."""
-        return (1 - self.confidence) / 2 ** (attempt + 1)
+        return (1 - self.confidence) * 0.5 ** (attempt + 1)
 
     def allocation(self) -> Allocation:
         """Widths of least cost that fresh units verify."""

@@ -28,8 +28,7 @@ from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
-from rverror.statics.elasticity import elasticity
-from rverror.statics.energy import Geometry, by_contact, error_closing, loaded_problem, part_of, preloaded, solve
+from rverror.statics.energy import Geometry, by_contact, loaded_problem, solve
 from rverror.statics.loaded_state import NotConvergedError, Settled, check_found, trace_of_load
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
@@ -44,6 +43,11 @@ FINE = 4096
 #: Angles of a turn at which lost motion, backlash and stiffness are solved.
 POSITIONS = 48
 
+#: Of a problem, what differs from angle to angle, or may.
+_BY_ANGLE = (
+    "pin_rows", "profile_lever", "curvature", "rows", "pin_error", "slide_error", "row_error", "pin_stiffness",
+    "row_stiffness", "load", "sense",
+)  # fmt: skip
 _STEP = 16  # of these angles is solved first
 #: About so many of the highest and of the lowest places so far the step is halved.  Of 64 states of the list of source
 #: 004 that misses 1.3 % of the peak-to-peak at the most and 0.2 % in the mean, with an eighth of the angles.
@@ -139,7 +143,7 @@ class _Motion:
         columns: list[Integers] = []
         sizes: list[Array] = []
         slides = model.mechanism.contact_law.profile_curvature > 0
-        width, number = _numbered(model.mechanism, len(geometry.columns), angles, slides=slides)
+        width, number = _numbered(model.mechanism, len(geometry.sparse[1]), angles, slides=slides)
         for one in every:
             acts = source(one.key).acts
             if acts not in counted:
@@ -154,14 +158,17 @@ class _Motion:
             if isinstance(parts, (Clearance, Compliance)):
                 yielding.append((parts, one))
                 continue
-            for part in (*parts, *(geometry.slides(one.unit) if slides else ())):
-                at = number[part.contact][(slice(None), *part.at)]
-                for parameter, component in one.at:
-                    size = np.broadcast_to(part.rows[parameter], at.shape)
-                    some = size != 0
-                    rows.append(at[some])
-                    columns.append(np.full(rows[-1].size, component))
-                    sizes.append(size[some])
+            for part in parts:
+                closed = [(number[part.contact], part.across)]
+                closed += [(number["along"], part.along)] if slides and part.contact == "pin" else []
+                for places, sizes_of in closed:
+                    at = places[(slice(None), *part.error.at)]
+                    for parameter, component in one.at:
+                        size = np.broadcast_to(sizes_of[parameter], at.shape)
+                        some = size != 0
+                        rows.append(at[some])
+                        columns.append(np.full(rows[-1].size, component))
+                        sizes.append(size[some])
         shape = (angles * width, len(stack.components))
         place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
         matrix = scipy.sparse.csr_matrix((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
@@ -178,7 +185,7 @@ def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tupl
     pin, along = (
         every[:, first : first + pins].reshape(angles, reducer.discs, -1) for first in (0, width - rows - pins)
     )
-    return width, by_contact(reducer, pin=pin, along=along, row=every[:, width - rows :])
+    return width, {**by_contact(reducer, pin=pin, row=every[:, width - rows :]), "along": along}
 
 
 # --- one motion under one torque --------------------------------------------------------------------------------------
@@ -198,12 +205,12 @@ class _State:
         """Turn of the output, less what acts beyond the contacts, rad."""
         x = self.solution.x[:, 2]
         if self.line.idle:  # take the trace of load off
-            x = x + self.problem.load[:, 2] / self.problem.output_turn * self.solution.pose_change[:, 2]
-        return np.asarray(self.problem.output_turn * x, dtype=np.float64)
+            x = x + self.problem.load[:, 2] / self.line.reducer.output_turn * self.solution.pose_change[:, 2]
+        return np.asarray(self.line.reducer.output_turn * x, dtype=np.float64)
 
     def some(self, chosen: Integers) -> _State:
         """The same at a few of its angles, with changes per unit of output torque."""
-        problem = part_of(self.problem, chosen)
+        problem = _some(self.problem, chosen)
         solution = solve(problem, given=self.solution.x[chosen], response=True)
         return _State(self.line, self.places[chosen], problem, solution)
 
@@ -226,9 +233,7 @@ class _State:
 
     @cached_property
     def _settled(self) -> Settled:
-        line, problem = self.line, self.problem
-        errors = replace(line.declared, clearance=problem.clearance)
-        return Settled(line.motion.geometry, line.reducer, line.torque, errors, problem, self.solution)
+        return Settled(self.line.motion.geometry, self.line.reducer, self.problem, self.solution)
 
 
 @dataclass(frozen=True)
@@ -251,16 +256,15 @@ class _Line:
         return not self.torque
 
     @cached_property
-    def declared(self) -> Any:
-        """What the declared model closes."""
-        errors = error_closing(self.motion.geometry, felt(self.motion.model.effects))
-        return preloaded(errors, self.reducer)
-
-    @cached_property
     def problem(self) -> Problem:
         """Equilibrium of the declared model at all angles."""
-        load = abs(self.motion.geometry.output_turn) * self.torque or trace_of_load(self.reducer)
-        return loaded_problem(self.motion.geometry, self.reducer, self.declared, load, response=self.idle)
+        return self._problem(())
+
+    def _problem(self, effects: tuple[Effect, ...]) -> Problem:
+        """The same with more effects."""
+        load = abs(self.reducer.output_turn) * self.torque or trace_of_load(self.reducer)
+        acting = (*felt(self.motion.model.effects), *effects)
+        return loaded_problem(self.motion.geometry, self.reducer, acting, load, response=self.idle)
 
     @cached_property
     def every(self) -> Integers:
@@ -276,7 +280,7 @@ class _Line:
             If the equilibrium was not found at some angle.
         """
         at = self.every if places is None else places
-        problem = self.problem if places is None else part_of(self.problem, places)
+        problem = self.problem if places is None else _some(self.problem, places)
         closed = self.motion.closings.closed(values, at)
         pins, rows = problem.pin_error, problem.row_error.shape[1]
         count = pins[0].size
@@ -306,14 +310,22 @@ class _Line:
     def _softened(self, problem: Problem, values: Array, places: Integers) -> Problem:
         """The same with contacts that give way more than nominal."""
         effects = tuple(one.effect(values) for part, one in self.motion.yielding if isinstance(part, Compliance))
-        more = error_closing(self.motion.geometry, (*felt(self.motion.model.effects), *effects)).compliance
-        stiff = elasticity(self.reducer, {contact: row[places] for contact, row in more.items()})
-        return problem._replace(pin_stiffness=stiff.pin, flank_stiffness=stiff.flank, bearing_stiffness=stiff.bearing)
+        try:
+            softer = _some(self._problem(effects), places)
+        except ValueError as error:
+            raise NotConvergedError(str(error)) from error
+        return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
 
     def read(self, state: _State, values: Array) -> Array:
         """Output as it is read, rad, shape (places,)."""
         motion = self.motion
         return state.output + motion.nominal[state.places] + values @ motion.beyond[:, state.places]
+
+
+def _some(problem: Problem, places: Integers) -> Problem:
+    """The same at some of its angles."""
+    rows: dict[str, Any] = {name: getattr(problem, name) for name in _BY_ANGLE}
+    return problem._replace(**{name: row[places] for name, row in rows.items() if len(row) == len(problem.load)})
 
 
 # --- units and their sizes --------------------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ class Limit:
     quantity : str
         ``"transmission_error"``: its peak-to-peak over a turn.  ``"lost_motion"``: the output's turn between a small
         torque in one sense and the same in the other, input held, the largest over a turn.  ``"backlash"``: the same
-        between vanishing torques.  ``"stiffness"``: torque over turn of the loaded branches, its least of a turn.
+        between vanishing torques.  ``"stiffness"``: torque over turn of the loaded branches, its least.
     value : float or None
         The largest angle, rad; of the stiffness the least one, N*mm/rad.  None where only the distribution is asked for.
     torque : float, optional

@@ -76,7 +76,7 @@ class Gaps:
         if entry.at_output:
             return None
         units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
-        if isinstance(self._contacts.error(units[0]), (Clearance, Compliance)):
+        if isinstance(self._contacts.closings(units[0]), (Clearance, Compliance)):
             return None
         return np.array([_flat(error_closing(self._contacts, (unit,))) for unit in units])
 
