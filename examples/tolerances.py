@@ -28,7 +28,7 @@ budget = rverror.error_budget(model, tolerances, count=2**14, index_count=2**11)
 print(rverror.to_text(budget, limit=40 * ARCSEC))
 
 # %% [markdown]
-# The allocation: least cost within the limit, verified by units that took no part in finding it.
+# The allocation in closed form: least cost within the limit, checked by units that took no part in finding it.
 
 # %%
 stack = rverror.stack(model, tolerances)

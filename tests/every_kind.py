@@ -193,7 +193,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
     stack = rverror.stack(MODEL, TOLERANCES, theta=THETA)
     budget = rverror.error_budget(
-        MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, contact_count=16
+        MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
     )
     allocation = rverror.allocate(stack, **terms(TOLERANCES), limit="60 arcsec", kind="worst", verify=1024)
     front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], **terms(TOLERANCES), kind="worst", verify=1024)

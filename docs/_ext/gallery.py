@@ -79,7 +79,10 @@ tolerances = (
     rverror.tolerance("cycloid.pin_radius", "3 um", cost=rverror.costs.Reciprocal(4.0, 0.003)),
     rverror.tolerance("involute.planet_eccentricity", "8 um", cost=rverror.costs.Reciprocal(2.0, 0.008)),
 )
-budget = rverror.error_budget(rverror.Model(unit.mechanism), tolerances, count=8192, index_count=512)
+limits = [rverror.limit("transmission_error", "40 arcsec", torque=f"{torque} N*m") for torque in (20, 412)]
+limits.append(rverror.limit("lost_motion", "60 arcsec"))
+budget = rverror.error_budget(rverror.Model(unit.mechanism), tolerances, count=8192, index_count=512,
+                              limits=limits, loaded_count=400)
 terms = rverror.terms(tolerances)
 least = rverror.allocate(budget.stack, limit="45 arcsec", kind="worst", verify=2048, **terms)
 limits = ["1 arcsec", "30 arcsec", "35 arcsec", "40 arcsec", "45 arcsec", "50 arcsec", "55 arcsec"]
@@ -131,6 +134,7 @@ LINES = {
     "errorbudget-contributions": "budget.plot()",
     "errorbudget-distribution": 'budget.plot(kind="distribution", limit=50 * rverror.ARCSEC)',
     "errorbudget-envelope": 'budget.plot(kind="envelope")',
+    "errorbudget-at_load": 'budget.plot(kind="at_load")',
     "allocation-widths": "least.plot()",
     "allocation-costs": 'least.plot(kind="costs")',
     "allocation-front": 'least.plot(kind="front", front=front)',

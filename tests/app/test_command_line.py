@@ -835,11 +835,11 @@ def commands_of(parser: argparse.ArgumentParser) -> list[str]:
 
 
 def test_a_command_is_found_in_the_file_that_is_said_to_have_it() -> None:
-    listed = [name for names in cli._COMMANDS.values() for name in names]
-    assert sorted(commands_of(cli._parser("--help"))) == sorted([*listed, *cli._HERE])
-    for names in cli._COMMANDS.values():
+    listed = [name for names in cli.COMMANDS.values() for name in names]
+    assert sorted(commands_of(cli.parser_of("--help"))) == sorted([*listed, *cli.HERE])
+    for names in cli.COMMANDS.values():
         for name in names:
-            assert sorted(commands_of(cli._parser(name))) == sorted([*names, *cli._HERE])
+            assert sorted(commands_of(cli.parser_of(name))) == sorted([*names, *cli.HERE])
 
 
 def test_a_diagnosis_does_not_wait_for_other_results() -> None:

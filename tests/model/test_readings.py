@@ -16,6 +16,7 @@ import pytest
 import rverror
 from rverror.geartrain.contacts import pose
 from rverror.model.readings import added, beyond, felt, misread, stand, unread
+from rverror.tolerances.loaded_yield import loaded_units, standard_draws
 
 ARCSEC = np.pi / 648000
 N = 64
@@ -93,8 +94,8 @@ OTHERS = {
     "diagnose": "test_unknown_index: marks off are found again",
     "virtual_units": "of a stack, which is above",
     "allocate": "of a stack, which is above",
-    "contact_correction": "units with contacts that open: below",
-    "error_budget": "of a stack, which is above, and of units with contacts that open: below",
+    "allocate_at_load": "of units at the load: below",
+    "error_budget": "of a stack, which is above, and of units at the load: below",
 }
 
 
@@ -140,19 +141,17 @@ def test_the_measuring_chain_keeps_to_the_zero_of_the_bench(name: str) -> None:
     np.testing.assert_allclose(np.atleast_2d(more)[0], 9 * ARCSEC * np.cos(THETA), atol=1e-12)
 
 
-def test_sampled_units_with_open_contacts_stand_at_their_marks() -> None:
-    """Over whole turns the sizes of a turned waveform are those of the waveform."""
+def test_units_at_the_load_stand_at_their_marks() -> None:
+    """Over whole turns the sizes of a turned waveform are those of the waveform, of the same angles."""
     width = [rverror.tolerance("cycloid.disc_bore_position", "5 um")]
-    few = {"count": 64, "index_count": 64, "contact_count": 16}
-    theta = 2 * np.pi * np.arange(16 * N) / (16 * N)  # of which the marks are a whole number of steps ahead too
-    found = [
-        rverror.error_budget(model, width, theta=theta, torque=20e3, **few).contact
-        for model in (ON_MARKS, AHEAD_OF_ZERO)
-    ]
-    assert found[0] is not None
-    assert found[1] is not None
-    np.testing.assert_allclose(found[1].rms.dear, found[0].rms.dear, rtol=1e-6)
-    np.testing.assert_allclose(found[1].rms.cheap, found[0].rms.cheap, rtol=1e-6)
+    ahead = rverror.Model(UNIT, (*PARTS, rverror.effect("sensor.index_offset", offset=2 * np.pi / 16)))
+    limits = [rverror.limit("transmission_error", torque="20 N*m"), rverror.limit("lost_motion")]
+    sizes = []
+    for model in (ON_MARKS, ahead):
+        units = loaded_units(model, width, limits)
+        drawn = standard_draws(units.stack, 8, seed=0, stream=0)
+        sizes.append(units.solved(drawn, units.stack.width).turns)
+    np.testing.assert_allclose(sizes[1], sizes[0], rtol=1e-6)
 
 
 def test_an_effect_is_either_felt_or_beyond_or_on_the_marks() -> None:

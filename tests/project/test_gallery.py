@@ -16,7 +16,13 @@ from rverror.views.plots.drawing import PICTURES
 
 _MOST = 60_000  # bytes of a picture
 #: Kinds that are not in it: drawn as another result draws them, or of measurements that take too long to simulate.
-WITHOUT = {"budget-contributions", "budget-envelope", "virtualunits-distribution", "diagnosis-resonances"}
+WITHOUT = {
+    "budget-contributions",
+    "budget-envelope",
+    "virtualunits-distribution",
+    "allocation-at_load",
+    "diagnosis-resonances",
+}
 
 
 def test_every_kind_has_its_picture() -> None:

@@ -28,14 +28,11 @@ FILE = "there-is-no-such-file.csv"
 CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "Model": ((UNIT, (EFFECT,)), {}),
     "allocate": ((MODEL, CAMS), {"limit": "60 arcsec", "kind": "worst", "verify": 1000}),
+    "allocate_at_load": ((MODEL, CAMS, [rverror.limit("lost_motion", "1 deg")]), {"sample": 64, "verify": 500}),
     "append_effects": ((FILE, "other.toml", [EFFECT]), {}),
     "backlash": ((MODEL, THETA), {}),
     "budget": ((STACK,), {}),
     "compensate": ((MODEL, [RUN]), {}),
-    "contact_correction": (
-        (MODEL, CAMS, STACK, rverror.virtual_units(STACK, 64)),
-        {"torque": 20e3},
-    ),
     "contact_pressure": ((MODEL, THETA), {"torque": 20e3, "disc_width": 9.0, "gear_width": 8.0}),
     "cost_front": ((STACK, [CAMS[0].cost], ["60 arcsec"]), {"kind": "worst", "verify": 1000}),
     "diagnose": ((MODEL, [RUN]), {}),
@@ -47,6 +44,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "fundamental_orders": ((UNIT,), {}),
     "hysteresis": ((MODEL, THETA), {"torques": [20e3], "friction": FRICTION}),
     "influence": ((UNIT, THETA, "crank.index"), {"crank": 0}),
+    "limit": (("lost_motion", "60 arcsec"), {}),
     "linearise": ((MODEL, THETA), {"torque": 20e3}),
     "load_model": ((FILE,), {}),
     "load_run": ((FILE, UNIT), {}),

@@ -181,7 +181,7 @@ def test_yield_of_one_order_in_closed_form(level):
     found = allocate(one_order(), costs, limit=limit, level=level, sample=8192, verify=2**15)
     true = rayleigh_quantile(found.widths, level)
     assert limit * 0.96 < true <= limit
-    assert found.verified.low <= true <= found.verified.high == found.value <= limit
+    assert found.closed_form.low <= true <= found.closed_form.high == found.value <= limit
     best = (PRICES / SIZES**2) ** (1 / 3)
     best *= true / rayleigh_quantile(best, level)  # with the same true quantile
     assert total(costs, best) <= found.cost <= total(costs, best) * 1.002
@@ -345,7 +345,7 @@ def test_grades_at_a_yield_against_all_combinations(seed):
     assert gaps[place] > 1.05
     found = allocate(given, costs, limit=limit, **QUICK)
     assert found.cost == pytest.approx(min(cost for value, cost in tried if value <= limit), rel=1e-12)
-    assert found.verified.high <= limit
+    assert found.closed_form.high <= limit
     assert "all that cost less were tried" in found.proof
 
 
@@ -368,7 +368,7 @@ def test_many_grades_at_a_yield_are_not_called_proven():
     given = laid_out(waves, [Block(e, e, 1, 1, Normal()) for e in range(10)])
     table = Grades((0.4, 0.63, 1.0, 1.6), (8.0, 4.0, 2.0, 1.0), ("IT4", "IT5", "IT6", "IT7"))  # 4^10 combinations
     found = allocate(given, [table] * 10, limit=4.0, **QUICK)
-    assert found.verified.high <= 4.0
+    assert found.closed_form.high <= 4.0
     assert "not proven" in found.proof
     assert found.gap is None
     # normal sum: P99 in closed form; no single grade can be had wider or swapped against a costlier one
@@ -395,14 +395,14 @@ def test_never_above_the_limit(seed, share):
     costs = random_tables(seed + 120, given, share=share)
     limit = a_limit(given, costs, "yield", 0.3 + 0.1 * seed)
     found = allocate(given, costs, limit=limit, seed=seed, **QUICK)
-    assert found.value == found.verified.high <= limit
+    assert found.value == found.closed_form.high <= limit
     again = virtual_units(
         laid_out(given.influence, given.blocks, width=np.array(found.widths), nominal=given.nominal),
-        found.verified.units,
-        seed=found.verified.seed,
+        found.closed_form.units,
+        seed=found.closed_form.seed,
         draws="random",
     )
-    assert again.quantile(0.99).high == found.verified.high  # what is stated can be drawn again
+    assert again.quantile(0.99).high == found.closed_form.high  # what is stated can be drawn again
     assert quantile_of(given, np.array(found.widths)) <= limit
     if share == 0.0 and any(w < 9.9 * g for w, g in zip(found.widths, given.width, strict=True)):
         assert found.value > 0.999 * limit  # nothing is given away either
@@ -618,14 +618,15 @@ def test_tolerances_of_a_reducer():
     unit = rverror.Model(rverror.reducer("RV-40E"))
     laid = stack(unit, tolerances, theta=2 * np.pi * np.arange(480) / 480)
     settings_ = terms(tolerances)
-    assert settings_["bounds"] == [(0.001, 0.02), (0.002, 0.005), (0.0005, 0.05), (0.0008, 0.08)]
+    # not wider than a workshop's parts are
+    assert settings_["bounds"] == [(0.001, 0.02), (0.002, 0.005), (0.0005, 0.03), (0.0008, 0.05)]
     found = allocate(laid, **settings_, limit="20 arcsec", **QUICK)
     assert isinstance(found, Allocation)
     assert found.limit == pytest.approx(20 * ARCSEC)
     assert found.value <= found.limit
     assert found.widths[0] < 0.005
     assert found.grades[1] in ("IT3", "IT5")
-    assert found.widths[2] == 0.05
+    assert found.widths[2] == 0.03
     assert found.widths[3] == 0.008
     assert found.cost == pytest.approx(sum(found.costs))
 

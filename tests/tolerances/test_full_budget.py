@@ -67,20 +67,41 @@ def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.ErrorBudget)
     assert found.indices is not None
     assert found.indices.total_low[0] <= 1 <= found.indices.total_high[0]
     assert found.indices.total[1] == 0
-    assert found.contact is None
+    assert found.at_load is None
 
 
-def test_a_load_adds_the_correction_for_contacts() -> None:
+def test_limits_add_units_at_the_load() -> None:
     """Cams keep all loaded pins closed at the rated torque: the linear result stands but for what bearings give way."""
     model = rverror.Model(rverror.reducer("RV-40E"))
-    cams = [rverror.tolerance("crank.eccentricity", "5 um")]
-    found = rverror.error_budget(model, cams, count=1024, index_count=256, torque="412 N*m", contact_count=16)
-    assert found.contact is not None
-    assert abs(found.contact.peak_to_peak.mean().relative) < 0.02
-    assert "412 N*m" in rverror.budget_text(found)
-    content = rverror.budget_json(found)["contact"]
-    assert content["torque_nm"] == 412
+    cams = [rverror.tolerance("crank.eccentricity", "5 um"), rverror.tolerance("crank.eccentricity", "2 um", disc=0)]
+    limits = [rverror.limit("transmission_error", "20 arcsec"), rverror.limit("lost_motion")]
+    found = rverror.error_budget(model, cams, count=1024, index_count=256, limits=limits, loaded_count=200)
+    assert found.at_load is not None
+    error, lost = found.at_load.verified.limits
+    low, high = error.quantile(0.5).low, error.quantile(0.5).high
+    assert 0.98 * low < found.units.quantile(0.5).value < 1.02 * high
+    assert found.at_load.closed_form[0] == found.units.yield_at("20 arcsec").value
+    assert error.interval[0] - 0.05 < found.at_load.closed_form[0] < error.interval[1] + 0.05
+    assert found.at_load.worst_parts[0] == pytest.approx(found.closed.worst.peak_to_peak, rel=0.1)
+    assert found.at_load.shares[0] is not None
+    assert found.at_load.shares[0].total[0] > 0.5 > found.at_load.shares[0].total[1]
+    assert lost.limit.value is None
+    text, content = rverror.budget_text(found), rverror.budget_json(found)["limits"]
+    assert "transmission error at 412 N*m" in text
+    assert [one["quantity"] for one in content] == ["transmission_error", "lost_motion"]
+    assert [one["torque"] for one in content] == ["412 N*m", "12.36 N*m"]
+    assert [one["limit"] for one in content] == ["20 arcsec", None]
+    assert content[0]["interval"][0] <= content[0]["yield"] <= content[0]["interval"][1]
+    assert (content[0]["units"], content[0]["method"]) == (200, "equilibrium")
     json.dumps(content, allow_nan=False)
+
+
+def test_a_torque_alone_asks_for_the_distribution_at_that_load() -> None:
+    cams = [rverror.tolerance("crank.eccentricity", "5 um")]
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    found = rverror.error_budget(model, cams, count=256, index_count=64, torque="20 N*m", loaded_count=16)
+    assert found.at_load is not None
+    assert [one.limit.label for one in found.at_load.verified.limits] == ["transmission error at 20 N*m"]
 
 
 def test_nothing_that_moves_the_waveform_has_no_indices() -> None:
@@ -213,24 +234,58 @@ def test_allocate_command_with_a_yield_and_a_front(
     plot = tmp_path / "front.png"
     out = tmp_path / "a.json"
     code, text, _ = run(
-        ["allocate", *files, *FEW, "--limit", "60 arcsec", "--yield", "95 %", "--json", str(out)], capsys
+        ["allocate", *files, *FEW, "--kind", "yield", "--limit", "60 arcsec", "--yield", "95 %", "--json", str(out)],
+        capsys,
     )
     assert code == 0
     content = json.loads(out.read_text(encoding="utf-8"))
     assert content["level"] == 0.95
-    assert content["verified"]["high_arcsec"] <= 60
+    assert content["verified"] == []  # the closed form verifies nothing
+    assert content["closed_form"]["method"] == "closed form, contacts closed"
+    assert content["closed_form"]["high_arcsec"] <= 60
     assert "P95 of the peak-to-peak" in text
+    assert "verified" not in text
     code, *_ = run(["allocate", *files, *FEW, "--kind", "rms", "--limit", "10 arcsec", "--plot", str(plot)], capsys)
     assert code == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_allocate_command_verifies_at_the_load(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, new, page, plot = (tmp_path / name for name in ("a.json", "new.toml", "a.html", "a.png"))
+    told = ["--json", str(out), "--save", str(new), "--html", str(page), "--plot", str(plot)]
+    asked = ["--limit", "30 arcsec", "--lost-motion", "30 arcsec", "--torque", "412 N*m", "--yield", "90 %"]
+    code, text, _ = run(["allocate", *files, *asked, "--units", "200", *told], capsys)
+    assert code == 0
+    content = json.loads(out.read_text(encoding="utf-8"))
+    error, lost = content["verified"]
+    assert (error["quantity"], error["torque"], error["limit"]) == ("transmission_error", "412 N*m", "30 arcsec")
+    assert (lost["quantity"], lost["torque"], lost["limit"]) == ("lost_motion", "12.36 N*m", "30 arcsec")
+    for one in (error, lost, content["all_limits"]):
+        assert 0.9 <= one["interval"][0] <= one["yield"] <= one["interval"][1]
+    assert (error["units"], error["method"]) == (200, "equilibrium")
+    assert content["kind"] == "load"
+    assert "At the load, contacts that open included: 200 units drawn afresh" in text
+    assert "Closed form, contacts closed" in text
+    saved = rverror.load_tolerances(new)
+    assert [item.width for item in saved][:2] == pytest.approx(
+        [1e-3 * one["width"] for one in content["entries"]][:2], rel=1e-3
+    )
+    assert "verified yield of all limits" in page.read_text(encoding="utf-8")
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["allocate", "{model}", "{tolerances}", "--torque", "20 N*m"], ["--limit '60 arcsec'"]),
+        (["allocate", "{model}", "{tolerances}", "--kind", "worst", "--limit", "9 arcsec", "--at", "20 N*m"], ["--at"]),
+        (["allocate", "{model}", "{tolerances}", "--limit", "9 arcsec", "--stiffness", "3 arcsec"], ["--stiffness"]),
+        (["budget", "{model}", "{tolerances}", "--speed", "600 rpm", "--backlash", "9 arcsec"], ["--backlash"]),
         (["budget", "{model}", "{tolerances}", "--limit", "60"], ["--limit", "no unit", "'60 arcsec'"]),
         (["budget", "{model}", "{tolerances}", "--limit", "-1 arcsec"], ["--limit", "not above 0"]),
-        (["budget", "{model}", "{tolerances}", "--torque", "20 mm"], ["--torque", "'20 N*m'"]),
+        (["budget", "{model}", "{tolerances}", "--torque", "20 mm"], ["--at", "'20 N*m'"]),
         (["budget", "{model}", "{tolerances}", "--units", "0"], ["--units", "1 or more"]),
         (["budget", "{model}", "{tolerances}", "--jobs", "0"], ["--jobs", "1 or more"]),
         (["budget", "{model}", "{tolerances}", "--seed", "-1"], ["--seed", "0 or more"]),
@@ -269,7 +324,7 @@ def test_a_tolerance_without_cost_cannot_be_allocated(tmp_path: Path, capsys: py
     model, tolerances = tmp_path / "model.toml", tmp_path / "tolerances.toml"
     model.write_text(MODEL, encoding="utf-8")
     tolerances.write_text(TOLERANCES.replace("fixed = true\n", ""), encoding="utf-8")
-    code, _, error = run(["allocate", str(model), str(tolerances), *FEW, "--limit", "60 arcsec"], capsys)
+    code, _, error = run(["allocate", str(model), str(tolerances), "--limit", "60 arcsec"], capsys)
     assert code == 2
     assert "coupling.carrier_bore_position" in error
     assert "cost" in error
@@ -298,5 +353,5 @@ def test_a_drive_has_a_budget_too() -> None:
     text = rverror.budget_text(found)
     assert "1 tolerance, 2 components" in text
     assert "pins" not in text
-    with pytest.raises(rverror.InputError, match="no contacts that open"):
+    with pytest.raises(rverror.InputError, match="no contacts to be loaded"):
         rverror.error_budget(drive, [motor], count=1024, index_count=256, torque="1 N*m")

@@ -355,8 +355,9 @@ def test_a_budget_of_numbers_and_of_waves() -> None:
     assert found["total_worst_peak_to_peak"].item() == pytest.approx(
         found["worst_part"].sum().item() + found["total_worst_peak_to_peak_nominal"].item()
     )
-    p99 = found["contact_value"].sel(size="peak_to_peak", statistic="P99")
-    assert p99.item() == result.contact.peak_to_peak.quantile(0.99).value
+    (loaded,) = result.at_load.verified.limits
+    assert found["p99"].item() == loaded.quantile(0.99).value
+    assert found["loaded_sobol_total"].sel(limit_at_load=loaded.limit.label).sum().item() > 0
 
 
 def test_widths_of_an_allocation_have_their_units() -> None:

@@ -53,7 +53,7 @@ from rverror.views.envelope import InputFile, input_files
 
 #: Commands of each file of commands, as help lists them.  A file is loaded for its own: a diagnosis would wait for the
 #: classes of all other results.
-_COMMANDS = {
+COMMANDS = {
     "compensate_command": ("compensate",),
     "read_command": ("read",),
     "tolerance_commands": ("budget", "allocate"),
@@ -62,7 +62,7 @@ _COMMANDS = {
     "contact_commands": ("efficiency", "hysteresis", "pressure"),
     "reference_commands": ("reference-cases", "compare"),
 }
-_HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
+HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
 
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 2 bad input, 130 interrupted.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    options = _parser(words[0] if words else "").parse_args(words)
+    options = parser_of(words[0] if words else "").parse_args(words)
     if arguments is None:  # the process is the command's own
         keep_freed_memory()
     if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
@@ -116,9 +116,9 @@ def _silence_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser(asked: str) -> argparse.ArgumentParser:
+def parser_of(asked: str) -> argparse.ArgumentParser:
     """Parser of the command that is asked for, and those beside it; of all where it is none."""
-    known = {*_HERE, *chain.from_iterable(_COMMANDS.values())}
+    known = {*HERE, *chain.from_iterable(COMMANDS.values())}
     parser = _Parser(
         prog="rverror", description="Output error of RV reducers: from part errors, and back to the cause."
     )
@@ -180,7 +180,7 @@ def _parser(asked: str) -> argparse.ArgumentParser:
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
 
-    for module, names in _COMMANDS.items():
+    for module, names in COMMANDS.items():
         if asked in names or asked not in known:
             import_module(f"rverror.app.{module}").add_commands(commands)
 

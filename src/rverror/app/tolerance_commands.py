@@ -109,6 +109,8 @@ def _budget(options: argparse.Namespace) -> None:
     model, tolerances = _inputs(options, options.json, options.html, options.plot)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     speed = _speed(options)
+    if speed is not None and _of_load(options):
+        raise InputError(f"{_of_load(options)[0]}: units at the load stand still; leave it out, or leave out --speed")
     asked = speed is None and bool(options.at or _of_load(options))
     limits = _limits(options, model) if asked else ()
     _at_least_one("--units", options.units)

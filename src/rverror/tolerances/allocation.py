@@ -20,6 +20,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import Cost, Grades
 from rverror.tolerances.limited_error import MeanSquare, Quantile, WorstPeakToPeak
@@ -305,10 +306,10 @@ def allocate(
     said: dict[str, Any] = {"costs": costs, "bounds": bounds, "fixed": fixed}
     if stack is None and not isinstance(model, Stack):
         laid = laid_out(model, tolerances, theta, None, direction=direction, torque=torque, speed=speed)
-        said = {
-            name: own if said[name] is None else said[name]
-            for name, own in terms(cast("Sequence[Tolerance]", tolerances)).items()
-        }
+        items = cast("Sequence[Tolerance]", tolerances)
+        if torque is not None and speed is None and not any("torque" in source(item.key).needs for item in items):
+            raise InputError("torque: the closed form knows no load; leave it out, or use allocate_at_load")
+        said = {name: own if said[name] is None else said[name] for name, own in terms(items).items()}
     else:
         laid = laid_out(model, None, theta, stack, direction=direction, torque=torque, speed=speed)
         said["costs"] = tolerances if costs is None else costs
@@ -346,7 +347,7 @@ def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
     >>> from rverror.tolerances.cost import Reciprocal
     >>> from rverror.tolerances.stacking import tolerance
     >>> terms([tolerance("crank.eccentricity", 0.005, cost=Reciprocal(12.0, 0.005))])["bounds"]
-    [(0.0005, 0.05)]
+    [(0.0005, 0.03)]
     """
     check_tolerances(tolerances)
     return {

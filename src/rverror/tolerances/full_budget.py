@@ -15,7 +15,7 @@ from rverror.tolerances.loaded_budget import LoadedBudget, loaded_budget
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
-from rverror.tolerances.specification import Limit
+from rverror.tolerances.specification import Limit, limit
 from rverror.tolerances.stacking import Stack, Tolerance, stack
 
 #: Points of the Sobol indices where no number is given.
@@ -81,7 +81,7 @@ def error_budget(
     theta, direction
         As for `stack`.
     torque : float or quantity, optional
-        Size of the output torque, N*mm, at a speed, and of ``load.torsion``.
+        Size of the output torque, N*mm: at a speed the load.  Without speed and limits, units are solved under it.
     speed : float or quantity, optional
         Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load.
     count : int
@@ -124,6 +124,8 @@ def error_budget(
     if any(entry.effect == "wave" for entry in closed.contributions):
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
     at_load = None
+    if torque is not None and speed is None and not limits:
+        limits = [limit("transmission_error", torque=torque)]
     if limits:
         at_load = loaded_budget(
             model,

@@ -230,18 +230,17 @@ class _Search:
         self.units, self.market, self.verify, self.confidence = units, market, verify, confidence
         self.seed, self.progress = seed, progress
         self.level = min(one.level for one in units.limits)
-        most = max(one.level for one in units.limits)
-        bad = -1
-        while share_interval(verify - bad - 1, verify, 1 - self._leaves(0))[0] >= most:
-            bad += 1
-        if bad < 0:
-            needed = math.ceil(math.log(self._leaves(0) / 2) / math.log(most))
+        self.bad, self.most = -1, max(one.level for one in units.limits)
+        while share_interval(verify - self.bad - 1, verify, 1 - self._leaves(0))[0] >= self.most:
+            self.bad += 1
+        if self.bad < 0:
+            needed = math.ceil(math.log(self._leaves(0) / 2) / math.log(self.most))
             raise InputError(
-                f"verify = {verify}: too few units to verify a yield of {100 * most:g} %; give {needed} or more"
+                f"verify = {verify}: too few units to verify a yield of {100 * self.most:g} %; give {needed} or more"
             )
         #: Units that may be beyond the limits at the widths aimed at: half of those with which a verification still
         #: succeeds, so that chance seldom makes it fail.
-        self.beyond = bad // 2
+        self.beyond = self.bad // 2
         self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
 
     def _leaves(self, attempt: int) -> float:
@@ -288,7 +287,7 @@ class _Search:
             target=local.measure(found.widths)[0],
             rows=[],
             value_before=value_before,
-            value=self._used(fresh, round((1 - self.level) * self.verify)),
+            value=self._used(fresh, round((1 - self.level) * fresh.limits[0].units)),
             closed_form_before=self._closed_form(self.market.given),
             closed_form=self._closed_form(found.widths),
             rates=rates_of(self.market, rates, step=step_of("load")),
@@ -384,10 +383,13 @@ class _Search:
         return float(np.max(turns / [one.allowed for one in self.units.limits]))
 
     def _verified(self, widths: Array, attempt: int) -> Verified:
+        count = self.verify  # or more: as many bad units as at first must do
+        while share_interval(count - self.bad, count, 1 - self._leaves(attempt))[0] < self.most:
+            count = math.ceil(1.05 * count)
         return verified(
             self.units,
             widths,
-            count=self.verify,
+            count=count,
             seed=self.seed,
             stream=attempt + 1,
             confidence=1 - self._leaves(attempt),

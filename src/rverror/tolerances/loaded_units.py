@@ -399,7 +399,7 @@ class LoadedUnits:
             Whether it is enough to know which side of its limit a unit is on: the peak-to-peak of one that is far
             within is then too small by some per cent.
         progress : callable, optional
-            Called with the number of a unit as it is begun.
+            Called with the number of a unit, from 1, as it is done.
 
         Returns
         -------
@@ -408,12 +408,13 @@ class LoadedUnits:
         values = self.means + drawn * widths[self.stack.entry]
 
         def unit(number: int) -> list[tuple[Array, Array]] | str:
-            if progress is not None:
-                progress(number)
             try:
                 return [self._turns(one, values[number], slopes=slopes, decide=decide) for one in self.limits]
             except NotConvergedError as problem:
                 return f"unit {number}: {problem}"
+            finally:
+                if progress is not None:
+                    progress(number + 1)
 
         found = each(unit, range(len(drawn)))
         kept = _KEPT**2

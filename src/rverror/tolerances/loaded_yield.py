@@ -197,7 +197,7 @@ def counted(progress: Callable[[str], None] | None, what: str, count: int) -> Ca
     step = max(count // 50, 1)
 
     def tell(number: int) -> None:
-        if number % step == 0:
+        if number % step == 0 or number == count:
             progress(f"{count} {what}: {100 * number / count:.0f} %")
 
     return tell

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rverror.base import units
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError, check_each, check_kind
 from rverror.geartrain.mechanism import Mechanism, Reducer, doubt_torque
 from rverror.tolerances.sampling import check_share
 
@@ -36,9 +36,10 @@ class Limit:
     quantity : str
         ``"transmission_error"``: its peak-to-peak over a turn.  ``"lost_motion"``: the output's turn between a small
         torque in one sense and the same in the other, input held, the largest over a turn.  ``"backlash"``: the same
-        between vanishing torques.  ``"stiffness"``: torque over turn of the loaded branches, its least.
+        between vanishing torques.  ``"stiffness"``: torque over turn of the loaded branches, the least
+        over a turn.
     value : float or None
-        The largest angle, rad; of the stiffness the least one, N*mm/rad.  None where only the distribution is asked for.
+        The largest angle, rad; of the stiffness the least one, N*mm/rad.  None asks for the distribution alone.
     torque : float, optional
         N*mm: the load of the transmission error, the small torque of the lost motion, the upper end of the branch
         from which the stiffness is read.  The makers' where left out: the rated torque, 3 % of it for the lost motion.
@@ -132,12 +133,14 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
 
     Parameters
     ----------
-    quantity, level
+    quantity : str
         As in `Limit`.
     value : float, str, quantity or None
         rad, N*mm/rad, or with a unit, such as ``"60 arcsec"`` or ``"100 N*m/arcmin"``.
     torque : float, str or quantity, optional
         N*mm, or with a unit.
+    level : float
+        Share of the units.
 
     Returns
     -------
@@ -157,6 +160,7 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
     >>> limit("lost_motion", "60 arcsec").label
     'lost motion'
     """
+    check_kind("quantity", quantity, str, f"give one of {', '.join(map(repr, QUANTITIES))}")
     if quantity not in QUANTITIES:
         raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(map(repr, QUANTITIES))}")
     size = None if value is None else units.named_core(quantity, value, QUANTITIES[quantity])

@@ -65,6 +65,9 @@ from rverror.views.variables import (
 )
 from rverror.views.yield_report import LEVELS
 
+#: Of a torsional stiffness, as makers print it.
+STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
+
 _SIGNAL = {"angle": ANGLE, "torque": TORQUE}
 _GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE}
 _CONTACTS = {
@@ -894,23 +897,19 @@ def _of_allocation(result: Allocation, *, stack: Stack | None = None) -> Table:
 
 
 def _yields(found: Verified) -> dict[str, Variable]:
-    """Rows of limits at the load, values in the unit that people read."""
+    """Rows of limits at the load."""
     rows = found.limits
-    values = {"limit_value": [one.limit.value for one in rows]} | {
-        f"p{100 * level:g}": [one.quantile(level).value for one in rows] for level in LEVELS
-    }
-    shown = {
-        name: [None if x is None else one.limit.shown(x) for one, x in zip(rows, row, strict=True)]
-        for name, row in values.items()
-    }
+    own = Each("limit_unit", tuple(STIFFENED if one.limit.quantity == "stiffness" else ANGLE for one in rows))
+    shares = [(one.share, *one.interval) if one.limit.value is not None else (math.nan,) * 3 for one in rows]
     return _along(
         "limit_at_load",
         limit_at_load=[one.limit.label for one in rows],
-        limit_unit=[one.limit.unit for one in rows],
-        **shown,
-        **{"yield": ([None if one.limit.value is None else one.share for one in rows], NUMBER)},
-        yield_low=([None if one.limit.value is None else one.interval[0] for one in rows], NUMBER),
-        yield_high=([None if one.limit.value is None else one.interval[1] for one in rows], NUMBER),
+        limit_value=([one.limit.value for one in rows], own),
+        **{f"p{100 * level:g}": ([one.quantile(level).value for one in rows], own) for level in LEVELS},
+        **{
+            name: ([share[at] for share in shares], NUMBER)
+            for at, name in enumerate(("yield", "yield_low", "yield_high"))
+        },
     )
 
 

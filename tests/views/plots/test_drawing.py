@@ -39,6 +39,7 @@ from rverror import (
     error_budget,
     hysteresis,
     influence,
+    limit,
     modes,
     orders_from_arrays,
     reducer,
@@ -377,7 +378,9 @@ def things(found: Diagnosis) -> dict[str, Any]:
     """One or more of every kind that has a plot, the empty ones among them."""
     tolerances = (tolerance("crank.eccentricity", "5 um"), tolerance("crank.index", "1 arcmin"))
     laid_out = stack(MODEL, tolerances, theta=THETA)
-    units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256)
+    asked = [limit("transmission_error", "60 arcsec", torque="9 N*m"), limit("lost_motion", torque="1 N*m")]
+    units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256, limits=asked, loaded_count=16)
+    assert units.at_load is not None
     cost = {"costs": [Reciprocal(10.0, 0.005), Reciprocal(1.0, 1e-4)], "bounds": [(1e-4, 0.1), (1e-5, 1e-3)]}
     least = allocate(laid_out, limit="60 arcsec", kind="worst", verify=1024, **cost)
     ripple = tuple(replace(t, torque=None, left_out=None) for t in found.traces[:1])
@@ -418,7 +421,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "budget": units.closed,
         "error budget": units,
         "virtual units": units.units,
-        "allocation": least,
+        "allocation": replace(least, verified=units.at_load.verified),
         "front": least,
     }
 
