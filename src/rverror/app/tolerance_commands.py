@@ -20,7 +20,7 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
-from rverror.base.threads import one_thread
+from rverror.base.threads import at_most, one_thread
 from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
@@ -31,7 +31,7 @@ from rverror.tolerances.full_budget import error_budget
 from rverror.tolerances.loaded_allocation import allocate_at_load
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT
-from rverror.tolerances.specification import BENCH_TORQUE, QUANTITIES, Limit
+from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
 from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.envelope import input_files
@@ -51,6 +51,7 @@ def add_commands(commands: Any) -> None:
     _add_inputs(command)
     _add_limits(command)
     command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
+    command.add_argument("--loaded-units", type=int, metavar="N", help="units solved at the load (default 2000)")
     command.add_argument("--resume", metavar="FOLDER", help="keep finished chunks of units there, and go on from them")
     command.add_argument("--plot", metavar="OUT.png", help="draw contributions and the distribution")
     command.set_defaults(run=_budget)
@@ -85,7 +86,7 @@ def _add_limits(command: argparse.ArgumentParser) -> None:
         help="output torques of the transmission error (default: the rated torque and 20 N*m); with --speed the load",
     )
     command.add_argument(
-        "--yield", dest="level", default="99 %", metavar='"99 %%"', help="share of good units (default 99 %%)"
+        "--yield", dest="level", metavar='"99 %%"', help="share of the units within the limits (default 99 %%)"
     )
 
 
@@ -97,7 +98,12 @@ def _add_inputs(command: argparse.ArgumentParser) -> None:
         "--speed", metavar='"600 rpm"', help="input speed: what the loaded reducer in motion makes of the tolerances"
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
-    command.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, for very many units (default 1)")
+    command.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="processes for very many units (default 1); threads for those at the load (default: all cores)",
+    )
     command.add_argument(
         "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
     )
@@ -112,8 +118,14 @@ def _budget(options: argparse.Namespace) -> None:
     if speed is not None and _of_load(options):
         raise InputError(f"{_of_load(options)[0]}: units at the load stand still; leave it out, or leave out --speed")
     asked = speed is None and bool(options.at or _of_load(options))
+    if options.level is not None and not asked:
+        raise InputError("--yield: the share that limits at the load ask for; leave it out, or give --at '20 N*m'")
+    if options.loaded_units is not None and not asked:
+        raise InputError("--loaded-units: no unit is solved at a load; leave it out, or give --at '20 N*m'")
     limits = _limits(options, model) if asked else ()
+    loaded = LOADED_COUNT if options.loaded_units is None else options.loaded_units
     _at_least_one("--units", options.units)
+    _at_least_one("--loaded-units", loaded)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
@@ -123,6 +135,7 @@ def _budget(options: argparse.Namespace) -> None:
             speed=speed,
             count=options.units,
             limits=limits,
+            loaded_count=loaded,
             seed=options.seed,
             executor=executor,
             folder=options.resume,
@@ -169,9 +182,11 @@ def _allocate(options: argparse.Namespace) -> None:
 def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:
     if options.limit is None and not _of_load(options):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
+    if options.at and options.limit is None:
+        raise InputError("--at: loads of the transmission error, which has no limit; give --limit '60 arcsec' as well")
     count = LOADED_COUNT if options.units is None else options.units
     _at_least_one("--units", count)
-    with closing(_progress(options)) as progress:
+    with _executor(options.jobs), closing(_progress(options)) as progress:
         return allocate_at_load(
             model,
             tolerances,
@@ -295,8 +310,10 @@ def _above_zero(name: str, text: str | None, dimension: str, example: str) -> fl
     return value
 
 
-def _share(text: str) -> float:
+def _share(text: str | None) -> float:
     """Share from 0.99 or '99 %'."""
+    if text is None:
+        return LEVEL
     try:
         value = float(text.rstrip().removesuffix("%")) / (100 if text.rstrip().endswith("%") else 1)
     except ValueError:
@@ -312,11 +329,15 @@ def _at_least_one(name: str, number: int) -> None:
 
 
 @contextmanager
-def _executor(jobs: int) -> Iterator[Executor | None]:
-    """Processes for the virtual units; none for one job."""
-    _at_least_one("--jobs", jobs)
-    if jobs == 1:
+def _executor(jobs: int | None) -> Iterator[Executor | None]:
+    """Processes for the virtual units, none for one job; and as many threads at the most."""
+    if jobs is None:
         yield None
         return
-    with ProcessPoolExecutor(jobs, initializer=one_thread) as executor:
+    _at_least_one("--jobs", jobs)
+    if jobs == 1:
+        with at_most(1):
+            yield None
+        return
+    with at_most(jobs), ProcessPoolExecutor(jobs, initializer=one_thread) as executor:
         yield executor

@@ -132,6 +132,9 @@ class Allocation(Viewed):
         ``"grade"`` of a table, ``"fixed"``.
     model : str
         Name of the unit, as in the stack.
+    uniform_cost : float, optional
+        Of ``"load"``: cost of the widths as given, all free ones scaled alike until a sample of units is as good; None
+        where no scale makes it so.
     verified : Verified, optional
         Fresh units at the loads of all limits; of ``"load"`` alone, for a closed form verifies nothing.
     """
@@ -160,6 +163,7 @@ class Allocation(Viewed):
     speed: float | None = None
     held_by: tuple[str, ...] = ()
     model: str = ""
+    uniform_cost: float | None = None
     verified: Verified | None = None
 
     @property

@@ -51,6 +51,7 @@ _REACH, _LEAST_REACH = 2.0, 1.15  # factor by which a round may change a width, 
 _SETTLED = 0.02  # relative change of the cost at which rounds end
 _FARTHEST = 0.05  # relative; from what the linear form foretold, at which the next round goes less far
 _ATTEMPTS = 6  # at a verification; each has half of what the confidence leaves of the one before
+_SCALINGS = 8  # most of all widths alike
 _SLACK = 0.05  # of the cost, which a verified list may be dearer than it seems to need be
 _MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
 _LOST = 1e3  # share of its limits that a unit without an equilibrium uses
@@ -291,6 +292,7 @@ class _Search:
             closed_form_before=self._closed_form(self.market.given),
             closed_form=self._closed_form(found.widths),
             rates=rates_of(self.market, rates, step=step_of("load")),
+            uniform_cost=self._uniform_cost(found.widths),
             verified=fresh,
         )
 
@@ -376,6 +378,24 @@ class _Search:
         found = least_cost(near, local, max(aim, least * (1 + CLOSE)), [])
         assert found is not None  # the least widths meet it
         return replace(found, grades=at.grades) if hold else found
+
+    def _uniform_cost(self, widths: Array) -> float | None:
+        """Cost of the widths as given, all free ones scaled alike until a sample is as good; None where none is."""
+        market, free = self.market, ~np.array(self.market.fixed)
+        finest = np.zeros(widths.size)
+        for e, table, _ in market.tables:
+            finest[e] = table.widths[0]
+        aim = self._local(widths, "the widths found", _FEW).measure(widths)[0]
+        scale = 1.0
+        for number in range(_SCALINGS):
+            scaled = np.where(free, np.maximum(scale * market.given, finest), market.given)
+            local = self._local(scaled, f"scaled alike, {number + 1}", _FEW)
+            value, (slope, _) = local.measure(scaled)
+            ahead = scale + (aim - value) / float(slope @ np.where(free, market.given, 0.0))
+            if abs(ahead / scale - 1) <= _SETTLED:
+                return market.total(scaled)
+            scale = float(np.clip(ahead, scale / 2, 2 * scale))
+        return None
 
     def _still(self, widths: Array) -> float:
         """Share of its limits that a unit uses whose parts are all at their means."""

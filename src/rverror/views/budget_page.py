@@ -177,7 +177,7 @@ def _contributions(data: Data) -> str:
             ]
         )
     quiet = [one["label"] for one in data["contributions"] if one["effect"] != "wave"]
-    told = f"<p>Moves the offset alone, or nothing: {escaped(', '.join(quiet))}.</p>" if quiet else ""
+    told = f"<p>In closed form moves the offset alone, or nothing: {escaped(', '.join(quiet))}.</p>" if quiet else ""
     return (
         scrolled(heads, rows, numbers=(3, *range(6, 12)))
         + told
@@ -342,6 +342,8 @@ def _allocation_head(found: Allocation, data: Data) -> str:
     if loaded:
         both = data["all_limits"]
         boxes[2:2] = [("verified yield of all limits", _yield(both["yield"], both["interval"]))]
+        if data["cost_scaled_alike"] is not None:
+            boxes[1:1] = [("cost, all widths scaled alike to the same yield", number(data["cost_scaled_alike"]))]
     speed = data["input_speed_rpm"]
     about = [
         data["model"],

@@ -111,7 +111,7 @@ def budget_text(found: ErrorBudget | Budget, *, limit: Any | None = None) -> str
     if isinstance(found, ErrorBudget) and found.at_load is not None:
         lines += ["", *yield_lines(found.at_load.verified), "", *_loaded_lines(found, found.at_load)]
     quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
-    return joined(lines + (["", "Moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []))
+    return joined(lines + (["", "In closed form moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []))
 
 
 def _parts(found: ErrorBudget | Budget) -> tuple[Budget, VirtualUnits | None, SobolIndices | None]:
@@ -405,6 +405,11 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
         f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
         f"{what[:40]:12s} {found.value_before / size:12.4g} -> {found.value / size:.4g} {unit}"
         + (" (upper end of its interval)" if found.kind == "yield" else ""),
+        *(
+            []
+            if found.uniform_cost is None
+            else [f"{'':25s}    {found.uniform_cost:.4g}, all widths as given scaled alike to the same yield"]
+        ),
         "",
         *([] if found.verified is None else [*yield_lines(found.verified), ""]),
         f"Closed form, contacts closed: {_closed_form(found.closed_form)}",
@@ -505,7 +510,11 @@ def allocation_json(
             "used_before_percent": rounded(100 * found.value_before),
             "used_percent": rounded(100 * found.value),
         }
-        verified = {"verified": yield_entries(found.verified), **together_entry(found.verified)}
+        verified = {
+            "verified": yield_entries(found.verified),
+            **together_entry(found.verified),
+            "cost_scaled_alike": rounded(found.uniform_cost),
+        }
     content = {
         "model": found.model or None,
         "kind": found.kind,
