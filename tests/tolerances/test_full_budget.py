@@ -111,7 +111,7 @@ def test_nothing_that_moves_the_waveform_has_no_indices() -> None:
     assert found.indices is None
     assert found.units.peak_to_peak.max() < 1e-12
     text = rverror.budget_text(found, limit=ARCSEC)
-    assert "Moves the offset alone, or nothing: coupling.carrier_bore_position" in text
+    assert "In closed form moves the offset alone, or nothing: coupling.carrier_bore_position" in text
     assert "Yield at 1 arcsec peak-to-peak: 100 %" in text
 
 

@@ -108,7 +108,7 @@ def test_a_budget_page_tells_cause_frame_order_and_what_an_interval_is_of(writte
         "95 % interval of the Monte Carlo estimate, of 2048 drawn units",
         "it tells how well the quantile is known, not how far units scatter",
         "limit 60",
-        "Moves the offset alone, or nothing: coupling.carrier_bore_position",
+        "In closed form moves the offset alone, or nothing: coupling.carrier_bore_position",
     ):
         assert words in page
     assert html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[0]).startswith("Error budget of joint 3 <b>")

@@ -5,6 +5,7 @@ Page ``theory/at-the-load.md``.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,7 +25,7 @@ from rverror.tolerances.allocation import (
     terms,
 )
 from rverror.tolerances.limited_error import Quantile
-from rverror.tolerances.loaded_units import LoadedUnits, Solved
+from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
 from rverror.tolerances.loaded_yield import COUNT, Verified, counted, loaded_units, standard_draws, verified
 from rverror.tolerances.market import (
     CLOSE,
@@ -51,6 +52,7 @@ _REACH, _LEAST_REACH = 2.0, 1.15  # factor by which a round may change a width, 
 _SETTLED = 0.02  # relative change of the cost at which rounds end
 _FARTHEST = 0.05  # relative; from what the linear form foretold, at which the next round goes less far
 _ATTEMPTS = 6  # at a verification; each has half of what the confidence leaves of the one before
+_LEAST_SPREAD = 0.01  # of what a unit uses: less tells nothing of the spread of others
 _SCALINGS = 8  # most of all widths alike
 _SLACK = 0.05  # of the cost, which a verified list may be dearer than it seems to need be
 _MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
@@ -146,8 +148,12 @@ class LoadedQuantile(Limited):
 
     proof = "no small change of the widths costs less, by the influences at the load; nothing more is proven"
 
-    def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float) -> None:
-        """Take the rows of a sample; `target` is the share of the units that all limits together must let pass."""
+    def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float, still: Array) -> None:
+        """Take the rows of a sample.
+
+        `target` is the share of the units that all limits together must let pass, and so each alone; `still` the share
+        of each limit that a unit without spread uses.
+        """
         assert solved.near is not None
         assert solved.slopes is not None
         allowed = np.array([one.allowed for one in units.limits])[:, None]
@@ -155,12 +161,22 @@ class LoadedQuantile(Limited):
         self.near = np.where(known, solved.near / allowed, _LOST)
         self.slopes = np.where(known[..., None], solved.slopes / allowed[..., None], 0.0)
         self.at = widths
-        # a limit that asks for more than all together has a quantile of its own
+        # of all together the units in the middle may use one limit, and those in the tail another one
         levels = [one.level for one in units.limits]
-        own = [([k], target + level - min(levels)) for k, level in enumerate(levels) if level > min(levels)]
-        self.aims = [(numbers, self._weights(level)) for numbers, level in [(list(range(len(levels))), target), *own]]
+        every = [(list(range(len(levels))), target)] if len(levels) > 1 else []
+        aims = [*every, *(([number], target + level - min(levels)) for number, level in enumerate(levels))]
+        self.aims = tuple(numbers for numbers, _ in aims)
+        self.weights = tuple(self._weight(level) for _, level in aims)
+        self.still = np.array([still[numbers].max() for numbers in self.aims])
+        self.ratios = np.ones(len(self.aims))
 
-    def _weights(self, level: float) -> Array:
+    def calibrated(self, ratios: Array) -> LoadedQuantile:
+        """The same with so many times the spread, about a unit without any, in the quantile of each aim."""
+        same = copy.copy(self)
+        same.ratios = ratios
+        return same
+
+    def _weight(self, level: float) -> Array:
         """Weight of each unit of the sample, from the one that uses least, in the quantile at a level."""
         rank = (np.arange(len(self.near)) + 0.5) / len(self.near)
         score = scipy.special.ndtri(rank)
@@ -180,14 +196,10 @@ class LoadedQuantile(Limited):
 
     def quantiles(self, widths: Array) -> tuple[Array, Array]:
         """Quantile of each aim, and its change with the widths, shapes (aims,) and (aims, entries)."""
-        every = [(weight, self._used(widths, numbers)) for numbers, weight in self.aims]
-        values, slopes = zip(*((weight @ used, weight @ change) for weight, (used, change) in every), strict=True)
-        return np.array(values), np.array(slopes)
-
-    def of_limit(self, number: int, widths: Array) -> tuple[float, Array]:
-        """Quantile of one limit alone, and its change with the widths."""
-        used, change = self._used(widths, [number])
-        return float(self.aims[0][1] @ used), np.asarray(self.aims[0][1] @ change)
+        every = [(weight, self._used(widths, numbers)) for numbers, weight in zip(self.aims, self.weights, strict=True)]
+        values = np.array([weight @ used for weight, (used, _) in every])
+        slopes = np.array([weight @ change for weight, (_, change) in every])
+        return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
 
     def measure(self, widths: Array) -> tuple[float, Row]:
         """The largest quantile, and its row."""
@@ -243,6 +255,9 @@ class _Search:
         #: succeeds, so that chance seldom makes it fail.
         self.beyond = self.bad // 2
         self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
+        turns = units.solved(np.zeros((1, self.drawn.shape[1])), market.given).turns[0]
+        self.still = turns / np.array([one.allowed for one in units.limits])
+        self.ratios: list[Array] = []
 
     def _leaves(self, attempt: int) -> float:
         """What the confidence of an attempt leaves: half of what that of all before it leaves, so that all hold."""
@@ -253,24 +268,21 @@ class _Search:
         few = self._local(self.market.given, "the widths as given", _FEW)
         value_before, rates = few.measure(self.market.given)[0], slope_of(few, self.market.given)
         found = self._begun()
-        found, _ = self._settled(found, self._local(found.widths, "the closed form", _FEW), 1.0, rounds=_ROUNDS)
-        found, local = self._settled(found, self._local(found.widths, "all units", len(self.drawn)), 1.0, rounds=2)
+        found, _ = self._settled(found, self._local(found.widths, "the closed form", _FEW), rounds=_ROUNDS)
+        found, local = self._settled(found, self._local(found.widths, "all units", len(self.drawn)), rounds=2)
         best: tuple[Found, LoadedQuantile, Verified] | None = None
-        ratios = []
         for attempt in range(_ATTEMPTS):
             fresh = self._verified(found.widths, attempt)
+            if not self._met(fresh) and best is not None:
+                break
             if self._met(fresh) and (best is None or self._cost(found) < self._cost(best[0])):
                 best = found, local, fresh
-            # spread that fresh units have in place of what the sample foretold, about the unit without any
-            still = self._still(found.widths)
-            foretold = local.measure(found.widths)[0] - still
-            ratios.append((self._used(fresh, self.beyond) - still) / foretold)
-            aim = still + (1 - still) / float(np.mean(ratios))
-            ahead = self._step(local, found, aim, _REACH, hold=self._any_smooth(found))
+            local = self._calibrated(local, found.widths, fresh)
+            ahead = self._step(local, found, _REACH, hold=self._any_smooth(found))
             change = self._change(found, ahead)
             if best is not None and (attempt > 1 or change < _SLACK or self._cost(ahead) > self._cost(found)):
                 break
-            found, local = (ahead, local) if change < 2 * _FARTHEST else self._settled(found, local, aim, rounds=2)
+            found, local = (ahead, local) if change < 2 * _FARTHEST else self._settled(found, local, rounds=2)
         if best is None:
             raise InputError(
                 f"limits: after {_ATTEMPTS} verifications the yield of fresh units is {100 * fresh.together:.4g} %, "
@@ -319,23 +331,34 @@ class _Search:
         """The first units of the sample solved at some widths."""
         tell = counted(lambda text: self.progress(f"{what}: {text}"), "units of the sample", count)
         solved = self.units.solved(self.drawn[:count], widths, slopes=True, progress=tell)
-        return LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond, 0.5) / self.verify)
+        local = LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond, 0.5) / self.verify, self.still)
+        return local.calibrated(np.mean(self.ratios, axis=0)) if self.ratios else local
 
-    def _settled(self, found: Found, local: LoadedQuantile, aim: float, *, rounds: int) -> tuple[Found, LoadedQuantile]:
-        """Least cost with a quantile of the sample at the aim, by rounds of linear forms; the last one."""
+    def _calibrated(self, local: LoadedQuantile, widths: Array, fresh: Verified) -> LoadedQuantile:
+        """The sample with the spread that fresh units have in place of what it foretold at their widths."""
+        foretold = local.calibrated(np.ones(len(local.aims))).quantiles(widths)[0] - local.still
+        used = np.array([self._used(fresh, self.beyond, numbers) for numbers in local.aims])
+        # where the first angles decided, a peak-to-peak is known too low
+        known = (used >= CLEAR) & (foretold > _LEAST_SPREAD * used)
+        ratios = np.where(known, (used - local.still) / np.where(known, foretold, 1.0), 1.0)
+        self.ratios.append(np.clip(ratios, 0.5, 2.0))
+        return local.calibrated(np.mean(self.ratios, axis=0))
+
+    def _settled(self, found: Found, local: LoadedQuantile, *, rounds: int) -> tuple[Found, LoadedQuantile]:
+        """Least cost with the quantiles of the sample within the limits, by rounds of linear forms; the last one."""
         count = len(local.near)
         reach, costs = _REACH, dict[tuple[int, ...], float]()
         for number in range(rounds):
-            ahead = self._next(local, found, aim, reach, costs)
+            ahead = self._next(local, found, reach, costs)
             foretold = local.measure(ahead.widths)[0]
-            near = self._change(found, ahead) <= _SETTLED and foretold <= aim * (1 + CLOSE)
+            near = self._change(found, ahead) <= _SETTLED and foretold <= 1 + CLOSE
             found = ahead
             if near:
                 return found, local
             local = self._local(found.widths, f"round {number + 1}", count)
             if abs(local.measure(found.widths)[0] / foretold - 1) > _FARTHEST:  # the form does not hold as far
                 reach = max(math.sqrt(reach), _LEAST_REACH)
-        return self._step(local, found, aim, reach, hold=bool(self.market.tables)), local
+        return self._step(local, found, reach, hold=bool(self.market.tables)), local
 
     def _change(self, one: Found, other: Found) -> float:
         """Relative change of the cost, of which other grades are a whole one."""
@@ -346,22 +369,20 @@ class _Search:
             else float(one.grades != other.grades)
         )
 
-    def _next(
-        self, local: LoadedQuantile, found: Found, aim: float, reach: float, costs: dict[tuple[int, ...], float]
-    ) -> Found:
+    def _next(self, local: LoadedQuantile, found: Found, reach: float, costs: dict[tuple[int, ...], float]) -> Found:
         """The next widths; grades that were tried count by the cost that they came to where they were."""
         market = self.market.holding(found.grades)
-        if self.market.tables and local.measure(np.minimum(market.low, found.widths))[0] > aim:
-            return self._step(local, found, aim, reach, hold=False)  # these grades do not lead there
-        held = self._step(local, found, aim, reach, hold=True)
-        if not self.market.tables or local.measure(held.widths)[0] > aim * (1 + CLOSE):
+        if self.market.tables and local.measure(np.minimum(market.low, found.widths))[0] > 1:
+            return self._step(local, found, reach, hold=False)  # these grades do not lead there
+        held = self._step(local, found, reach, hold=True)
+        if not self.market.tables or local.measure(held.widths)[0] > 1 + CLOSE:
             return held
         costs[held.grades] = self._cost(held)
-        free = self._step(local, found, aim, reach, hold=False)
+        free = self._step(local, found, reach, hold=False)
         return free if costs.get(free.grades, self._cost(free)) < costs[held.grades] else held
 
-    def _step(self, local: LoadedQuantile, at: Found, aim: float, reach: float, *, hold: bool) -> Found:
-        """Least cost of the linear form within reach of the widths; as near to the aim as that leads."""
+    def _step(self, local: LoadedQuantile, at: Found, reach: float, *, hold: bool) -> Found:
+        """Least cost of the linear form within reach of the widths; as near to the limits as that leads."""
         market = self.market.holding(at.grades) if hold else self.market
         widths, smooth = at.widths, market.smooth
         low = np.where(smooth, np.clip(widths / reach, market.low, market.high), market.low)
@@ -373,9 +394,9 @@ class _Search:
             low[e], high[e] = table.widths[allowed[0]], table.widths[allowed[-1]]
         near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
         least = local.measure(low)[0]
-        if least > aim and (low <= self.market.low).all():
-            raise self._unreachable(local, low, least / aim)
-        found = least_cost(near, local, max(aim, least * (1 + CLOSE)), [])
+        if least > 1 and (low <= self.market.low).all():
+            raise self._unreachable(local, low)
+        found = least_cost(near, local, max(1.0, least * (1 + CLOSE)), [])
         assert found is not None  # the least widths meet it
         return replace(found, grades=at.grades) if hold else found
 
@@ -397,11 +418,6 @@ class _Search:
             scale = float(np.clip(ahead, scale / 2, 2 * scale))
         return None
 
-    def _still(self, widths: Array) -> float:
-        """Share of its limits that a unit uses whose parts are all at their means."""
-        turns = self.units.solved(np.zeros((1, self.drawn.shape[1])), widths).turns[0]
-        return float(np.max(turns / [one.allowed for one in self.units.limits]))
-
     def _verified(self, widths: Array, attempt: int) -> Verified:
         count = self.verify  # or more: as many bad units as at first must do
         while share_interval(count - self.bad, count, 1 - self._leaves(attempt))[0] < self.most:
@@ -420,9 +436,10 @@ class _Search:
     def _met(self, fresh: Verified) -> bool:
         return fresh.together_interval[0] >= self.level and all(one.met for one in fresh.limits)
 
-    def _used(self, fresh: Verified, beyond: int) -> float:
-        """Share of all limits that no more than so many fresh units exceed."""
-        shares = [one.limit.turned(one.values) / one.limit.allowed for one in fresh.limits]
+    def _used(self, fresh: Verified, beyond: int, numbers: Sequence[int] = ()) -> float:
+        """Share of some limits, of all where left out, that no more than so many fresh units exceed."""
+        some = [fresh.limits[number] for number in numbers] or fresh.limits
+        shares = [one.limit.turned(one.values) / one.limit.allowed for one in some]
         used = np.sort(np.nan_to_num(np.max(shares, axis=0), nan=_LOST))
         return float(used[-1 - beyond])
 
@@ -442,23 +459,22 @@ class _Search:
             self.level, share.value, share.low, share.high, self.confidence, _CLOSED_UNITS, self.seed
         )
 
-    def _unreachable(self, local: LoadedQuantile, widths: Array, over: float) -> InputError:
+    def _unreachable(self, local: LoadedQuantile, widths: Array) -> InputError:
         """Why the limits cannot be met: which of them, and what holds it up."""
-        units = self.units
-        shares = [local.of_limit(number, widths) for number in range(len(units.limits))]
-        worst = int(np.argmax([value for value, _ in shares]))
-        one = units.limits[worst]
-        still = units.solved(np.zeros((1, self.drawn.shape[1])), widths).turns[0, worst]
+        values, slopes = local.quantiles(widths)
+        alone = [local.aims.index([number]) for number in range(len(self.units.limits))]
+        worst = int(np.argmax(values[alone]))
+        one, still = self.units.limits[worst], self.units.limits[worst].allowed * self.still[worst]
         assert one.value is not None
         said = f"{one.label} within {one.shown(one.value):.4g} {one.unit}: with every width at its least "
-        said += f"{100 * self.level:g} % of the units need {over:.3g} times what all limits allow"
+        said += f"{100 * self.level:g} % of the units use {100 * values[alone][worst]:.4g} % of this limit"
         if still > one.allowed:
             said += (
                 f"; without any spread it is {one.shown(one.turned(still)):.4g} {one.unit}: raise the limit, or change "
                 "the means of the tolerances (clearances) or the declared model"
             )
         else:
-            label = self.market.labels[int((shares[worst][1] * widths).argmax())]
+            label = self.market.labels[int((slopes[alone][worst] * widths).argmax())]
             said += f"; raise the limit or allow finer widths, first of {label}"
         return InputError(said)
 

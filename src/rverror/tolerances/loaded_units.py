@@ -53,7 +53,7 @@ _STEP = 16  # of these angles is solved first
 #: 004 that misses 1.3 % of the peak-to-peak at the most and 0.2 % in the mean, with an eighth of the angles.
 _HALVED = (32, 24, 12, 6)
 #: Share of a limit below which the first angles decide: of the same states they miss 19 % at the most.
-_CLEAR = 0.75
+CLEAR = 0.75
 _KEPT = 3  # highest and lowest places of a unit whose slopes are told: other widths may make another one the highest
 
 
@@ -449,7 +449,7 @@ class LoadedUnits:
         places = np.arange(0, FINE, _STEP)
         output = line.read(line.state(values, places), values)
         for halving, count in enumerate(_HALVED, 1):
-            if decide and np.ptp(output) < _CLEAR * limit.allowed:
+            if decide and np.ptp(output) < CLEAR * limit.allowed:
                 break
             order = np.argsort(output)
             about = places[np.concatenate([order[:count], order[-count:]])]

@@ -13,7 +13,7 @@ from rverror.base.arrays import Array
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
-from rverror.tolerances.loaded_units import LoadedUnits, Solved
+from rverror.tolerances.loaded_units import CLEAR, LoadedUnits
 from rverror.tolerances.sampling import IntervalEstimate, check_share, order_statistics, share_interval, uniforms
 from rverror.tolerances.specification import Limit, check_limits
 from rverror.tolerances.stacking import Stack, Tolerance, stack
@@ -36,11 +36,14 @@ class LimitYield(OneLine):
         rad, or N*mm/rad of the stiffness; not a number where no equilibrium was found, which counts as a bad unit.
     confidence : float
         Of the intervals.
+    known_from : float
+        Of units below this value it is known only that they are within the limit.
     """
 
     limit: Limit
     values: Array
     confidence: float
+    known_from: float = -math.inf
 
     @property
     def units(self) -> int:
@@ -69,11 +72,15 @@ class LimitYield(OneLine):
         return self.interval[0] >= self.limit.level
 
     def quantile(self, probability: float) -> IntervalEstimate:
-        """Value that so large a share of the units does not exceed; of the stiffness, does not fall below."""
+        """Value that so large a share of the units does not exceed; of the stiffness, does not fall below.
+
+        Not a number where it is below `known_from`.
+        """
         check_share("probability", probability)
         known = np.sort(self.values[np.isfinite(self.values)])
         if self.limit.quantity != "stiffness":
-            return order_statistics(known, probability, self.confidence)
+            found = order_statistics(known, probability, self.confidence)
+            return found if found.value >= self.known_from else IntervalEstimate(*[math.nan] * 5)
         turned = order_statistics(-known[::-1], probability, self.confidence)
         return IntervalEstimate(-turned.value, -turned.high, -turned.low, math.nan, math.nan)
 
@@ -174,16 +181,12 @@ def verified(
     """
     drawn = standard_draws(units.stack, count, seed=seed, stream=stream)
     found = units.solved(drawn, widths, decide=decide, progress=counted(progress, "units at the load", count))
-    return of_solved(units, found, seed=seed, stream=stream, confidence=confidence)
-
-
-def of_solved(units: LoadedUnits, found: Solved, *, seed: int, stream: int, confidence: float) -> Verified:
-    """Yields of units that are solved."""
     known = np.isfinite(found.turns)
     rows = []
     for number, one in enumerate(units.limits):
         turns = np.where(known[:, number], found.turns[:, number], math.nan)
-        rows.append(LimitYield(one, np.asarray(one.turned(turns), dtype=np.float64), confidence))
+        known_from = CLEAR * one.allowed if decide and not one.loads else -math.inf
+        rows.append(LimitYield(one, np.asarray(one.turned(turns), dtype=np.float64), confidence, known_from))
     limited = [row.good for row in rows if row.limit.value is not None]
     good = np.all(limited, axis=0) if limited else known.all(axis=1)
     interval = share_interval(int(good.sum()), good.size, confidence)

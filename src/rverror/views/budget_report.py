@@ -111,7 +111,9 @@ def budget_text(found: ErrorBudget | Budget, *, limit: Any | None = None) -> str
     if isinstance(found, ErrorBudget) and found.at_load is not None:
         lines += ["", *yield_lines(found.at_load.verified), "", *_loaded_lines(found, found.at_load)]
     quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
-    return joined(lines + (["", "In closed form moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else []))
+    return joined(
+        lines + (["", "In closed form moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else [])
+    )
 
 
 def _parts(found: ErrorBudget | Budget) -> tuple[Budget, VirtualUnits | None, SobolIndices | None]:

@@ -23,7 +23,8 @@ def yield_lines(found: Verified) -> list[str]:
     ]
     for one in found.limits:
         value = "-" if one.limit.value is None else _value(one, one.limit.value)
-        quantiles = " ".join(f"{brief(one.limit.shown(one.quantile(level).value)):>7s}" for level in LEVELS)
+        values = [one.limit.shown(one.quantile(level).value) for level in LEVELS]
+        quantiles = " ".join(f"{brief(value) if math.isfinite(value) else '-':>7s}" for value in values)
         told = "" if one.limit.value is None else _share(one.share, one.interval)
         lines.append(f"{one.limit.label:34s} {value:>20s} {quantiles}   {told}".rstrip())
     if len(limited) > 1:

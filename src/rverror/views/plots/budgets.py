@@ -168,9 +168,11 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         reference = one.quantile(0.99).value if one.limit.value is None else one.limit.value
         known = one.values[np.isfinite(one.values)]
         used = 100 * np.sort(one.limit.turned(known) / one.limit.turned(reference))
+        share = 100 * np.arange(1, used.size + 1) / used.size
+        told_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
         told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {_ends(one.interval)}"
         label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
-        ax.plot(used, 100 * np.arange(1, used.size + 1) / used.size, label=label, **line_style(number))
+        ax.plot(used[used >= told_from], share[used >= told_from], label=label, **line_style(number))
     ax.axvline(100, color=_LIMIT, lw=0.8)
     ax.set(xlabel="used of the limit (without one: of the P99), %", ylabel="units that use no more, %")
     titled(ax, f"{loaded.limits[0].units} units at the load, contacts that open included", *_unit(found))
