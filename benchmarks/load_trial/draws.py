@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from benchmarks.load_trial import grades
 from benchmarks.load_trial.kernel import Train
 from benchmarks.load_trial.parts import KINDS, Error, limits, size
 from scipy.special import ndtr, ndtri
@@ -23,7 +24,7 @@ from scipy.special import ndtr, ndtri
 Array = npt.NDArray[np.float64]
 _KNOWN = {
     "name", "key", "tolerance", "indices", "parameters", "distribution", "capability", "mean", "correlation", "phase",
-    "fixed", "bounds", "cost",
+    "fixed", "bounds", "cost", "grade", "size", "diameter", "module",
 }  # fmt: skip
 VECTORS = ("rayleigh", "circle", "ring")
 
@@ -107,7 +108,7 @@ def _entry(table: dict[str, Any], train: Train) -> Entry:
     turned = table.get("phase") == "random"
     if (law in VECTORS or turned) and not whole:
         raise ValueError(f"{table['key']}: {law} needs a vector")
-    width, middle = limits(table["tolerance"])
+    width, middle = (grades.width(table), 0.0) if "grade" in table else limits(table["tolerance"])
     mean = table.get("mean", 0.0)
     means = tuple(middle + size(mean[name] if isinstance(mean, dict) and name in mean else
                                 0.0 if isinstance(mean, dict) else mean) for name in names)  # fmt: skip
@@ -128,6 +129,7 @@ def _instances(names: tuple[str, ...], given: dict[str, Any], train: Train) -> l
     every = {
         "crank": list(range(train.cranks)),
         "disc": list(range(train.discs)),
+        "lobe": list(range(train.lobes)),
         "pin": list(range(train.pins)),
         "member": ["sun", "planet"],
     }

@@ -10,13 +10,25 @@ for its last 3 nc rows (an arrow), and each block is eliminated by itself.
 Energy: sum over pins and flanks of k/2 max(p, 0)^2, over bearings of k/2 max(|d| - c, 0)^2, less the work of the load.
 All closings p and d are linear in x, so the energy is convex, and its least value is the equilibrium.
 
+Preload: a radial clearance c = -q below 0.  With m = |d| a bearing stores k/2 ((m + q)^2 + max(q - m, 0)^2), rollers of
+both sides.  For m < q that is k m^2 + k q^2, a spring 2k in each direction; beyond it, k/2 (m + q)^2, whose force is
+k (1 + q/m) d and whose second derivative is k (1 + q/m) across d and k along it: what a clearance has, with c = -q.
+Force and energy pass into each other at m = q, where the stiffness along d falls from 2k to k: convex still.
+
 Pin i against disc k.  The disc turns by +1 while its centre O = a e(eps) turns by -z_c: its instant centre in the
 housing lies where v = a (-z_c) e'(eps) = (a - s) e'(eps), at P = s e(eps) with s = a (1 + z_c) = a z_p.  The contact
 normal of a profile that is enveloped by the pin passes the pin's centre Q and P, so n = (P - Q) / |P - Q|, into the
 disc.  Its arm about the disc's centre is l = (P - O) x n = a z_c e(eps) x n, and p = e - n.(x, y) - l angle.
 
+Lobe l of a disc.  A pin's centre draws R e(phi / z_c) - a e(phi / z_c + phi) on the disc, nearest to its centre, a
+root, at phi = 0.  Disc k has its eccentric at 2 pi k / n_d at theta = 0, where it leads pin 0 by that, so its roots
+are at 2 pi (l - k / n_d) / z_c, and crests half a pitch ahead of them.  Roots are counted from that which the
+eccentric points at, or the next: l >= z_p k / n_d.  An error e of a lobe closes e cos(z_c away / 2)^2, away the angle
+from its crest, less than half a pitch.
+
 Gear mesh j at the pitch point r_1 e(beta_j).  The sun pushes the planet along n = +-cos(al) t + sin(al) r (upper sign:
 the flank that carries forward).  p = e + n.(sun - crank) +- r_b2 * crank angle - backlash / 2, r_b2 = r_2 cos(al).
+A spline with play b turns the planet by b / (2 r_s) over its crank either way, so either flank loses r_b2 times that.
 
 Bearings: d = cam less bore of the disc, and crank axis less bore of the carrier.
 """
@@ -51,6 +63,9 @@ class Train(NamedTuple):
     k_mesh: float
     k_sun: float
     k_main: float
+    preload_cam: float = 0.0
+    preload_bore: float = 0.0
+    spline_radius: float = np.nan
 
 
 class Unit(NamedTuple):
@@ -75,12 +90,23 @@ class Unit(NamedTuple):
     planet_waves: np.ndarray  # (.., 4)
     crank_lead: np.ndarray  # (nc,): lead of the crank over its planet, rad
     thinning: np.ndarray  # (nc,): tooth thickness lost in the mesh, sun and planet together
-    clearance: np.ndarray  # (2,): radial, of cam and of carrier bearings
+    clearance: np.ndarray  # (2,): radial, of cam and of carrier bearings, preload taken off: below 0 they are preloaded
     grinding: np.ndarray  # (2,): equidistant and shift of the profiles, positive removes material
     input_turn: np.ndarray  # (1,): the sun turned by this
+    lobes: np.ndarray  # (nd, zc): material of each lobe at its crest
+    spline: np.ndarray  # (nc,): play along the spline's pitch circle, side to side
 
 
 compiled = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+
+
+@compiled
+def contact_angle(t, pin, k, i, ex, ey, ct, st):
+    """Angle of pin i's contact about the centre of disc k, in the disc's frame."""
+    beta = 2 * np.pi * i / t.pins
+    cx = t.pin_circle * np.cos(beta) + t.pin_radius * pin[k, i, 0] - t.eccentricity * ex
+    cy = t.pin_circle * np.sin(beta) + t.pin_radius * pin[k, i, 1] - t.eccentricity * ey
+    return np.arctan2(cy * ct - cx * st, cx * ct + cy * st)
 
 
 @compiled
@@ -106,20 +132,24 @@ def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
             e = (nx * gx + ny * gy) * (u.pin_place[i, 0] + u.grinding[1]) + (ny * gx - nx * gy) * u.pin_place[i, 1]
             pin[k, i, 0], pin[k, i, 1], pin[k, i, 2] = nx, ny, a * zc * (ex * ny - ey * nx)
             pin[k, i, 3] = e + u.pin_radius[i] - u.grinding[0]
+        if np.any(u.lobes[k] != 0.0):
+            first = np.ceil(k * zp / t.discs - 1e-9) - k / t.discs + 0.5
+            for i in range(zp):
+                place = zc / turn * contact_angle(t, pin, k, i, ex, ey, ct, st) - first
+                near = np.floor(place + 0.5)
+                pin[k, i, 3] += u.lobes[k, int(near) % zc] * np.cos(np.pi * (place - near)) ** 2
         for w in range(u.disc_waves.shape[0]):
             if int(u.disc_waves[w, 0]) != k:
                 continue
             pitch, h, wc, ws = u.disc_waves[w, 1], int(u.disc_waves[w, 2]), u.disc_waves[w, 3], u.disc_waves[w, 4]
             for i in range(zp):
-                nx, ny = pin[k, i, 0], pin[k, i, 1]
-                cx = t.pin_circle * np.cos(turn * i / zp) + t.pin_radius * nx - a * ex  # contact from the disc's centre
-                cy = t.pin_circle * np.sin(turn * i / zp) + t.pin_radius * ny - a * ey
-                size = 1 / np.sqrt(cx * cx + cy * cy)
-                cx, cy = cx * size, cy * size
-                psi = np.arctan2(cy * ct - cx * st, cx * ct + cy * st)  # in the disc's frame
+                psi = contact_angle(t, pin, k, i, ex, ey, ct, st)
                 wave = wc * np.cos(h * psi) + ws * np.sin(h * psi)
-                # pitch moves the profile along the tangent (-cy, cx), away from the pin by that times n
-                pin[k, i, 3] += -wave * (ny * cx - nx * cy) if pitch else wave
+                # pitch moves the profile along the tangent, away from the pin by that times n
+                if pitch:
+                    cx, cy = np.cos(psi) * ct - np.sin(psi) * st, np.sin(psi) * ct + np.cos(psi) * st
+                    wave *= pin[k, i, 0] * cy - pin[k, i, 1] * cx
+                pin[k, i, 3] += wave
     sun, planet = t.ratio * theta, -zc * theta
     cs, ss, cp, sp = np.cos(sun), np.sin(sun), np.cos(planet), np.sin(planet)
     sx = u.sun_offset[0] + cs * u.sun_eccentricity[0] - ss * u.sun_eccentricity[1]
@@ -146,6 +176,8 @@ def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
                 nx * dx + ny * dy + s * (t.sun_base * u.input_turn[0] - t.planet_base * u.crank_lead[j])
                 - 0.5 * (t.backlash + ca * u.thinning[j])
             )  # fmt: skip
+            if u.spline[j] > 0.0:
+                flank[j, side, 2] -= t.planet_base * u.spline[j] / (2 * t.spline_radius)
         for k in range(t.discs):
             ex, ey, c, b = eps[k, 0], eps[k, 1], u.cams[j, k], u.bores[k, j]
             cam[j, k, 0] = ex * c[0] - ey * c[1] - rx * b[0] + ry * b[1]
@@ -164,10 +196,13 @@ def add_bearing(k, c, d0, d1, arm0, arm1, crank0, crank1, at, cr, g, block, coup
     m = np.sqrt(d0 * d0 + d1 * d1)
     if m <= c:
         return
-    free = k * c / m  # what the turning of the force takes off, times the identity
-    f0, f1 = (k - free) * d0, (k - free) * d1
-    free /= m * m
-    k00, k01, k11 = k - free * d1 * d1, free * d0 * d1, k - free * d0 * d0
+    if m <= -c:  # both sides carry
+        across, turned = 2 * k, 0.0
+    else:  # the second derivative is k along d, and this across it
+        across = k * (1 - c / m)
+        turned = (k - across) / (m * m)
+    f0, f1 = across * d0, across * d1
+    k00, k01, k11 = across + turned * d0 * d0, turned * d0 * d1, across + turned * d1 * d1
     ka0, ka1 = k00 * arm0 + k01 * arm1, k01 * arm0 + k11 * arm1
     kc0, kc1 = k00 * crank0 + k01 * crank1, k01 * crank0 + k11 * crank1
     g[at] -= f0

@@ -26,11 +26,13 @@ class Case:
     limit: str
     torques: tuple[float, ...]
     lost_motion: str | None = None
+    stiffness: str | None = None
 
     def options(self) -> list[str]:
         """Options of ``rverror allocate``."""
         found = ["--limit", self.limit, "--at", ",".join(f"{torque:g} N*m" for torque in self.torques)]
-        return found + (["--lost-motion", self.lost_motion] if self.lost_motion else [])
+        found += ["--lost-motion", self.lost_motion] if self.lost_motion else []
+        return found + (["--stiffness", self.stiffness] if self.stiffness else [])
 
 
 # key: least and largest width (um; arcsec for an angle), whether it makes much of the error

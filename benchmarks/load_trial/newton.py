@@ -224,7 +224,7 @@ def slope(t, x, v, load, clearance, closing, rate, s):
             d0, d1 = closing[at] + s * rate[at], closing[at + 1] + s * rate[at + 1]
             m = np.sqrt(d0 * d0 + d1 * d1)
             if m > c:
-                total += k_bearing * (1 - c / m) * (d0 * rate[at] + d1 * rate[at + 1])
+                total += k_bearing * (2.0 if m <= -c else 1 - c / m) * (d0 * rate[at] + d1 * rate[at + 1])
             at += 2
     for q in range(2):
         total += t.k_sun * (x[sun + q] + s * v[sun + q]) * v[sun + q]

@@ -74,12 +74,14 @@ KINDS = {
     "involute.planet_eccentricity": Kind(_PLANE, ("crank",)),
     "involute.sun_pitch": Kind(_WAVE, ("harmonic",)),
     "involute.planet_pitch": Kind(_WAVE, ("crank", "harmonic")),
+    "involute.spline_clearance": Kind(("clearance",), ("crank",), vector=False),
     "involute.tooth_thinning": Kind(("thinning",), ("member",), vector=False),
     "crank.eccentricity": Kind(_POLAR, ("crank", "disc")),
     "crank.index": Kind(("angle",), ("crank",), vector=False),
     "crank.bearing_clearance": Kind(("clearance",), vector=False),
     "cycloid.disc_profile": Kind(_WAVE, ("disc", "harmonic")),
     "cycloid.disc_pitch": Kind(_WAVE, ("disc", "harmonic")),
+    "cycloid.disc_lobe": Kind(("deviation",), ("disc", "lobe"), vector=False),
     "cycloid.pin_position": Kind(_POLAR, ("pin",)),
     "cycloid.pin_circle": Kind(("radial_cos", "radial_sin", "tangential_cos", "tangential_sin"), ("harmonic",)),
     "cycloid.pin_radius": Kind(("deviation",), ("pin",), vector=False),
@@ -100,8 +102,9 @@ class Error(NamedTuple):
 
 
 def build(train: Train, errors: Iterable[Error]) -> Unit:
-    """Put the errors together as a unit; a clearance below 0 counts as 0."""
+    """Put the errors together as a unit; a clearance below 0 counts as 0, and takes from the preload."""
     unit = perfect(train)
+    unit.clearance[:] = 0.0
     disc_waves, sun_waves, planet_waves = [], [], []
     turn = 2 * np.pi * np.arange(train.pins) / train.pins
     for key, index, values in errors:
@@ -128,6 +131,12 @@ def build(train: Train, errors: Iterable[Error]) -> Unit:
                 unit.crank_lead[index["crank"]] += value[0]
             case "bearing_clearance":
                 unit.clearance[0 if key.startswith("crank") else 1] += value[0]
+            case "spline_clearance":
+                if not train.spline_radius > 0:
+                    raise ValueError(f"{key} needs a spline_radius")
+                unit.spline[index["crank"]] += value[0]
+            case "disc_lobe":
+                unit.lobes[index["disc"], index["lobe"]] += value[0]
             case "disc_profile" | "disc_pitch":
                 disc_waves.append((index["disc"], source == "disc_pitch", index["harmonic"], *values))
             case "pin_position":
@@ -147,7 +156,9 @@ def build(train: Train, errors: Iterable[Error]) -> Unit:
                 unit.runout[:] += value
             case _:
                 raise ValueError(f"{key} is not judged here")
-    np.maximum(unit.clearance, 0.0, out=unit.clearance)
+    for clearance in (unit.clearance, unit.spline):
+        np.maximum(clearance, 0.0, out=clearance)
+    unit.clearance[:] -= train.preload_cam, train.preload_bore
     return unit._replace(
         disc_waves=np.array(disc_waves, dtype=float).reshape(-1, 5),
         sun_waves=np.array(sun_waves, dtype=float).reshape(-1, 3),

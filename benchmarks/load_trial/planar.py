@@ -7,6 +7,7 @@ solved.output                                       # transmission error, rad, s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -181,13 +182,13 @@ def train_of(mechanism: Any) -> Train:
     Raises
     ------
     ValueError
-        If it has what is not written here: power laws, preloads, a turning housing.
+        If it has what is not written here: power laws, a turning housing.
     """
     law, preload = mechanism.contact_law, mechanism.bearing_preload
     if (law.pin_exponent, law.flank_exponent, law.profile_curvature) != (1, 1, 0):
         raise ValueError("only linear contacts with straight normals are judged")
-    if preload.crank_bearing or preload.carrier_bearing or mechanism.output != "carrier":
-        raise ValueError("neither preloaded bearings nor a turning housing are judged")
+    if mechanism.output != "carrier":
+        raise ValueError("a turning housing is not judged")
     z1, z2, stiffness = mechanism.sun_teeth, mechanism.planet_teeth, mechanism.stiffness
     base = mechanism.module / 2 * np.cos(mechanism.pressure_angle)
     return Train(
@@ -210,6 +211,9 @@ def train_of(mechanism: Any) -> Train:
         k_mesh=stiffness.gear_mesh,
         k_sun=stiffness.sun_support,
         k_main=stiffness.main_bearing,
+        preload_cam=preload.crank_bearing,
+        preload_bore=preload.carrier_bearing,
+        spline_radius=math.nan if mechanism.spline_radius is None else mechanism.spline_radius,
     )
 
 
@@ -232,7 +236,9 @@ def perfect(train: Train) -> Unit:
         planet_waves=np.zeros((0, 4)),
         crank_lead=np.zeros(nc),
         thinning=np.zeros(nc),
-        clearance=np.zeros(2),
+        clearance=-np.array([train.preload_cam, train.preload_bore]),
         grinding=np.zeros(2),
         input_turn=np.zeros(1),
+        lobes=np.zeros((nd, train.lobes)),
+        spline=np.zeros(nc),
     )

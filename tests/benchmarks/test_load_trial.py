@@ -16,10 +16,11 @@ from pages import ROOT
 
 sys.path.append(str(ROOT))
 
-from benchmarks.load_trial import draws, judging, lists, sizes
+from benchmarks.load_trial import __main__ as trial
+from benchmarks.load_trial import draws, grades, judging, lists, sizes
 from benchmarks.load_trial.__main__ import main
-from benchmarks.load_trial.kernel import Train
-from benchmarks.load_trial.parts import KINDS, Error, build, limits, size
+from benchmarks.load_trial.kernel import Train, add_bearing
+from benchmarks.load_trial.parts import KINDS, Error, build, declared, limits, size
 from benchmarks.load_trial.planar import perfect, solve, train_of
 
 ARCSEC = 180 * 3600 / math.pi
@@ -172,7 +173,7 @@ def test_the_same_as_the_equilibrium_of_rverror(preset: str) -> None:
     unit = rverror.reducer(preset)
     train = train_of(unit)
     errors = random_errors(np.random.default_rng(8), train)
-    model = rverror.Model(unit, [rverror.Effect(e.key, dict(e.indices), tuple(map(float, e.values))) for e in errors])
+    model = as_model(unit, errors)
     for torque in (20e3, 412e3):
         for way in (1.0, -1.0):
             own = solve(train, build(train, errors), THETA, way * torque)
@@ -180,6 +181,115 @@ def test_the_same_as_the_equilibrium_of_rverror(preset: str) -> None:
             assert own.settled.all()
             assert np.ptp(own.output) * ARCSEC > 20
             assert abs(own.output - other.transmission_error).max() * ARCSEC < 1e-5
+
+
+def as_model(unit: Any, errors: list[Error]) -> rverror.Model:
+    return rverror.Model(unit, [rverror.Effect(e.key, dict(e.indices), tuple(map(float, e.values))) for e in errors])
+
+
+def test_a_unit_of_the_list_within_the_figures_of_the_maker() -> None:
+    path = ROOT / "examples" / "rv40e-maker.toml"
+    maker = rverror.load_model(path).mechanism
+    train = train_of(maker)
+    entries = draws.read(ROOT / "examples" / "rv40e-maker-tolerances.toml", train)
+    (errors,) = draws.draw(entries, 1, seed=5, beside=declared(path))
+    unit, model = build(train, errors), as_model(maker, errors)
+    assert unit.clearance[0] > 0 > unit.clearance[1]  # cams play, carrier bearings are preloaded
+    for torque in (20e3, 412e3):  # both sides of the preloaded ones carry, then one
+        own, other = solve(train, unit, THETA[::4], torque), rverror.equilibrium(model, THETA[::4], torque=torque)
+        assert own.settled.all()
+        assert np.ptp(own.output) * ARCSEC > 5
+        assert abs(own.output - other.transmission_error).max() * ARCSEC < 1e-5
+
+
+def test_preload_of_all_bearings_beside_the_equilibrium_of_rverror() -> None:
+    preload = rverror.BearingPreload(crank_bearing=2e-3, carrier_bearing=1e-3)
+    reducer = rverror.reducer("RV-40E", bearing_preload=preload)
+    train = train_of(reducer)
+    errors = [e for e in random_errors(np.random.default_rng(9), train) if "bearing_clearance" not in e.key]
+    unit, model = build(train, errors), as_model(reducer, errors)
+    for torque in (20e3, 100e3, 412e3):
+        own, other = solve(train, unit, THETA[::4], torque), rverror.equilibrium(model, THETA[::4], torque=torque)
+        assert own.settled.all()
+        assert abs(own.output - other.transmission_error).max() * ARCSEC < 1e-5
+
+
+def test_much_preload_makes_bearings_twice_as_stiff() -> None:
+    tight = TRAIN._replace(preload_cam=1.0, preload_bore=1.0)
+    stiff = TRAIN._replace(k_cam=2 * TRAIN.k_cam, k_bore=2 * TRAIN.k_bore)
+    errors = random_errors(np.random.default_rng(3), TRAIN)
+    loose = [e for e in errors if "bearing_clearance" not in e.key]
+    found = [solve(train, build(train, loose), THETA, 412e3).output for train in (tight, stiff)]
+    np.testing.assert_allclose(ARCSEC * found[0], ARCSEC * found[1], atol=1e-6)
+    with_clearance = build(tight, errors)  # which takes from it
+    assert -1 < with_clearance.clearance.min() < with_clearance.clearance.max() < -0.98
+
+
+@pytest.mark.parametrize("c", [0.003, -0.003])
+def test_a_bearing_is_the_slope_of_its_energy(c: float) -> None:
+    k, h = 2.0, 1e-6
+
+    def energy(d: Any) -> float:
+        m = math.hypot(*d)
+        return k / 2 * (max(m - c, 0.0) ** 2 + max(-c - m, 0.0) ** 2)
+
+    def by_hand(d: Any) -> tuple[Any, Any]:
+        g, blocks, coupling, crank = np.zeros(6), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+        add_bearing(k, c, d[0], d[1], 0.0, 0.0, 0.0, 0.0, 0, 3, g, blocks, coupling, crank, 0)
+        np.testing.assert_array_equal(g[:2], -g[3:5])
+        return g[3:5], np.triu(crank[:2, :2]) + np.triu(crank[:2, :2], 1).T
+
+    for d in np.array([[0.001, 0.0005], [0.004, -0.003], [0.0, 0.0], [0.02, 0.01]]):
+        steps = h * np.eye(2)
+        force, stiffness = by_hand(d)
+        np.testing.assert_allclose(force, [(energy(d + s) - energy(d - s)) / (2 * h) for s in steps], atol=1e-9)
+        np.testing.assert_allclose(
+            stiffness, [(by_hand(d + s)[0] - by_hand(d - s)[0]) / (2 * h) for s in steps], atol=1e-5
+        )
+
+
+def test_an_error_of_all_lobes_is_a_wave() -> None:
+    # all of them together are (1 + cos(z_c (psi - psi_0))) / 2; disc 1 of an RV-40E has a crest at psi = 0
+    lobes = [Error("cycloid.disc_lobe", {"disc": 1, "lobe": lobe}, (E,)) for lobe in range(39)]
+    waves = [Error("cycloid.disc_profile", {"disc": 1, "harmonic": h}, (E / 2, 0.0)) for h in (0, 39)]
+    np.testing.assert_allclose(change(TRAIN, lobes), change(TRAIN, waves), atol=1e-6)
+
+
+def test_play_of_the_splines_is_lost_motion() -> None:
+    play = each(TRAIN, "involute.spline_clearance", E)
+    lost = change(TRAIN, play, torque=-100e3) - change(TRAIN, play, torque=100e3)
+    np.testing.assert_allclose(lost, 27 / 9 / 121 / 7 * E * ARCSEC, rtol=1e-6)
+    with pytest.raises(ValueError, match="spline_radius"):
+        build(TRAIN._replace(spline_radius=math.nan), play)
+
+
+GRADES = [
+    ("cycloid.pin_position", f'grade = "IT{n}"\nsize = "{at} mm"')
+    for n in (1, 4, 5, 7, 11, 18)
+    for at in (2.5, 3, 10, 40, 64, 128, 251, 500)
+] + [
+    (key, f'grade = "ISO 1328 {n}"\ndiameter = "{d} mm"\nmodule = "1.5 mm"{more}')
+    for n in (1, 5, 8, 11)
+    for d in (13.5, 40.5)
+    for key, more in (
+        ("involute.sun_eccentricity", ""),
+        ("involute.planet_pitch", "\nindices = { harmonic = 1 }"),
+        ("involute.sun_pitch", "\nindices = { harmonic = 2 }"),
+    )
+]
+
+
+def test_grades_have_the_widths_that_rverror_gives_them(tmp_path: Path) -> None:
+    path = tmp_path / "tolerances.toml"
+    path.write_text("".join(f'[[tolerance]]\nkey = "{key}"\n{lines}\n' for key, lines in GRADES))
+    own = [entry.width for entry in draws.read(path, TRAIN)]
+    theirs = [tolerance.width for tolerance in rverror.load_tolerances(path, rverror.Model(UNIT))]
+    np.testing.assert_allclose(own, theirs, rtol=1e-12)
+    assert grades.iso_286(4, 128) == 0.012
+    assert grades.iso_1328("involute.sun_pitch", 5, 13.5, 1.5, 1) == 7.5e-3
+    for table in ({"grade": "IT5", "size": "501 mm"}, {"grade": "fine"}):
+        with pytest.raises(ValueError, match=r"not in the table|not judged"):
+            grades.width({"key": "cycloid.pin_position", **table})
 
 
 def test_an_angle_that_does_not_settle_is_told() -> None:
@@ -275,11 +385,43 @@ def test_a_random_list_is_judged(
 
     monkeypatch.setattr(lists, "UNITS", 10)
     monkeypatch.setattr(judging, "run", allocate)
-    words = ["--lists", "1", "--seed", "4", "--units", "10", "--no-examples", "--folder", str(tmp_path)]
+    words = ["--lists", "1", "--first", "4", "--units", "10", "--no-examples", "--folder", str(tmp_path)]
     assert main(words) == (0 if true else 1)
     told = capsys.readouterr().out
     assert ("2 of 2 limits held" if true else "0 of 2 limits held; 2 more than 3 spreads outside") in told
     assert told.count("held\n") == (2 if true else 0)
+
+
+def test_which_lists_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[lists.Case] = []
+    seeds: list[int] = []
+
+    class Nothing:
+        def __init__(self, model: Path, tolerances: Path, units: int, seed: int) -> None:
+            seeds.append(seed)
+
+        def judge(self, report: Any) -> Any:
+            return iter(())
+
+    def allocate(case: lists.Case, folder: Path, more: list[str]) -> Any:
+        ran.append(case)
+        assert more == ["--jobs", "1"]
+        return {}, case.tolerances, 1.0, "ok"
+
+    monkeypatch.setattr(judging, "run", allocate)
+    monkeypatch.setattr(judging, "Judge", Nothing)
+    monkeypatch.setattr(trial, "random_case", lambda seed, folder: lists.Case(f"random {seed}", folder, folder, "", ()))
+    main(["--only-examples", "--jobs", "1"])
+    assert [case.name for case in ran] == ["rv40e-maker-tolerances", "rv40e-tolerances"]
+    assert ran[0].model.name == "rv40e-maker.toml"
+    assert ran[0].options()[4:] == ["--lost-motion", "60 arcsec", "--stiffness", "97.2 N*m/arcmin"]
+    ran.clear()
+    seeds.clear()
+    for words in (["--first", "3", "--lists", "2", "--no-examples"], ["--first", "4", "--lists", "1"]):
+        main([*words, "--jobs", "1"])
+    assert [case.name for case in ran if "random" in case.name] == ["random 3", "random 4", "random 4"]
+    assert len(ran) == 5
+    assert seeds[1] == seeds[-1]  # the units of a list do not depend on what is judged beside it
 
 
 def test_a_report_without_claims_is_refused() -> None:
