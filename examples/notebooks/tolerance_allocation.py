@@ -67,8 +67,8 @@ for name, cost, checked in (
     print(f"{name:9} cost {cost:5.1f}   P99 {size:.1f} arcsec  95 % [{low:.1f}, {high:.1f}]")
 
 # %% [markdown]
-# The same money as before buys a smaller error. The picture shows where it went, on a logarithmic scale: to the left
-# of the line a tolerance got finer, to the right wider.
+# Nearly the same money as before buys a smaller error. The picture shows where it went, on a logarithmic scale: to the
+# left of the line a tolerance got finer, to the right wider.
 
 # %%
 found.plot(kind="widths")

@@ -184,7 +184,7 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     assert main(["budget", *given, "--units", "512"]) == 0
     told = json.loads(out.read_text())
     assert told["input_speed_rpm"] == pytest.approx(300)
-    assert told["contact"] is None
+    assert told["limits"] == []
     worst = rverror.budget(made).worst.peak_to_peak
     assert told["peak_to_peak_arcsec"]["worst_case"] == pytest.approx(math.degrees(worst) * 3600, rel=1e-3)
     assert "about the loaded state at 300 rpm" in capsys.readouterr().out

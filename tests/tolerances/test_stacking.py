@@ -298,7 +298,9 @@ def test_default_angles_are_one_revolution() -> None:
 
 
 def test_span_is_a_tenth_to_ten_times_and_keeps_clearances() -> None:
-    assert tolerance("crank.eccentricity", "5 um").span == pytest.approx((5e-4, 5e-2))
+    assert tolerance("crank.eccentricity", "2 um").span == pytest.approx((2e-4, 2e-2))
+    assert tolerance("crank.eccentricity", "5 um").span == pytest.approx((5e-4, 3e-2))  # no workshop's part is worse
+    assert tolerance("crank.eccentricity", "50 um").span == pytest.approx((5e-3, 5e-2))  # but what is given may be
     assert tolerance("crank.bearing_clearance", "2 um", mean="6 um").span == pytest.approx((2e-4, 6e-3))
     assert tolerance("crank.eccentricity", "5 um", bounds=("2 um", "8 um")).span == pytest.approx((2e-3, 8e-3))
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, dot
+from rverror.base.arrays import Array, cross, radial_and_tangential
 from rverror.base.threads import each_part
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, Contacts, Displacement
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
@@ -198,8 +198,11 @@ class Geometry:
     @cached_property
     def profile_lever(self) -> Array:
         """How far each pin moves along its disc's profile with the disc's angle, mm, (n, discs, pins)."""
-        motion = self.motion  # whose points of contact lie a pin's radius before its centre
-        return motion.reducer.pin_radius - samples_first(dot(motion.pin_point, motion.pin_normal))
+        motion = self.motion
+        pins, _ = radial_and_tangential(pin_positions(motion.reducer)[:, None])
+        eccentric, _ = motion.eccentric_directions
+        arm = motion.reducer.pin_circle_radius * pins - motion.reducer.eccentricity * eccentric[:, None]
+        return -samples_first(cross(arm, profile_tangent(motion)))
 
     @cached_property
     def curvature(self) -> Array:

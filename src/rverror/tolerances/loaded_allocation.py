@@ -147,6 +147,7 @@ class LoadedQuantile(Limited):
     """
 
     proof = "no small change of the widths costs less, by the influences at the load; nothing more is proven"
+    gap = _SETTLED / 2
 
     def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float, still: Array) -> None:
         """Take the rows of a sample.
@@ -201,6 +202,11 @@ class LoadedQuantile(Limited):
         slopes = np.array([weight @ change for weight, (_, change) in every])
         return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
 
+    def best(self, market: Market) -> Array:
+        """The least widths, but the largest of what makes up for others, as pins that stand out take up play."""
+        _, (slope, _) = self.measure(np.clip(self.at, market.low, market.high))
+        return np.where(slope < 0, market.high, market.low)
+
     def measure(self, widths: Array) -> tuple[float, Row]:
         """The largest quantile, and its row."""
         values, slopes = self.quantiles(widths)
@@ -209,7 +215,7 @@ class LoadedQuantile(Limited):
 
     def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
         """By sequential quadratic programs from the widths at hand, then drawn in until the limit is met."""
-        if self.measure(market.low)[0] > limit:
+        if self.measure(self.best(market))[0] > limit:
             return None
         if self.measure(market.high)[0] <= limit:
             return market.high
@@ -372,7 +378,7 @@ class _Search:
     def _next(self, local: LoadedQuantile, found: Found, reach: float, costs: dict[tuple[int, ...], float]) -> Found:
         """The next widths; grades that were tried count by the cost that they came to where they were."""
         market = self.market.holding(found.grades)
-        if self.market.tables and local.measure(np.minimum(market.low, found.widths))[0] > 1:
+        if self.market.tables and local.measure(local.best(market))[0] > 1:
             return self._step(local, found, reach, hold=False)  # these grades do not lead there
         held = self._step(local, found, reach, hold=True)
         if not self.market.tables or local.measure(held.widths)[0] > 1 + CLOSE:
@@ -393,9 +399,10 @@ class _Search:
         for e, table, allowed in tables:
             low[e], high[e] = table.widths[allowed[0]], table.widths[allowed[-1]]
         near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
-        least = local.measure(low)[0]
-        if least > 1 and (low <= self.market.low).all():
-            raise self._unreachable(local, low)
+        best = local.best(near)
+        least = local.measure(best)[0]
+        if least > 1 and (best == local.best(self.market)).all():
+            raise self._unreachable(local, best)
         found = least_cost(near, local, max(1.0, least * (1 + CLOSE)), [])
         assert found is not None  # the least widths meet it
         return replace(found, grades=at.grades) if hold else found
@@ -466,7 +473,7 @@ class _Search:
         worst = int(np.argmax(values[alone]))
         one, still = self.units.limits[worst], self.units.limits[worst].allowed * self.still[worst]
         assert one.value is not None
-        said = f"{one.label} within {one.shown(one.value):.4g} {one.unit}: with every width at its least "
+        said = f"{one.label} within {one.shown(one.value):.4g} {one.unit}: with every width at its best "
         said += f"{100 * self.level:g} % of the units use {100 * values[alone][worst]:.4g} % of this limit"
         if still > one.allowed:
             said += (

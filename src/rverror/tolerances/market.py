@@ -47,10 +47,15 @@ class Limited(ABC):
 
     power = 1
     proof = "nothing costs less, by more than the gap"  #: what is known of the widths that `least` finds
+    gap = CLOSE  #: of the cost, relative, at which a search among grades ends
 
     def target(self, limit: float) -> float:
         """What the rows must not exceed for a limit in rad."""
         return limit**self.power
+
+    def best(self, market: Market) -> Array:
+        """Widths at which the least is used of the limit: mostly the least ones."""
+        return market.low
 
     @abstractmethod
     def measure(self, widths: Array) -> tuple[float, Row]:
@@ -265,17 +270,18 @@ def minimised(
 
 
 def pulled_in(market: Market, limited: Limited, limit: float, widths: Array) -> Array:
-    """Widths drawn towards the least ones until they meet the limit exactly; a hair, where they nearly do.
+    """Widths drawn towards the best ones until they meet the limit exactly; a hair, where they nearly do.
 
     What is limited is convex, or nearly so, so that it falls at least as the chord does.
     """
-    least = limited.measure(market.low)[0]
+    best = limited.best(market)
+    least = limited.measure(best)[0]
     for _ in range(ROUNDS):
         value = limited.measure(widths)[0]
         if value <= limit:
             break
         share = (limit - least) / (value - least) if value > least else 0.0
-        widths = market.low + share * (1 - 1e-13) * (widths - market.low)
+        widths = best + share * (1 - 1e-13) * (widths - best)
     return widths
 
 
@@ -332,7 +338,7 @@ class Found:
 
 def least_cost(market: Market, limited: Limited, limit: float, rows: list[Row]) -> Found | None:
     """Least cost over smooth widths and grades; None where none meets the limit."""
-    if limited.measure(market.low)[0] > limit:
+    if limited.measure(limited.best(market))[0] > limit:
         return None
     if not market.tables:
         widths = limited.least(market, limit, rows)
@@ -348,7 +354,7 @@ def least_cost(market: Market, limited: Limited, limit: float, rows: list[Row]) 
             lower = math.inf  # all others are known
             break
         grades, lower = program
-        if best is not None and lower >= market.total(best.widths) * (1 - CLOSE):
+        if best is not None and lower >= market.total(best.widths) * (1 - limited.gap):
             break
         tried.append(grades)
         held = market.holding(grades)
