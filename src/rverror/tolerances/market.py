@@ -48,6 +48,7 @@ class Limited(ABC):
     power = 1
     proof = "nothing costs less, by more than the gap"  #: what is known of the widths that `least` finds
     gap = CLOSE  #: of the cost, relative, at which a search among grades ends
+    rounds = ROUNDS  #: most combinations of grades that it tries
 
     def target(self, limit: float) -> float:
         """What the rows must not exceed for a limit in rad."""
@@ -348,7 +349,7 @@ def least_cost(market: Market, limited: Limited, limit: float, rows: list[Row]) 
     tangents = [(e, float(width)) for e in curved for width in np.geomspace(market.low[e], market.high[e], _TANGENTS)]
     tried: list[tuple[int, ...]] = []
     lower = -math.inf
-    for _ in range(ROUNDS):
+    for _ in range(limited.rounds):
         program = _program(market, limited, limit, rows, tangents, tried)
         if program is None:
             lower = math.inf  # all others are known
