@@ -119,7 +119,7 @@ def test_an_allocation_page_tells_which_limit_binds(written: Path) -> None:
     data = json.loads((written / "allocate.json").read_text(encoding="utf-8"))
     assert [entry["held_by"] for entry in data["entries"]] == ["limit", "grade", "lower bound", "fixed"]
     assert data["value_arcsec"] == pytest.approx(60)
-    assert "joint 3 &lt;b&gt;; worst-case peak-to-peak within 60 arcsec; closed form, contacts closed" in page
+    assert "joint 3 &lt;b&gt;; for worst-case peak-to-peak within 60 arcsec; closed form, contacts closed" in page
     assert "The limit holds some widths" in page
     assert "<td>limit of the error</td>" in page
     assert "<td>fixed</td>" in page

@@ -18,6 +18,7 @@ from rverror.views.budget_report import (
     budget_json,
     budget_text,
     limited_by,
+    within,
 )
 from rverror.views.envelope import InputFile
 from rverror.views.html import document, escaped, escaped_lines, inputs, number, scrolled, tiles
@@ -256,10 +257,10 @@ def _at_load(entries: Sequence[Data], together: Data | None) -> str:
     """Limits at the load, with yields."""
     if not entries:
         return ""
-    rows = []
+    rows, closed_head = [], [""] if "closed_form_yield" in entries[0] else []
     for one in entries:
         told = "–" if one["yield"] is None else _yield(one["yield"], one["interval"])
-        closed = one.get("closed_form_yield")
+        closed = [one["closed_form_yield"]] if "closed_form_yield" in one else []
         rows.append(
             [
                 escaped(_named(one)),
@@ -267,19 +268,20 @@ def _at_load(entries: Sequence[Data], together: Data | None) -> str:
                 *(number(one[p]["value"]) for p in _TOLD),
                 escaped(one["unit"]),
                 told,
-                "–" if closed is None else f"{_percent(closed)} %",
+                *("–" if share is None else f"{_percent(share)} %" for share in closed),
             ]
         )
     if len(entries) > 1 and together is not None and together["yield"] is not None:
-        rows.append(["all limits together", *[""] * 5, _yield(together["yield"], together["interval"]), ""])
-    heads = ["at the load", "limit", *(p.upper() for p in _TOLD), "unit", "yield [interval]", "closed form"]
+        rows.append(["all limits together", *[""] * 5, _yield(together["yield"], together["interval"]), *closed_head])
+    heads = ["at the load", "limit", *(p.upper() for p in _TOLD), "unit", "yield [interval]"]
+    heads += ["yield in closed form"] if closed_head else []
     return (
         "<h2>At the load, contacts that open included</h2>\n"
         + scrolled(heads, rows, numbers=(2, 3, 4))
         + (
             f'<p class="soft">{entries[0]["units"]} units drawn afresh and solved by the equilibrium. [..]: '
             f"{100 * entries[0]['confidence']:g} % interval of the yield. P99 of the stiffness: what 99 % of the units "
-            "do not fall below.</p>"
+            "do not fall below. A quantile is left out where it is only known to be far within the limit.</p>"
         )
     )
 
@@ -311,15 +313,14 @@ def _yield(share: float, interval: Sequence[float]) -> str:
 
 def _allocation_head(found: Allocation, data: Data) -> str:
     what, loaded = limited_by(found), bool(data["verified"])
-    within = "its limits at the load" if loaded else f"{brief(data['limit_arcsec'])} arcsec"
     binds = "limit" in [entry["held_by"] for entry in data["entries"]]
-    said = f"Least cost for {what} within {within}: {brief(data['cost'])}, before "
+    said = f"Least cost {within(found)}: {brief(data['cost'])}, before "
     said += f"{'unknown' if data['cost_before'] is None else brief(data['cost_before'])}. "
     said += "The limit holds some widths." if binds else "Bounds and grades alone hold the widths."
     check, per = data["closed_form"], "percent_of_limits" if loaded else "arcsec"
     price, ends = data[f"shadow_price_per_{per}"], f"{number(check['low_arcsec'])} to {number(check['high_arcsec'])}"
     before, after, unit = (
-        (data["used_before_percent"], data["used_percent"], "% of the limits")
+        (data["used_before_percent"], data["used_percent"], "%")
         if loaded
         else (data["value_before_arcsec"], data["value_arcsec"], "arcsec")
     )
@@ -335,7 +336,7 @@ def _allocation_head(found: Allocation, data: Data) -> str:
             f"{number(check['quantile_arcsec'])} arcsec [{ends}]",
         ),
         (
-            f"one {'per cent of the limits' if loaded else 'arcsec'} more would save",
+            f"{'1 % more of all limits' if loaded else 'one arcsec more'} would save",
             "–" if price is None else number(price),
         ),
     ]
@@ -347,7 +348,7 @@ def _allocation_head(found: Allocation, data: Data) -> str:
     speed = data["input_speed_rpm"]
     about = [
         data["model"],
-        f"{what} within {within}",
+        within(found),
         "" if loaded else "closed form, contacts closed" if speed is None else f"input at {brief(speed)} rpm",
         f"{data['verified'][0]['units']} fresh units solved at the load, seed {data['seed']}"
         if loaded
@@ -407,8 +408,8 @@ def _rates(data: Data) -> str:
         ]
         for one in data["entries"]
     ]
-    step = "per cent of the limits" if data["verified"] else "arcsec"
-    heads = ["from the width as given", f"cost of one {step} gained", f"saved per {step} given up"]
+    step = "1 % of all limits" if data["verified"] else "an arcsec"
+    heads = ["from the width as given", f"cost of {step} gained", f"saved by {step} given up"]
     return "<h2>What to tighten, what to relax</h2>\n" + scrolled(heads, rows, numbers=(1, 2))
 
 

@@ -399,13 +399,12 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
     what = limited_by(found)
     width = max(len(label) for label in found.labels)
     loaded = found.verified is not None
-    unit, size = ("% of the limits", 0.01) if loaded else ("arcsec", ARCSEC)
-    limits = "its limits at the load" if loaded else f"{found.limit / ARCSEC:g} arcsec{at_input_speed(found.speed)}"
+    unit, size = ("%", 0.01) if loaded else ("arcsec", ARCSEC)
     lines = [
-        f"Least cost for {what} within {limits}",
+        f"Least cost {within(found)}",
         "",
         f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
-        f"{what[:40]:12s} {found.value_before / size:12.4g} -> {found.value / size:.4g} {unit}"
+        f"{what:12s} {found.value_before / size:12.4g} -> {found.value / size:.4g} {unit}"
         + (" (upper end of its interval)" if found.kind == "yield" else ""),
         *(
             []
@@ -426,12 +425,12 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
         costs = f"{found.costs_before[e]:9.4g} {found.costs[e]:9.4g}"
         lines.append(f"{label:{width}s} {before:>12s} {after:>12s} {costs}  {mark}".rstrip())
     if found.shadow_price is not None:
-        more = "One per cent more of all limits" if loaded else "One arcsec more"
+        more = "1 % more of all limits" if loaded else "One arcsec more"
         lines += ["", f"{more} would save {found.shadow_price:.4g}."]
-    one = "per cent of the limits" if loaded else "arcsec"
+    one = "% of all limits" if loaded else "arcsec"
     for title, rates, which in (
-        (f"From the widths as given, tighten first (cost of one {one} gained)", found.tighten_first, "tighten"),
-        (f"From the widths as given, relax first (cost saved per {one} given up)", found.relax_first, "relax"),
+        (f"From the widths as given, tighten first (cost of 1 {one} gained)", found.tighten_first, "tighten"),
+        (f"From the widths as given, relax first (cost saved by 1 {one} given up)", found.relax_first, "relax"),
     ):
         if rates:
             lines += ["", f"{title}:", *(f"  {rate.label:{width}s} {_price(rate, which)}" for rate in rates)]
@@ -442,8 +441,15 @@ def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
 def limited_by(found: Allocation) -> str:
     """What an allocation limits, in words."""
     quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    used = f"P{100 * found.level:g} of what a unit uses"
+    used = f"share of its limits that a unit uses, P{100 * found.level:g}"
     return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms", "load": used}[found.kind]
+
+
+def within(found: Allocation) -> str:
+    """What an allocation is for, to stand behind "Least cost"."""
+    if found.kind == "load":
+        return f"at which {100 * found.level:g} % of the units meet all limits at the load"
+    return f"for {limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
 
 
 def _price(rate: Rate, which: str) -> str:

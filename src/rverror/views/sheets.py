@@ -43,7 +43,7 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
 from rverror.views.bench_report import BESIDE
-from rverror.views.budget_report import SIZES, limited_by, worst_of
+from rverror.views.budget_report import SIZES, limited_by, within, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
 from rverror.views.kinds import described
@@ -847,13 +847,12 @@ def _yields(thing: ErrorBudget | Allocation) -> Sheet:
 @sheet.register
 def _of_allocation(thing: Allocation) -> Sheet:
     loaded = thing.verified is not None
-    within = "its limits at the load" if loaded else _angle(thing.limit)
     stages, _ = _shown(thing, "stage")
     found, _ = _shown(thing)
     grades = (grade or ("fixed" if fixed else "") for grade, fixed in zip(found["grade"], thing.fixed, strict=True))
     gap = "" if thing.gap is None else f"; the gap is {100 * thing.gap:.2g} % of the cost"
     return (
-        _title("Allocation", f"{limited_by(thing)} within {within}{at_input_speed(thing.speed)}")
+        _title("Allocation", f"least cost {within(thing)}")
         + _grid(
             ("", "before", "allocated", "unit"),
             [

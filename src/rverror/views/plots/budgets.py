@@ -148,7 +148,7 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
 
 
 def _within(found: Allocation) -> str:
-    return f"{found.limit / ARCSEC:g} arcsec" if found.verified is None else "limits at the load"
+    return f"{found.limit / ARCSEC:g} arcsec, {found.kind}" if found.verified is None else "limits at the load"
 
 
 def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
@@ -211,7 +211,7 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.set_xticks(marks, [f"{m:g}" for m in marks])
     ax.minorticks_off()
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Widths of least cost for {_within(found)}", found.kind)
+    titled(ax, f"Widths of least cost for {_within(found)}")
     ax.set(xlabel="tolerance found over tolerance as given (a number)")
     if held.any():
         legend_below(ax)
@@ -227,7 +227,7 @@ def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
     ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
     ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Cost of each tolerance for {_within(found)}", found.kind)
+    titled(ax, f"Cost of each tolerance for {_within(found)}")
     ax.set(xlabel=_COST)
     legend_below(ax)
     return ax
