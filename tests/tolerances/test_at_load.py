@@ -44,6 +44,7 @@ def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.Tolerance]]:
         rverror.tolerance("crank.bearing_compliance", "0.2 um/kN", disc=0, crank=0),
         rverror.tolerance("cycloid.pin_compliance", "0.2 um/kN", pin="all"),
         rverror.tolerance("sensor.encoder_eccentricity", "3 arcsec"),
+        rverror.tolerance("load.torsion", "0.01 arcsec/(N*m)", mean="0.02 arcsec/(N*m)"),
     ]
     return rverror.Model(unit, declared), tolerances
 

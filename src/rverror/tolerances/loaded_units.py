@@ -120,7 +120,7 @@ class _Closings:
 
 @dataclass(frozen=True)
 class _Motion:
-    """Even angles of a turn in one direction, and what the components do there, whatever the load is."""
+    """Even angles of a turn in one direction, and what the components do there under one torque."""
 
     model: Model
     geometry: Geometry
@@ -481,17 +481,9 @@ class LoadedUnits:
     def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> _Line:
         name = torque, direction, angles
         if name not in self._lines:
-            motion = name[1:]
-            if motion not in self._motions:
-                self._motions[motion] = _Motion.of(
-                    self.model, self.stack, angles=angles, direction=direction, torque=torque, reads=reads
-                )
-            self._lines[name] = _Line(self._motions[motion], torque, direction)
+            motion = _Motion.of(self.model, self.stack, angles=angles, direction=direction, torque=torque, reads=reads)
+            self._lines[name] = _Line(motion, torque, direction)
         return self._lines[name]
-
-    @cached_property
-    def _motions(self) -> dict[tuple[float, int], _Motion]:
-        return {}
 
     @cached_property
     def _lines(self) -> dict[tuple[float, float, int], _Line]:
