@@ -10,7 +10,7 @@ import pytest
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.tolerances.loaded_allocation import allocate_at_load
+from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
 from rverror.tolerances.loaded_units import LoadedUnits, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
@@ -188,3 +188,42 @@ def test_a_stiffness_and_its_turn_are_each_others_inverse() -> None:
     assert one.turned(one.turned(one.value)) == pytest.approx(one.value)
     assert one.allowed / ARCSEC == pytest.approx(412 * 60 / 100)  # half of the torque, in both senses
     assert one.shown(one.value) == pytest.approx(100.0)
+
+
+def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
+    """At the widths of the sample and beside them; a calibrated one has so many times the spread about no spread."""
+    model, tolerances = mixed()
+    units = loaded_units(model, tolerances, EVERY_LIMIT[:3])
+    widths, still = units.stack.width, np.array([0.1, 0.2, 0.3])
+    solved = units.solved(standard_draws(units.stack, 32, seed=1, stream=0), widths, slopes=True)
+    plain = LoadedQuantile(units, solved, widths, 0.99, still)
+    ratios = np.array([1.5, 0.8, 1.1, 1.2])  # of all limits together, and of each
+    scaled = plain.calibrated(ratios)
+    about = np.array([0.3, 0.1, 0.2, 0.3])
+    np.testing.assert_allclose(scaled.quantiles(widths)[0] - about, ratios * (plain.quantiles(widths)[0] - about))
+    for entry in range(len(widths)):
+        step = np.where(np.arange(len(widths)) == entry, 1e-6 * widths, 0.0)
+        rise = scaled.quantiles(widths + step)[0] - scaled.quantiles(widths - step)[0]
+        np.testing.assert_allclose(
+            rise / (2 * step[entry]), scaled.quantiles(widths)[1][:, entry], rtol=1e-4, atol=1e-6
+        )
+
+
+def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
+    """One cam, whose peak-to-peak has Rayleigh's distribution: the normal one through a sample ends too early.
+
+    Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.
+    """
+    cost = rverror.costs.Reciprocal(10.0, 0.005)
+    cam = rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0, cost=cost)
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    asked = [limit("transmission_error", "20 arcsec", torque="412 N*m")]
+    found = allocate_at_load(model, [cam], asked, sample=256, verify=1500, seed=2)
+    assert found.verified is not None
+    assert found.verified.stream > 1  # the first verification failed
+    assert found.verified.limits[0].met
+    units = loaded_units(model, [cam], asked)
+    drawn = standard_draws(units.stack, 64, seed=9, stream=0)
+    size = units.solved(drawn, np.array(found.widths)).turns[:, 0] / np.hypot(*drawn.T)  # per standard draw, nearly one
+    sigma = math.sqrt(cam.distribution.variance) * float(size.mean()) / asked[0].allowed
+    assert 3.03 < 1 / sigma < 4.03  # from 99 to 99.97 %
