@@ -264,9 +264,10 @@ def test_allocate_command_verifies_at_the_load(
     assert (lost["quantity"], lost["torque"], lost["limit"]) == ("lost_motion", "12.36 N*m", "30 arcsec")
     for one in (error, lost, content["all_limits"]):
         assert 0.9 <= one["interval"][0] <= one["yield"] <= one["interval"][1]
-    assert (error["units"], error["method"]) == (200, "equilibrium")
+    assert error["method"] == "equilibrium"
+    assert error["units"] >= 200  # more where the first verification failed
     assert content["kind"] == "load"
-    assert "At the load, contacts that open included: 200 units drawn afresh" in text
+    assert f"At the load, contacts that open included: {error['units']} units drawn afresh" in text
     assert "Closed form, contacts closed" in text
     saved = rverror.load_tolerances(new)
     assert [item.width for item in saved][:2] == pytest.approx(

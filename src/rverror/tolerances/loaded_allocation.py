@@ -53,6 +53,8 @@ _SETTLED = 0.02  # relative change of the cost at which rounds end
 _FARTHEST = 0.05  # relative; from what the linear form foretold, at which the next round goes less far
 _ATTEMPTS = 6  # at a verification; each has half of what the confidence leaves of the one before
 _LEAST_SPREAD = 0.01  # of what a unit uses: less tells nothing of the spread of others
+_HOPELESS = 1.1  # times the spread that a limit leaves room for: what the sample tells is less certain than that
+_STUCK = 1e-3  # relative: where no step makes a quantile smaller by more, none does
 _SCALINGS = 8  # most of all widths alike
 _SLACK = 0.05  # of the cost, which a verified list may be dearer than it seems to need be
 _MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
@@ -153,8 +155,8 @@ class LoadedQuantile(Limited):
     def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float, still: Array) -> None:
         """Take the rows of a sample.
 
-        `target` is the share of the units that all limits together must let pass, and so each alone; `still` the share
-        of each limit that a unit without spread uses.
+        `target` is the share of the units that each limit must let pass; `still` the share of each that a unit without
+        spread uses.
         """
         assert solved.near is not None
         assert solved.slopes is not None
@@ -163,17 +165,12 @@ class LoadedQuantile(Limited):
         self.near = np.where(known, solved.near / allowed, _LOST)
         self.slopes = np.where(known[..., None], solved.slopes / allowed[..., None], 0.0)
         self.at = widths
-        # of all together the units in the middle may use one limit, and those in the tail another one
-        levels = [one.level for one in units.limits]
-        every = [(list(range(len(levels))), target)] if len(levels) > 1 else []
-        aims = [*every, *(([number], target + level - min(levels)) for number, level in enumerate(levels))]
-        self.aims = tuple(numbers for numbers, _ in aims)
-        self.weights = tuple(self._weight(level) for _, level in aims)
-        self.still = np.array([still[numbers].max() for numbers in self.aims])
-        self.ratios = np.ones(len(self.aims))
+        self.weight = self._weight(target)
+        self.still = still
+        self.ratios = np.ones(len(still))
 
     def calibrated(self, ratios: Array) -> LoadedQuantile:
-        """The same with so many times the spread, about a unit without any, in the quantile of each aim."""
+        """The same with so many times the spread, about a unit without any, in the quantile of each limit."""
         same = copy.copy(self)
         same.ratios = ratios
         return same
@@ -187,26 +184,33 @@ class LoadedQuantile(Limited):
         share = (scipy.special.ndtri(level) - score @ middle) / (score @ tail - score @ middle)
         return np.asarray((1 - share) * middle + share * tail)
 
-    def _used(self, widths: Array, numbers: list[int]) -> tuple[Array, Array]:
-        """Share of some limits that each unit uses, and its change with the widths, in rising order."""
-        rows = self.near[:, numbers] + self.slopes[:, numbers] @ (widths - self.at)
-        rows = rows.reshape(len(rows), -1)
-        leading = rows.argmax(axis=1)
-        order = np.argsort(rows[np.arange(len(rows)), leading])
-        slopes = self.slopes[:, numbers].reshape(*rows.shape, -1)
-        return rows[order, leading[order]], slopes[order, leading[order]]
-
     def quantiles(self, widths: Array) -> tuple[Array, Array]:
-        """Quantile of each aim, and its change with the widths, shapes (aims,) and (aims, entries)."""
-        every = [(weight, self._used(widths, numbers)) for numbers, weight in zip(self.aims, self.weights, strict=True)]
-        values = np.array([weight @ used for weight, (used, _) in every])
-        slopes = np.array([weight @ change for weight, (_, change) in every])
+        """Quantile of each limit, and its change with the widths, shapes (limits,) and (limits, entries)."""
+        rows = self.near + self.slopes @ (widths - self.at)
+        leading = rows.argmax(axis=2)[..., None]
+        used = np.take_along_axis(rows, leading, axis=2)[..., 0]
+        change = np.take_along_axis(self.slopes, leading[..., None], axis=2)[:, :, 0]
+        order = np.argsort(used, axis=0)
+        values = self.weight @ np.take_along_axis(used, order, axis=0)
+        slopes = np.einsum("u,ule->le", self.weight, np.take_along_axis(change, order[..., None], axis=0))
         return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
 
     def best(self, market: Market) -> Array:
-        """The least widths, but the largest of what makes up for others, as pins that stand out take up play."""
-        _, (slope, _) = self.measure(np.clip(self.at, market.low, market.high))
-        return np.where(slope < 0, market.high, market.low)
+        """Widths with the least largest quantile: what helps one limit may harm another, as pins take up play.
+
+        Towards those of the linear program of the quantiles' slopes, or the least ones where these are better.
+        """
+        here = np.clip(self.at, market.low, market.high)
+        values, slopes = self.quantiles(here)
+        found = scipy.optimize.linprog(
+            [*np.zeros(here.size), 1.0],
+            A_ub=np.column_stack([slopes * here, -np.ones(len(values))]),  # in shares of the widths, alike in size
+            b_ub=slopes @ here - values,
+            bounds=[*zip(market.low / here, market.high / here, strict=True), (None, None)],
+        )
+        moved = here if found.x is None else np.clip(found.x[:-1] * here, market.low, market.high)
+        nearer = [here + share * (moved - here) for share in (0.0, 0.03, 0.1, 0.3, 1.0)]  # another turn may be largest
+        return min((*nearer, market.low), key=lambda widths: self.measure(widths)[0])
 
     def measure(self, widths: Array) -> tuple[float, Row]:
         """The largest quantile, and its row."""
@@ -261,6 +265,8 @@ class _Search:
         #: Units that may be beyond the limits at the widths aimed at: half of those with which a verification still
         #: succeeds, so that chance seldom makes it fail.
         self.beyond = self.bad // 2
+        #: And for each limit, as others may have other bad units.
+        self.beyond_each = self.beyond // len(units.limits)
         self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
         turns = units.solved(np.zeros((1, self.drawn.shape[1])), market.given).turns[0]
         self.still = turns / np.array([one.allowed for one in units.limits])
@@ -338,13 +344,13 @@ class _Search:
         """The first units of the sample solved at some widths."""
         tell = counted(lambda text: self.progress(f"{what}: {text}"), "units of the sample", count)
         solved = self.units.solved(self.drawn[:count], widths, slopes=True, progress=tell)
-        local = LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond, 0.5) / self.verify, self.still)
+        local = LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond_each, 0.5) / self.verify, self.still)
         return local.calibrated(np.mean(self.ratios, axis=0)) if self.ratios else local
 
     def _calibrated(self, local: LoadedQuantile, widths: Array, fresh: Verified) -> LoadedQuantile:
         """The sample with the spread that fresh units have in place of what it foretold at their widths."""
-        foretold = local.calibrated(np.ones(len(local.aims))).quantiles(widths)[0] - local.still
-        used = np.array([self._used(fresh, self.beyond, numbers) for numbers in local.aims])
+        foretold = local.calibrated(np.ones(len(local.still))).quantiles(widths)[0] - local.still
+        used = np.array([self._used(fresh, self.beyond_each, [number]) for number in range(len(local.still))])
         # where the first angles decided, a peak-to-peak is known too low
         known = (used >= CLEAR) & (foretold > _LEAST_SPREAD * used)
         ratios = np.where(known, (used - local.still) / np.where(known, foretold, 1.0), 1.0)
@@ -402,7 +408,9 @@ class _Search:
         near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
         best = local.best(near)
         least = local.measure(best)[0]
-        if least > 1 and (best == local.best(self.market)).all():
+        spread = (local.quantiles(best)[0] - local.still) / np.maximum(1 - local.still, CLOSE)
+        stuck = least > local.measure(np.clip(widths, low, high))[0] * (1 - _STUCK)
+        if (local.still > 1).any() or (stuck and spread.max() > _HOPELESS):
             raise self._unreachable(local, best)
         found = least_cost(near, local, max(1.0, least * (1 + CLOSE)), [])
         if found is None:  # none of the grades that were tried
@@ -471,19 +479,18 @@ class _Search:
     def _unreachable(self, local: LoadedQuantile, widths: Array) -> InputError:
         """Why the limits cannot be met: which of them, and what holds it up."""
         values, slopes = local.quantiles(widths)
-        alone = [local.aims.index([number]) for number in range(len(self.units.limits))]
-        worst = int(np.argmax(values[alone]))
+        worst = int(np.argmax(values))
         one, still = self.units.limits[worst], self.units.limits[worst].allowed * self.still[worst]
         assert one.value is not None
         said = f"{one.label} within {one.shown(one.value):.4g} {one.unit}: with every width at its best "
-        said += f"{100 * self.level:g} % of the units use {100 * values[alone][worst]:.4g} % of this limit"
+        said += f"{100 * self.level:g} % of the units use {100 * values[worst]:.4g} % of this limit"
         if still > one.allowed:
             said += (
                 f"; without any spread it is {one.shown(one.turned(still)):.4g} {one.unit}: raise the limit, or change "
                 "the means of the tolerances (clearances) or the declared model"
             )
         else:
-            label = self.market.labels[int((slopes[alone][worst] * widths).argmax())]
+            label = self.market.labels[int((slopes[worst] * widths).argmax())]
             said += f"; raise the limit or allow finer widths, first of {label}"
         return InputError(said)
 
