@@ -271,6 +271,7 @@ class _Search:
         turns = units.solved(np.zeros((1, self.drawn.shape[1])), market.given).turns[0]
         self.still = turns / np.array([one.allowed for one in units.limits])
         self.ratios: list[Array] = []
+        self._solved: Solved | None = None
 
     def _leaves(self, attempt: int) -> float:
         """What the confidence of an attempt leaves: half of what that of all before it leaves, so that all hold."""
@@ -343,7 +344,8 @@ class _Search:
     def _local(self, widths: Array, what: str, count: int) -> LoadedQuantile:
         """The first units of the sample solved at some widths."""
         tell = counted(lambda text: self.progress(f"{what}: {text}"), "units of the sample", count)
-        solved = self.units.solved(self.drawn[:count], widths, slopes=True, progress=tell)
+        solved = self.units.solved(self.drawn[:count], widths, slopes=True, near=self._solved, progress=tell)
+        self._solved = solved  # the starts of the next one
         local = LoadedQuantile(self.units, solved, widths, 1 - max(self.beyond_each, 0.5) / self.verify, self.still)
         return local.calibrated(np.mean(self.ratios, axis=0)) if self.ratios else local
 

@@ -8,10 +8,10 @@ Page ``theory/at-the-load.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # numba takes a while to import
     from rverror.statics.kernel import Problem, Solution
 
 Integers = npt.NDArray[np.intp]
+_Poses = Sequence[list[Array] | None]  # by limit
 
 #: Angles of a turn between which the highest and lowest output is sought.
 FINE = 4096
@@ -267,20 +268,21 @@ class _Line:
         return loaded_problem(self.motion.geometry, self.reducer, acting, load, response=self.idle)
 
     @cached_property
-    def every(self) -> Integers:
-        """All places."""
-        return np.arange(len(self.motion.nominal))
+    def first(self) -> tuple[Integers, Problem]:
+        """The places that are solved first."""
+        count = len(self.motion.nominal)
+        places = np.arange(0, count, _STEP if count == FINE else 1)
+        return places, _some(self.problem, places)
 
-    def state(self, values: Array, places: Integers | None = None) -> _State:
-        """Settled poses of a unit, its components' values in core units.
+    def state(self, values: Array, places: Integers | None = None, *, near: Array | None = None) -> _State:
+        """Settled poses of a unit, its components' values in core units; near the poses given, if any.
 
         Raises
         ------
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        at = self.every if places is None else places
-        problem = self.problem if places is None else _some(self.problem, places)
+        at, problem = self.first if places is None else (places, _some(self.problem, places))
         closed = self.motion.closings.closed(values, at)
         pins, rows = problem.pin_error, problem.row_error.shape[1]
         count = pins[0].size
@@ -299,7 +301,7 @@ class _Line:
             )
         if any(isinstance(part, Compliance) for part, _ in self.motion.yielding):
             problem = self._softened(problem, values, at)
-        solution = solve(problem, response=self.idle)
+        solution = solve(problem, near=near, response=self.idle)
         check_found(solution, self.motion.geometry.motion.theta[at], idle=self.idle)
         return _State(self, at, problem, solution)
 
@@ -345,12 +347,23 @@ class Solved(OneLine):
         rad; the largest turns at places of a unit that are apart, for widths that are near.
     slopes : ndarray, shape (units, limits, kept, entries), optional
         Change of each per width of each entry, rad per core unit.
+    poses : tuple
+        Of each unit and limit, at the angles that are solved first: starts for the same units with other widths.
     """
 
     turns: Array
     failures: tuple[str, ...]
     near: Array | None = None
     slopes: Array | None = None
+    poses: tuple[_Poses, ...] = ()
+
+
+class _Turns(NamedTuple):
+    """The largest turns of a unit for one limit, at places that are apart."""
+
+    turns: Array  # rad
+    changes: Array  # per core unit of each component
+    poses: list[Array]  # first ones, under each torque
 
 
 @dataclass(frozen=True)
@@ -383,6 +396,7 @@ class LoadedUnits:
         *,
         slopes: bool = False,
         decide: bool = False,
+        near: Solved | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Solved:
         """Solve units at the loads of all limits.
@@ -398,6 +412,8 @@ class LoadedUnits:
         decide : bool
             Whether it is enough to know which side of its limit a unit is on: the peak-to-peak of one that is far
             within is then too small by some per cent.
+        near : Solved, optional
+            The first of the same units with other widths, from the poses of which equilibria are found sooner.
         progress : callable, optional
             Called with the number of a unit, from 1, as it is done.
 
@@ -407,9 +423,16 @@ class LoadedUnits:
         """
         values = self.means + drawn * widths[self.stack.entry]
 
-        def unit(number: int) -> list[tuple[Array, Array]] | str:
+        before = near.poses if near is not None else ()
+        none: _Poses = (None,) * len(self.limits)
+
+        def unit(number: int) -> list[_Turns] | str:
+            poses = before[number] if number < len(before) else none
             try:
-                return [self._turns(one, values[number], slopes=slopes, decide=decide) for one in self.limits]
+                return [
+                    self._turns(one, values[number], slopes=slopes, decide=decide, near=first)
+                    for one, first in zip(self.limits, poses, strict=True)
+                ]
             except NotConvergedError as problem:
                 return f"unit {number}: {problem}"
             finally:
@@ -418,27 +441,29 @@ class LoadedUnits:
 
         found = each(unit, range(len(drawn)))
         kept = _KEPT**2
-        near = np.full((len(drawn), len(self.limits), kept), -np.inf)
+        largest = np.full((len(drawn), len(self.limits), kept), -np.inf)
         slope = np.zeros((len(drawn), len(self.limits), kept, len(widths))) if slopes else None
         belongs = self.stack.entry[:, None] == np.arange(len(widths))
         for number, rows in enumerate(found):
             if isinstance(rows, str):
-                near[number] = np.inf
+                largest[number] = np.inf
                 continue
-            for place, (turns, changes) in enumerate(rows):
-                near[number, place, : turns.size] = turns
+            for place, (turns, changes, _) in enumerate(rows):
+                largest[number, place, : turns.size] = turns
                 if slope is not None:
                     slope[number, place, : turns.size] = (changes * drawn[number]) @ belongs
         failures = tuple(one for one in found if isinstance(one, str))
-        return Solved(near.max(axis=2), failures, near if slopes else None, slope)
+        if not slopes:
+            return Solved(largest.max(axis=2), failures)
+        poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
+        return Solved(largest.max(axis=2), failures, largest, slope, poses)
 
-    def _turns(self, limit: Limit, values: Array, *, slopes: bool, decide: bool) -> tuple[Array, Array]:
-        """Largest turns of a unit that are apart, and their change per core unit of each component."""
+    def _turns(self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None) -> _Turns:
         if limit.loads:
-            return self._between(limit, values, slopes=slopes)
-        return self._span(limit, values, slopes=slopes, decide=decide)
+            return self._between(limit, values, slopes=slopes, near=near)
+        return self._span(limit, values, slopes=slopes, decide=decide, near=near)
 
-    def _span(self, limit: Limit, values: Array, *, slopes: bool, decide: bool) -> tuple[Array, Array]:
+    def _span(self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None) -> _Turns:
         """Turns between the highest and the lowest places of a revolution.
 
         Solved at few angles first, then beside those that are highest and lowest so far: of a wave of a mesh order few
@@ -446,8 +471,8 @@ class LoadedUnits:
         """
         assert limit.torque is not None
         line = self._line(limit.torque, self.direction, FINE, reads=True)
-        places = np.arange(0, FINE, _STEP)
-        output = line.read(line.state(values, places), values)
+        first = line.state(values, near=None if near is None else near[0])
+        places, poses, output = first.places, first.solution.x, line.read(first, values)
         for halving, count in enumerate(_HALVED, 1):
             if decide and np.ptp(output) < CLEAR * limit.allowed:
                 break
@@ -455,28 +480,30 @@ class LoadedUnits:
             about = places[np.concatenate([order[:count], order[-count:]])]
             beside = np.array([-1, 1]) * (_STEP >> halving)
             more = np.setdiff1d((about[:, None] + beside) % FINE, places)
-            places = np.concatenate([places, more])
-            output = np.concatenate([output, line.read(line.state(values, more), values)])
+            state = line.state(values, more, near=_middle(places, poses, more))
+            places, poses = np.concatenate([places, more]), np.concatenate([poses, state.solution.x])
+            output = np.concatenate([output, line.read(state, values)])
         high, low = _apart(output, places), _apart(-output, places)
         if not slopes:
-            return output[high[:1]] - output[low[:1]], np.empty(0)
-        state = line.state(values, places[np.concatenate([high, low])])
-        changes = state.some(np.arange(len(state.places))).influence()
+            return _Turns(output[high[:1]] - output[low[:1]], np.empty(0), [])
+        kept = np.concatenate([high, low])
+        state = line.state(values, places[kept], near=poses[kept])
+        changes = state.some(np.arange(len(kept))).influence()
         up, down = changes[: high.size], changes[high.size :]
         turns = (output[high][:, None] - output[low]).reshape(-1)
-        return turns, (up[:, None] - down).reshape(turns.size, -1)
+        return _Turns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
 
-    def _between(self, limit: Limit, values: Array, *, slopes: bool) -> tuple[Array, Array]:
+    def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _Turns:
         """Turns between torques at the angles where they are largest; a torque drives the output against the motion."""
         total = np.zeros(POSITIONS)
         states = []
-        for torque, weight in limit.loads:
+        for number, (torque, weight) in enumerate(limit.loads):
             line = self._line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False)
-            states.append((line.state(values), weight))
+            states.append((line.state(values, near=None if near is None else near[number]), weight))
             total += weight * line.read(states[-1][0], values)
         largest = np.argsort(-total)[: _KEPT if slopes else 1]
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
-        return total[largest], np.asarray(sum(changes))
+        return _Turns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
 
     def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> _Line:
         name = torque, direction, angles
@@ -488,6 +515,13 @@ class LoadedUnits:
     @cached_property
     def _lines(self) -> dict[tuple[float, float, int], _Line]:
         return {}
+
+
+def _middle(places: Integers, poses: Array, more: Integers) -> Array:
+    """Poses in the middle of those at the places of a turn to either side."""
+    order = np.argsort(places)
+    above = np.searchsorted(places[order], more)
+    return np.asarray((poses[order[above - 1]] + poses[order[above % len(order)]]) / 2)
 
 
 def _apart(output: Array, places: Integers) -> Integers:
