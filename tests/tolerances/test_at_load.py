@@ -161,6 +161,21 @@ def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
         allocate_at_load(model, tolerances, [narrow], sample=64, verify=600)
 
 
+def test_a_limit_that_is_met_by_too_little_to_be_verified_is_not_called_out_of_reach() -> None:
+    """With the least width 99.5 % of the units are good: it can be, though few units do not verify 99 %."""
+    cost = rverror.costs.Reciprocal(1.0, 0.006)
+    model, tolerances, perfect, each = thinned("6 um", cost=cost, bounds=("6 um", "12 um"))
+    sigma = 2e-3  # T is three of them
+    asked = Limit("lost_motion", perfect + each * (20e-3 + 2.58 * sigma))
+    with pytest.raises(
+        rverror.InputError, match=r"the yield of fresh units is 9\d\.\d+ %, not verified .* give 2400 units"
+    ):
+        allocate_at_load(model, tolerances, [asked], sample=256, verify=600)
+    beyond = Limit("lost_motion", perfect + each * (20e-3 + 1.8 * sigma))
+    with pytest.raises(rverror.InputError, match=r"99 % of the units use 1[0-9]{2}.* % of this limit; raise the limit"):
+        allocate_at_load(model, tolerances, [beyond], sample=256, verify=600)
+
+
 def test_a_few_units_verify_nothing() -> None:
     model, tolerances, perfect, _ = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
     with pytest.raises(rverror.InputError, match=r"verify = 100: too few units .* give 4[0-9][0-9] or more"):

@@ -175,6 +175,12 @@ class LoadedQuantile(Limited):
         same.ratios = ratios
         return same
 
+    def at_level(self, level: float) -> LoadedQuantile:
+        """The same for another share of the units."""
+        same = copy.copy(self)
+        same.weight = self._weight(level)
+        return same
+
     def _weight(self, level: float) -> Array:
         """Weight of each unit of the sample, from the one that uses least, in the quantile at a level."""
         rank = (np.arange(len(self.near)) + 0.5) / len(self.near)
@@ -410,10 +416,11 @@ class _Search:
         near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
         best = local.best(near)
         least = local.measure(best)[0]
-        spread = (local.quantiles(best)[0] - local.still) / np.maximum(1 - local.still, CLOSE)
+        used = local.at_level(self.level).quantiles(best)[0]  # what is aimed at has fewer bad units than it may have
+        spread = (used - local.still) / np.maximum(1 - local.still, CLOSE)
         stuck = least > local.measure(np.clip(widths, low, high))[0] * (1 - _STUCK)
         if (local.still > 1).any() or (stuck and spread.max() > _HOPELESS):
-            raise self._unreachable(local, best)
+            raise self._unreachable(local.at_level(self.level), best)
         found = least_cost(near, local, max(1.0, least * (1 + CLOSE)), [])
         if found is None:  # none of the grades that were tried
             return self._step(local, at, reach, hold=True) if not hold else at
