@@ -358,7 +358,7 @@ class Solved(OneLine):
     poses: tuple[_Poses, ...] = ()
 
 
-class _Turns(NamedTuple):
+class _LargestTurns(NamedTuple):
     """The largest turns of a unit for one limit, at places that are apart."""
 
     turns: Array  # rad
@@ -426,7 +426,7 @@ class LoadedUnits:
         before = near.poses if near is not None else ()
         none: _Poses = (None,) * len(self.limits)
 
-        def unit(number: int) -> list[_Turns] | str:
+        def unit(number: int) -> list[_LargestTurns] | str:
             poses = before[number] if number < len(before) else none
             try:
                 return [
@@ -458,12 +458,16 @@ class LoadedUnits:
         poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
         return Solved(largest.max(axis=2), failures, largest, slope, poses)
 
-    def _turns(self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None) -> _Turns:
+    def _turns(
+        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
+    ) -> _LargestTurns:
         if limit.loads:
             return self._between(limit, values, slopes=slopes, near=near)
         return self._span(limit, values, slopes=slopes, decide=decide, near=near)
 
-    def _span(self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None) -> _Turns:
+    def _span(
+        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
+    ) -> _LargestTurns:
         """Turns between the highest and the lowest places of a revolution.
 
         Solved at few angles first, then beside those that are highest and lowest so far: of a wave of a mesh order few
@@ -485,15 +489,15 @@ class LoadedUnits:
             output = np.concatenate([output, line.read(state, values)])
         high, low = _apart(output, places), _apart(-output, places)
         if not slopes:
-            return _Turns(output[high[:1]] - output[low[:1]], np.empty(0), [])
+            return _LargestTurns(output[high[:1]] - output[low[:1]], np.empty(0), [])
         kept = np.concatenate([high, low])
         state = line.state(values, places[kept], near=poses[kept])
         changes = state.some(np.arange(len(kept))).influence()
         up, down = changes[: high.size], changes[high.size :]
         turns = (output[high][:, None] - output[low]).reshape(-1)
-        return _Turns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
+        return _LargestTurns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
 
-    def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _Turns:
+    def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _LargestTurns:
         """Turns between torques at the angles where they are largest; a torque drives the output against the motion."""
         total = np.zeros(POSITIONS)
         states = []
@@ -503,7 +507,7 @@ class LoadedUnits:
             total += weight * line.read(states[-1][0], values)
         largest = np.argsort(-total)[: _KEPT if slopes else 1]
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
-        return _Turns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
+        return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
 
     def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> _Line:
         name = torque, direction, angles
