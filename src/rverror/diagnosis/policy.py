@@ -107,6 +107,9 @@ class Policy:
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0
+    #: Whether the search by a beam is used, and how many solutions it may take.
+    beam: bool = False
+    budget: int = 6000
     #: Output turns that a run travels at least to tell what settles from the orders of an encoder.
     settles: float = 1.5
     #: Standard deviation of the gear's marks beyond which they are not placed, rad: wider, a linear interval means

@@ -293,7 +293,7 @@ class Hunt:
     @staticmethod
     def _everywhere(name: Named) -> bool:
         """Tell whether a cause is the same at all pins and cranks and lets contacts go."""
-        return not name[1] and source(name[0]).false_minima
+        return not name[1] and len(source(name[0]).starts) > 2
 
     def hidden(self, node: Node) -> Node | None:
         """A complete node with what is the same at all pins and cranks, where it stands behind what was fitted."""
@@ -567,7 +567,7 @@ class Hunt:
         coarse, found = onto(self.coarse(node), node.fit), []
         chance = node.fit.objective + chi_square(1 - self.policy.confidence, 1)
         for number, effect in enumerate(coarse.model.effects):
-            if number < len(coarse.declared.effects) or not source(effect.key).false_minima:
+            if number < len(coarse.declared.effects) or not _bends(effect.key):
                 continue
             turned = replace(effect, values=tuple(-value for value in effect.values))
             effects = (*coarse.model.effects[:number], turned, *coarse.model.effects[number + 1 :])
@@ -898,6 +898,11 @@ def unsized(name: Named) -> Proposal:
     return Proposal(name, math.inf, np.zeros(len(source(name[0]).parameters)), np.zeros(0))
 
 
+def _bends(key: str) -> bool:
+    """Tell whether contacts that open can make a cause look like its opposite."""
+    return bool(source(key).starts) and source(key).frame != "bearing"
+
+
 def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> list[Proposal]:
     """The opposite of what was fitted: pins that are drawn back only unload themselves, so a wave can look like another
     one of the opposite sign, and a fit end there."""
@@ -905,7 +910,7 @@ def mirrored(nodes: Sequence[Node], offers: Sequence[tuple[Fit, Proposal]]) -> l
     result = []
     for node in nodes:
         effect = node.fit.added[-1]
-        if source(effect.key).false_minima and named(effect) in named_offers:
+        if _bends(effect.key) and named(effect) in named_offers:
             sizes = np.array(effect.values)
             result += [replace(named_offers[named(effect)], sizes=-times * sizes) for times in (1.0, 2.0)]
     return result
@@ -917,21 +922,10 @@ def workshop(offers: Sequence[tuple[Fit, Proposal]], *, pins: bool) -> list[Prop
     each = {identity(one.name): one for _, one in reversed(offers)}
     for one in each.values():
         entry = source(one.name[0])
-        fixed = entry.frame == "housing"
-        if not (entry.false_minima or entry.frame == "bearing") or fixed != pins:
+        if not entry.starts or (entry.frame == "housing") != pins:
             continue
         reach = np.array([p.plausible for p in entry.parameters])
-        if len(reach) == 1:
-            directions = np.array([[0.2], [-0.2]]) if entry.parameters[0].least < 0 else np.array([[0.1], [0.3]])
-        elif len(reach) == 2 and "pin" in one.name[1]:
-            directions = np.array([[-0.2, 0.0], [-0.2, 0.25], [-0.2, -0.25]])
-        elif len(reach) == 2:
-            angle = np.arange(6) * math.pi / 3
-            directions = 0.17 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        else:
-            axes, corners = np.eye(len(reach)), list(product((1.0, -1.0), repeat=len(reach)))
-            directions = 0.1 * np.concatenate([axes, -axes, corners])
-        result += [replace(one, sizes=direction * reach) for direction in directions]
+        result += [replace(one, sizes=np.array(start) * reach) for start in entry.starts]
     return result
 
 

@@ -14,6 +14,7 @@ from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.search import Journal
@@ -59,6 +60,8 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     if anywhere:
         hunt, first = placed(hunt, first)
     tell("refitting declared sizes and stiffness within their uncertainty")
+    if policy.beam:
+        return _by_beam(declared, model, runs, hunt, first, notes)
     root = Node(fitted(renoised(fitted(first))))
     best, done = hunt.best([root], policy.expansions)
     if not done and not hunt.only_faults(best):
@@ -82,6 +85,33 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     best, beside = hunt.ripples_apart(best) if anywhere and done else (best, [])
     beside += hunt.opposites(best) if done else []
     return account(declared, model, runs, hunt, root, best, done, notes, beside)
+
+
+def _by_beam(
+    declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, first: Fit, notes: list[str]
+) -> Diagnosis:
+    """The search by a beam, and what is said of it."""
+    policy, candidates = hunt.policy, (*hunt.candidates, *hunt.late)
+    search = Search(candidates, policy, hunt.journal, offsets=hunt.offsets)
+    root = search.hypothesis(fitted(renoised(fitted(first))))
+    best, done = search.best([root], policy.budget)
+    for _ in range(policy.looks):
+        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if hunt.offsets else best.fit
+        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
+        changed = second_look(fit.bench.records, fit.residual, least=policy.by_chance * policy.model_error) if calm else None
+        renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit), calm=done)
+        again = Search(candidates, policy, hunt.journal, offsets=hunt.offsets)
+        best = again.pruned(again.hypothesis(fitted(renewed), best))
+        done = again.complete(best)
+        bare = [replace(r, orders=(), slow=False) for r in best.fit.bench.records]
+        root = again.hypothesis(fitted(onto(best.fit.bench.with_records(bare), root.fit)))
+        again.spent, search = search.spent, again
+        if changed is None and (done or search.spent > policy.budget):
+            break
+        if not done:
+            best, done = search.best([root, best], policy.budget)
+    beside = search.alternatives(best) if done else []
+    return account(declared, model, runs, search, root, best, done, notes, beside)
 
 
 def curved(unit: Mechanism) -> Reducer:
