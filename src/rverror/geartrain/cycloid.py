@@ -605,7 +605,7 @@ SOURCES = (
     ),
     Source(
         "cycloid.disc_lobe", disc_lobe, (DISC, _LOBE), lengths(50, "deviation"),
-        "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
+        "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", in_tables=False,
         starts=EITHER_WAY,
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
     ),

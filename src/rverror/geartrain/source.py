@@ -54,8 +54,8 @@ class Index:
     allowed, tried : callable
         Which values a mechanism allows, and which of them diagnosis tries.
     equivalents : callable
-        ``equivalents(mechanism, value) -> sequence of (value, sign)``: where a part has an error of the same size, or of
-        the opposite one, that only the contacts tell from one here.
+        ``equivalents(mechanism, value) -> sequence of (value, sign)``: where the same error, or the opposite one, does
+        what only the contacts tell from it here.
     """
 
     name: str
@@ -152,13 +152,12 @@ class Source:
         ``alike_at_pins(indices) -> bool``: whether it is the same at all pins, so that it repeats pin by pin.
     tried : bool
         Whether diagnosis tries it: not where all that it does within a run is constant, or is done by other sources.
-    late : bool
-        Whether diagnosis tries it only where all others leave lines of its frame: a rare cause of many index values.
     starts : tuple of tuple of float
         Sizes, as shares of what is plausible, from which a fit is begun as well: where contacts that open and close can
         make it look like an error of the opposite sign, or are all that shows it, no linear step tells its size.
-    in_tables : bool
-        Whether diagnosis tries it in order tables although it does not in runs, where a free line says as much.
+    in_tables : bool, optional
+        Whether diagnosis tries it in order tables; where left out, as in runs.  A free line of a run says as much as
+        some do, and the orders of a table do not show what a damaged lobe does.
 
     Raises
     ------
@@ -184,9 +183,8 @@ class Source:
     periodic: bool = True
     alike_at_pins: Callable[[Indices], bool] = lambda indices: False
     tried: bool = True
-    late: bool = False
     starts: tuple[tuple[float, ...], ...] = ()
-    in_tables: bool = False
+    in_tables: bool | None = None
 
     def __post_init__(self) -> None:
         """Check the words among the fields: a misspelt one would silently mean something else."""
@@ -206,7 +204,7 @@ class Source:
     @property
     def is_cause(self) -> bool:
         """Whether diagnosis names it as a cause, in runs or in tables."""
-        return self.tried or self.in_tables
+        return self.tried or bool(self.in_tables)
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.

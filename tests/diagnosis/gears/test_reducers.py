@@ -58,13 +58,6 @@ def the_cam_is_named(found: Diagnosis) -> None:
     assert found.after.heldout_rms < 1.15 * 0.3 * ARCSEC
 
 
-def test_what_the_first_search_does_not_find_the_wider_one_does() -> None:
-    """Neither the first search nor a later one looks beside anything here."""
-    neither = replace(POLICY, expansions=0, again=0)
-    the_cam_is_named(rverror.diagnose(BARE, runs_of(TRUE), policy=neither))
-    assert not rverror.diagnose(BARE, runs_of(TRUE), policy=replace(neither, wider_expansions=0)).added
-
-
 def test_one_turn_each_way_names_the_cause_and_says_the_stiffness() -> None:
     found = rverror.diagnose(BARE, runs_of(TRUE))
     assert found.verdict == "explained"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ _SCALES = 8  # from that of the fit to that of noise: some per cent of what is t
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Columns:
     """Columns of one candidate.
 
     Attributes
@@ -68,11 +69,6 @@ class Offer:
     objective: float
     score: float
 
-    @property
-    def name(self) -> Named:
-        """Of the first."""
-        return self.names[0]
-
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
@@ -84,14 +80,14 @@ class _Reduced:
     worth: Array  # (blocks,): ln det(prior) - ln det(posterior)
 
 
-def singles(fit: Fit, blocks: Sequence[Block], cost: Callable[[Named], float], *, hold: bool = False) -> list[Offer]:
+def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *, hold: bool = False) -> list[Offer]:
     """One candidate more, the best first.
 
     Parameters
     ----------
     fit : Fit
         A state; it need not be settled.
-    blocks : sequence of Block
+    blocks : sequence of Columns
     cost : callable
         Minus twice the logarithm of the chance that a candidate is missing, before the runs are seen.
     hold : bool
@@ -101,7 +97,9 @@ def singles(fit: Fit, blocks: Sequence[Block], cost: Callable[[Named], float], *
         return []
     reductions = _reductions(fit, blocks, hold=hold, whole=False)
     steps = np.array([np.linalg.solve(one.seen[:, :, 0], one.moment[..., None])[..., 0] for one in reductions])
-    objectives = np.array([one.constant - (one.moment * step).sum(1) for one, step in zip(reductions, steps, strict=True)])
+    objectives = np.array(
+        [one.constant - (one.moment * step).sum(1) for one, step in zip(reductions, steps, strict=True)]
+    )
     found = []
     for at, block in enumerate(blocks):
         best = int(objectives[:, at].argmin())
@@ -113,7 +111,7 @@ def singles(fit: Fit, blocks: Sequence[Block], cost: Callable[[Named], float], *
     return sorted(found, key=lambda offer: round(offer.score, 6))
 
 
-def pairs(fit: Fit, blocks: Sequence[Block], cost: Callable[[Named], float], *, most: int) -> list[Offer]:
+def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *, most: int) -> list[Offer]:
     """The best pairs of candidates, of blocks with one or two columns."""
     few = [block for block in blocks if len(block.directions) <= 2]
     if len(few) < 2:
@@ -174,13 +172,13 @@ def _pair_objectives(one: _Reduced, starts: npt.NDArray[np.bool_]) -> tuple[Arra
     return np.where(regular & ~(starts & (s0 <= 0)), objective, math.inf), np.stack([s0, s1])
 
 
-def _can(block: Block, step: Array, sizes: Array) -> bool:
+def _can(block: Columns, step: Array, sizes: Array) -> bool:
     """Tell whether a candidate can have these sizes: a start keeps its sign, and a clearance is none below nothing."""
     least = np.array([parameter.least for parameter in source(block.name[0]).parameters])
     return bool((sizes >= least).all()) and (not block.start or step[0] > 0)
 
 
-def _reductions(fit: Fit, blocks: Sequence[Block], *, hold: bool, whole: bool) -> list[_Reduced]:
+def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool) -> list[_Reduced]:
     """What blocks see, at some scales from that of the fit down to that of noise."""
     low, high = bounds(fit)
     pull = fit.moment / fit.scale - fit.pull * fit.off
@@ -219,7 +217,7 @@ def _reductions(fit: Fit, blocks: Sequence[Block], *, hold: bool, whole: bool) -
             )
         else:
             seen = np.zeros((len(blocks), width, 1, width))
-            for b, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+            for b, (first, last) in enumerate(pairwise(ends)):
                 k = last - first
                 seen[b, :k, 0, :k] = products[first:last, :k] / scale - reach[first:last] @ cross[first:last].T / scale
         numbers = np.arange(len(blocks))
@@ -232,12 +230,12 @@ def _reductions(fit: Fit, blocks: Sequence[Block], *, hold: bool, whole: bool) -
 def _own_products(rows: Array, ends: npt.NDArray[np.intp], width: int) -> Array:
     """Products of each block's rows with one another."""
     out = np.zeros((len(rows), width))
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in pairwise(ends):
         out[first:last, : last - first] = rows[first:last] @ rows[first:last].T
     return out
 
 
-def _prior(block: Block, fit: Fit, width: int) -> Array:
+def _prior(block: Columns, fit: Fit, width: int) -> Array:
     """Inverse covariance of a block's columns before the runs are seen; 1 where it has none."""
     sigma = fit.bench.policy.workshop * np.array([p.plausible for p in source(block.name[0]).parameters])
     own, found = block.directions / sigma, np.eye(width)

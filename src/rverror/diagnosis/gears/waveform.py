@@ -91,6 +91,13 @@ class Conditioned:
     turn: AngleGrid
     _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
 
+    def coarser(self, points: int) -> Conditioned:
+        """The same on so many angles a turn, if that is fewer."""
+        turn = self.turn
+        if not turn.closed or turn.points <= points:
+            return self
+        return Conditioned(self.direction, self.torque, whole(turn.start, turn.step * turn.points, points))
+
     def repeat(self, unit: Reducer) -> AngleGrid:
         """One turn of the crank against the carrier."""
         period = 2 * math.pi / fundamental_orders(unit)["crank"]

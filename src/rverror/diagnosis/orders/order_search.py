@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, moved, solved
-from rverror.diagnosis.gears.hunt import identity, named
+from rverror.diagnosis.gears.score import identity, named
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.orders.table_set import TableSet
 from rverror.diagnosis.search import Journal

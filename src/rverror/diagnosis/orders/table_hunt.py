@@ -7,27 +7,28 @@ and the next makes up for it.  Where claims come near the noise, whole sets are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
-from rverror.diagnosis.gears.hunt import Hunt, Node
+from rverror.diagnosis.gears.score import Hypothesis
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.search import Journal
 
 
-@dataclass(frozen=True, eq=False)
-class TableHunt(Hunt):
+class TableSearch(Search):
     """A search on numbers that are few already, and hold no line that the table does not name."""
 
-    def coarse(self, node: Node) -> RunSet:
+    def coarse(self, one: Hypothesis) -> RunSet:
         """The conditions themselves."""
-        return node.fit.bench
+        return one.fit.bench
 
-    def _regular(self, node: Node) -> list[Node]:
+    def regular(self, one: Hypothesis) -> list[Hypothesis]:
+        """Nothing."""
         return []
 
-    def _settles(self, node: Node) -> bool:
+    def _settles(self, one: Hypothesis) -> bool:
         return False
 
     def _line_left(self, fit: Fit) -> bool:
@@ -36,7 +37,7 @@ class TableHunt(Hunt):
 
 def complete_set(
     root: Fit, claims: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal
-) -> tuple[TableHunt, Node] | None:
+) -> tuple[TableSearch, Hypothesis] | None:
     """A set of causes that leaves nothing but noise, and the search with its rivals; none where there is none.
 
     Parameters
@@ -53,7 +54,7 @@ def complete_set(
     if claims.data > policy.near_claims * claims.bound:
         return None
     bench = replace(root.bench, policy=policy)
-    nodes = [Node(fitted(evaluated(bench, fit.model, fit.declared, fit.waves))) for fit in (claims, root)]
-    hunt = TableHunt(tuple(candidates), policy, journal)
-    best, done = hunt.best(nodes if claims.added else nodes[1:], policy.expansions)
-    return (hunt, best) if done else None
+    first, then = (fitted(evaluated(bench, fit.model, fit.declared, fit.waves)) for fit in (root, claims))
+    search = TableSearch(first, candidates, policy, journal)
+    best, done = search.best(*([search.score.of(then)] if claims.added else []))
+    return (search, best) if done else None

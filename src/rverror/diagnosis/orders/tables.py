@@ -195,13 +195,13 @@ def _some_loads(cases: Sequence[OrderCase]) -> list[int]:
 def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
     """Sources of the catalogue that a table can show and the model does not have.
 
-    Those that are tried in runs, but rare ones of many places, and those that only several loads tell.
+    Some only where there are several loads to tell them by.
     """
     several = len({record.torque for record in bench.records}) > 1
 
     def wanted(entry: Source) -> bool:
         in_table = entry.in_tables and (several or "torque" not in entry.needs)
-        return entry.periodic and policy.allows(entry) and ((entry.tried and not entry.late) or in_table)
+        return entry.periodic and policy.allows(entry) and (entry.tried if entry.in_tables is None else bool(in_table))
 
     return offered(model, bench.records, wanted)
 
