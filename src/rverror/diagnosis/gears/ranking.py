@@ -117,18 +117,19 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     if len(few) < 2:
         return []
     count = len(few)
-    least, steps, worth = np.full((count, count), math.inf), np.zeros((2, count, count)), np.zeros(count)
+    least, steps, worth = np.full((count, count), math.inf), np.zeros((2, count, count)), np.zeros((count, count))
     starts = np.array([block.start for block in few])
     for one in _reductions(fit, few, hold=False, whole=True):
-        objective, step = _pair_objectives(one, starts)
+        objective, step, own = _pair_objectives(one, starts)
         better = objective < least
-        least, steps, worth = np.where(better, objective, least), np.where(better, step, steps), one.worth
-    worth = worth + np.array([cost(block.name) for block in few])
+        least, steps = np.where(better, objective, least), np.where(better, step, steps)
+        worth = np.where(better, own, worth)
+    costs = np.array([cost(block.name) for block in few])
     names = [(block.name[0], tuple(sorted(block.name[1].items()))) for block in few]
     number = {name: at for at, name in enumerate(dict.fromkeys(names))}
     own = np.array([number[name] for name in names])
     apart = (own[:, None] < own) & np.isfinite(least) & np.isfinite(least.T)
-    score = np.where(apart, least + worth[:, None] + worth, math.inf)
+    score = np.where(apart, least + worth + costs[:, None] + costs, math.inf)
     found, seen = list[Offer](), set[tuple[int, int]]()
     for place in np.argsort(score, axis=None)[: 8 * most]:
         i, j = divmod(int(place), count)
@@ -148,8 +149,10 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     return found
 
 
-def _pair_objectives(one: _Reduced, starts: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Objective of each pair, and the step of the second in it; infinite where a start would change its sign.
+def _pair_objectives(one: _Reduced, starts: npt.NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """Objective of each pair, the step of the second in it, and what their sizes must be worth.
+
+    The objective is infinite where a start would change its sign.
 
     The first is taken out of the second as what is free was of both; matrices of two columns are written out.
     """
@@ -169,7 +172,9 @@ def _pair_objectives(one: _Reduced, starts: npt.NDArray[np.bool_]) -> tuple[Arra
     det = np.where(regular, det, 1.0)
     s0, s1 = (w11 * l0 - w01 * l1) / det, (w00 * l1 - w01 * l0) / det
     objective = one.constant - gain - s0 * l0 - s1 * l1
-    return np.where(regular & ~(starts & (s0 <= 0)), objective, math.inf), np.stack([s0, s1])
+    # the second's determinant beside the first, in place of its own
+    worth = one.worth[:, None] + one.worth + np.log(np.where(regular, det, 1.0) / (a * d - b * b))
+    return np.where(regular & ~(starts & (s0 <= 0)), objective, math.inf), np.stack([s0, s1]), worth
 
 
 def _can(block: Columns, step: Array, sizes: Array) -> bool:

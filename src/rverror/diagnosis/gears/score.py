@@ -91,12 +91,11 @@ class Score:
     def of(self, fit: Fit, lines: Sequence[float] = (), slow: bool = False) -> Hypothesis:
         """A fit, with the orders of its free lines and whether runs drift, and its score."""
         total, policy = fit.objective, self.policy
-        covariance, end = fit.covariance, sum(len(e.values) for e in fit.declared.effects)
-        for effect in fit.added:
-            at = slice(end, end := end + len(effect.values))
-            prior = np.array([policy.workshop * p.plausible for p in source(effect.key).parameters])
-            total -= np.linalg.slogdet(covariance[at, at] / np.outer(prior, prior))[1]
-            total += self.cost((effect.key, effect.indices))
+        first = sum(len(e.values) for e in fit.declared.effects)
+        prior = np.array([policy.workshop * p.plausible for e in fit.added for p in source(e.key).parameters])
+        at = slice(first, first + prior.size)
+        total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
+        total += sum(self.cost((e.key, e.indices)) for e in fit.added)
         regular = 2 * len(lines) + (4 if slow else 0)
         score = as_compared(float(total + regular * policy.row_cost * len(fit.bench.records)))
         return Hypothesis(fit, tuple(lines), slow, score)
