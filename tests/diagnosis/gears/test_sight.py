@@ -1,4 +1,4 @@
-"""How a run sees waveforms of the gear train, and what is added beyond them."""
+"""How a run is looked at, sample by sample: waveforms of the gear train, and what is no waveform that repeats."""
 
 from __future__ import annotations
 
@@ -8,48 +8,78 @@ import numpy as np
 import pytest
 
 import rverror
-from gear_runs import TURN, UNIT, record_of
+from gear_runs import BARE, CAM, TURN, UNIT, record_of, runs_of
+from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import RunSet
+from rverror.diagnosis.gears.fit import RunSet, evaluated
+from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.noise import RunNoise
+from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.sight import EverySample
 from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.policy import POLICY
+from rverror.model.effects import Model
+
+#: Ratio 44.2: all but the sun stand as before after one turn of the output, the sun after five.
+ODD = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+
+
+def wave_of(grid: AngleGrid, error: Array) -> Waveform:
+    return Waveform(grid, error, np.zeros((0, grid.points)), np.zeros((10, grid.points)), (), UNIT)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.37])
-def test_a_waveform_of_one_turn_of_the_crank_is_read_at_the_samples(offset: float) -> None:
-    """Also where the marks stand elsewhere: then it is read that much further on."""
-    record = replace(record_of(np.zeros(900)), theta=np.sort(np.random.default_rng(7).uniform(0, TURN, 900)))
-    bench, full = RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), EverySample(record)
-    repeat = bench.conditions[0].repeat(UNIT)
-    assert repeat.points * repeat.step == pytest.approx(TURN / 16)
-    error = 5 * ARCSEC * np.cos(16 * repeat.theta) + ARCSEC * np.sin(64 * repeat.theta)
-    wave = Waveform(repeat, error, np.zeros((0, repeat.points)), np.zeros((9, repeat.points)), (), UNIT)
-    angle = record.theta + offset
-    expected = 5 * ARCSEC * np.cos(16 * angle) + ARCSEC * np.sin(64 * angle)
-    assert full.of_wave(wave, error[None], offset)[0] == pytest.approx(expected, abs=1e-3 * ARCSEC)
-    slope = -80 * ARCSEC * np.sin(16 * angle) + 64 * ARCSEC * np.cos(64 * angle)
-    assert full.change(wave, offset) == pytest.approx(slope, abs=1e-3 * ARCSEC)
+@pytest.mark.parametrize("period", [TURN, TURN / 16])
+def test_a_waveform_is_read_at_the_samples_and_turns_with_the_marks(offset: float, period: float) -> None:
+    """Over a turn of the output or one of the crank, which repeats; its change is the derivative."""
+    theta = np.sort(np.random.default_rng(7).uniform(0, 2 * TURN, 700))
+    sight = EverySample(record_of(np.zeros(theta.size), theta))
+    grid = whole(0.1, period, round(1024 * period / TURN) * (1 if period == TURN else 2))
+    waves = [np.cos(16 * grid.theta) + np.sin(48 * grid.theta), np.sin(32 * grid.theta)]
+    at = theta + offset
+    expected = [np.cos(16 * at) + np.sin(48 * at), np.sin(32 * at)]
+    wave = wave_of(grid, waves[0])
+    for rows in (sight.of_wave(wave, np.array(waves), offset), sight.of_grid(grid, np.array(waves), offset)):
+        assert rows == pytest.approx(np.array(expected), abs=1e-4)
+    assert sight.change(wave, offset) == pytest.approx(-16 * np.sin(16 * at) + 48 * np.cos(48 * at), abs=0.02)
+    assert sight.measured.size == sight.constant.sum() == sight.width == theta.size
+
+
+def test_what_is_read_at_the_output_keeps_to_the_bench_s_zero() -> None:
+    """An encoder's waves stand in the bench, wherever the marks of the gear are."""
+    theta = TURN * np.arange(300) / 300
+    record = record_of(np.zeros(theta.size), theta)
+    bench = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
+    rows = EverySample(record).beyond(bench, BARE, ("sensor.encoder_eccentricity", {}), None, 0.37)
+    assert rows == pytest.approx(np.stack([np.cos(theta), np.sin(theta)]), abs=1e-12)
+
+
+@pytest.mark.parametrize("turns", [1.0, 5.0])
+@pytest.mark.parametrize("unit", [UNIT, ODD], ids=["closes", "open"])
+def test_a_sun_s_waves_are_followed_over_all_turns(unit: rverror.Reducer, turns: float) -> None:
+    """The influence at the samples themselves where its turns do not close: noise alone is left, and it is linear."""
+    sun = rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um", sin="-4 um")
+    bare, true = Model(unit), Model(unit, (sun,))
+    runs = runs_of(true, ((1.0, 50e3),), points=1024, turns=turns, ratio=unit.ratio)
+    noise = RunNoise(np.array([0.7]), 0.3 * ARCSEC * np.sqrt(1 - 0.7**2))
+    records = [replace(r, noise=noise) for r in records_of(bare, runs, POLICY)[0]]
+    bench = RunSet.of(unit, records, POLICY, points=1024, anywhere=False)
+    fit, without = evaluated(bench, true, bare), evaluated(bench, bare, bare)
+    assert fit.data < fit.bound
+    assert without.data > 50 * fit.data
+    moment, gram, values = fit.moment[:2], fit.gram[:2, :2], np.array(sun.values)
+    assert fit.data + 2 * moment @ values + values @ gram @ values == pytest.approx(without.data, rel=1e-2)
 
 
 def test_only_a_sun_is_added_by_its_influence_and_only_where_it_must() -> None:
     """Where its turns do not close with the output's."""
-    odd = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
-    for unit, apart in ((UNIT, False), (odd, True)):
+    effects = (
+        rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um"),
+        CAM,
+        rverror.effect("sensor.encoder_eccentricity", cos="1 arcsec"),
+    )
+    for unit, apart in ((UNIT, False), (ODD, True)):
         bench = RunSet.of(unit, [record_of(np.zeros(64))], POLICY, points=64, anywhere=False)
         assert bench.apart("involute.sun_pitch") is apart
-        effects = (
-            rverror.effect("involute.sun_pitch", harmonic=2, cos="6 um"),
-            rverror.effect("crank.eccentricity", crank=0, disc=0, radial="1 um"),
-            rverror.effect("sensor.encoder_eccentricity", cos="1 arcsec"),
-        )
-        assert bench.around(rverror.Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
+        assert bench.around(Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
         assert not any(bench.apart(effect.key) for effect in effects[1:])
-
-
-def test_a_coarser_bench_has_fewer_angles_of_the_same_turn() -> None:
-    bench = RunSet.of(UNIT, [record_of(np.zeros(2048))], POLICY, points=2048, anywhere=False)
-    turn = bench.coarser(512).conditions[0].turn
-    assert (turn.points, turn.start) == (512, bench.conditions[0].turn.start)
-    assert turn.points * turn.step == pytest.approx(TURN)
-    assert bench.coarser(2048) is bench
