@@ -99,7 +99,7 @@ def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(righ
 
 
 def test_a_cause_that_leaves_more_than_noise_is_not_named(right: Fit) -> None:
-    """Said with what is left of all that was measured; where it leaves nothing it is named with its twin."""
+    """A wave of twice its order that is left beside a cam is said, and nothing is named; without it the cam is."""
     for wave, names in ((0.0, [CAM.key]), (2.0, [])):
         records = [replace(r, error=r.error + wave * ARCSEC * np.cos(32 * r.theta)) for r in right.bench.records]
         runs = [

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 import rverror
 from gear_runs import CAM, OFF, OTHER, UNIT, begin, runs_of, search_of
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, proposed, renoised
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, proposed
 from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.ranking import _SCALES, Columns, Offer, pairs, singles
 from rverror.diagnosis.gears.score import identity
@@ -315,14 +315,3 @@ def test_what_a_bound_stops_promises_nothing() -> None:
     (idle,) = singles(fit, blocks_of(fit, ("sensor.encoder_ellipticity",)), free_of_cost)
     assert step[0] >= 0
     assert idle.objective > fit.objective - gain - 15  # of an encoder's two sizes, by chance
-
-
-def test_steps_propose_a_cam_that_is_missing_at_its_size() -> None:
-    """At the load, from what is declared: its place, or the same half a turn on."""
-    first = begin(Model(UNIT), runs_of(Model(OTHER, (CAM,))))
-    fit = fitted(renoised(fitted(first)))
-    search = search_of(fit)
-    best = singles(fit, search.blocks(fit), search.score.cost)[0]
-    assert best.names[0][0] == CAM.key
-    assert best.names[0][1] in ({"crank": 0, "disc": 0}, {"crank": 1, "disc": 1})
-    assert best.sizes[0] == pytest.approx(CAM.values, abs=5e-4)
