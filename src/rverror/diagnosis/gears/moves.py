@@ -10,12 +10,15 @@ from itertools import product
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit
+from rverror.base.threads import each
+from rverror.diagnosis.gears.fit import Fit, RunSet
 from rverror.diagnosis.gears.ranking import Offer
 from rverror.diagnosis.gears.score import named
+from rverror.diagnosis.gears.waveform import Waveform
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
+from rverror.statics.loaded_state import NotConvergedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,41 @@ def started(effect: Effect) -> list[Effect]:
         replace(effect, values=tuple(float(s * p) for s, p in zip(start, plausible, strict=True)))
         for start in source(effect.key).starts
     ]
+
+
+class Starts:
+    """What the declared model does at each start of its candidates, solved once, wherever the marks are.
+
+    Parameters
+    ----------
+    declared : Model
+    """
+
+    def __init__(self, declared: Model) -> None:
+        """Nothing is solved yet."""
+        self.declared = declared
+        self._plain: dict[object, list[Waveform]] = {}
+        self._made: dict[object, list[Waveform] | None] = {}
+
+    def of(self, bench: RunSet, effects: Sequence[Effect]) -> tuple[list[Waveform], list[list[Waveform] | None], int]:
+        """Waveforms of what is declared, those with each effect, and how many had to be solved.
+
+        They are None where there is no equilibrium.
+        """
+        where = tuple((c.direction, c.torque, None if c.turn.closed else c.turn) for c in bench.conditions)
+        names = [(where, named(effect), effect.values) for effect in effects]
+        new = [(name, effect) for name, effect in zip(names, effects, strict=True) if name not in self._made]
+        base = bench.solve(self.declared) if new or where not in self._plain else []
+        plain = self._plain.setdefault(where, [wave.bare for wave in base])
+
+        def solve(effect: Effect) -> list[Waveform] | None:
+            try:
+                return [wave.bare for wave in bench.solve(self.declared.with_effects(effect), base)]
+            except NotConvergedError:
+                return None
+
+        self._made |= zip([name for name, _ in new], each(solve, [effect for _, effect in new]), strict=True)
+        return plain, [self._made[name] for name in names], len(new)
 
 
 def marked(model: Model, offset: float) -> Model:

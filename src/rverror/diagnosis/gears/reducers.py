@@ -74,8 +74,7 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit), calm=done)
         bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
         root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
-        spent, search = search.spent, Search(root, candidates, policy, journal, offsets)
-        search.spent = spent
+        search = search.anew(root)
         best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
         if changed is None and (done or search.spent > policy.budget):
             break

@@ -22,6 +22,7 @@ from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, fitted, lifted, onto
 from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import (
+    Starts,
     Trial,
     distinct,
     equivalents,
@@ -87,7 +88,13 @@ class Search:
         self._looked = set[tuple[frozenset[object], bool]]()
         self._last: tuple[Array, tuple[Fit, Fit, list[Columns]]] | None = None
         self._made = dict[object, tuple[object, object]]()
-        self.root = self.score.of(root)
+        self.root, self.starts = self.score.of(root), Starts(root.declared)
+
+    def anew(self, root: Fit) -> Search:
+        """A search from what is declared under other noise, which knows no set yet."""
+        other = self.__class__(root, self.candidates, self.policy, self.journal, self.offsets)
+        other.spent, other.starts = self.spent, self.starts
+        return other
 
     def _once(self, what: object, about: object, make: Callable[[], T]) -> T:
         """What is made of an object, once; it is kept, so that its identity stays its own.  Of a fit that is its Gram
@@ -124,8 +131,10 @@ class Search:
             best = self.pruned(self._leader)
             if self.complete(best):
                 best = self._whole(best)
-                leader, count = self._leader, len(best.fit.added) if swap else 0
-                self.keep(rival for number in range(count) for rival in self.rivals(best, number))
+                if not swap:
+                    return best, True
+                leader = self._leader
+                self.keep(rival for number in range(len(best.fit.added)) for rival in self.rivals(best, number))
                 for part in self.parts(best):  # one that nearly fits may have ended in a false minimum
                     if part.fit.data <= _NEARLY * part.fit.bound:
                         self.keep(self._once("moved", part.fit, partial(self._moved_slim, part)))
@@ -190,7 +199,8 @@ class Search:
 
     def _ends(self, one: Hypothesis, found: Sequence[Hypothesis]) -> bool:
         """Tell whether one of the sets that were found beside another is complete and better."""
-        return any(self.complete(more) and self.score.better(more, one, exact=True) for more in found)
+        better = [more for more in found if self.score.better(more, one, exact=True)]
+        return any(self.complete(more) for more in sorted(better, key=lambda more: more.score))
 
     def parts(self, one: Hypothesis) -> list[Hypothesis]:
         """The best fits of a set without each of what it has."""
@@ -317,7 +327,8 @@ class Search:
         if room < 1:
             return []
         (_, plain, linear), cost, most = self._beside(one), self.score.cost, self.policy.evaluated
-        starts = self._starts(plain, everywhere=everywhere)
+        keys = self._begun(everywhere=everywhere)
+        starts = self._starts(plain, keys)
         ranked = singles(plain, starts, cost)
         patient = everywhere and all(source(e.key).at_output for e in one.fit.added)
         offers = [(plain.model, offer) for offer in (_of_each(ranked, _PATIENT) if patient else ranked[:most])]
@@ -326,7 +337,7 @@ class Search:
         if room > 1 and patient:
             offers += self._behind(plain)
         if not one.fit.added:
-            offers += self._at_other_marks(plain, partial(self._starts, everywhere=everywhere))
+            offers += self._at_other_marks(plain, partial(self._starts, keys=keys))
         return self._raced(one, plain, [with_offer(model, offer) for model, offer in offers], patient=patient)
 
     def _behind(self, fit: Fit) -> list[tuple[Model, Offer]]:
@@ -378,18 +389,24 @@ class Search:
         """Candidates by a linear step over every sample, made once."""
         return self._once("leading", fit, lambda: singles(fit, self.blocks(fit), self.score.cost))
 
-    def _starts(self, fit: Fit, *, everywhere: bool) -> list[Columns]:
-        """The change that each start makes beside what is declared, for causes that a model does not have."""
-        taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
-        base, made = self._once(
-            ("starts", everywhere), self.candidates, lambda: self._started(bench, everywhere=everywhere)
+    def _begun(self, *, everywhere: bool) -> frozenset[str]:
+        """Sources with starts, of few places or all."""
+        return frozenset(
+            key
+            for key, count in self.score.places.items()
+            if source(key).starts and (everywhere or count <= _FEW_PLACES)
         )
 
+    def _starts(self, fit: Fit, keys: frozenset[str]) -> list[Columns]:
+        """The change that each start of some sources makes beside what is declared, for causes not in a model."""
+        taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
+        plain, made = self._once(("starts", keys), self.candidates, lambda: self._started(bench, keys))
+
         def read() -> list[Array]:
-            return bench.of_each(partial(self._read, bench, offset, base, [waves for _, waves in made]))
+            return bench.of_each(partial(self._read, bench, offset, plain, [waves for _, waves in made]))
 
         at_root = self.root.fit.model.index_offset == offset
-        rows = self._once(("rows", everywhere), bench, read) if at_root else read()
+        rows = self._once(("rows", keys), bench, read) if at_root else read()
         return [
             Columns((e.key, e.indices), np.array([e.values]), tuple(own[at][None] for own in rows), start=True)
             for at, (e, _) in enumerate(made)
@@ -397,35 +414,26 @@ class Search:
         ]
 
     def _started(
-        self, bench: RunSet, *, everywhere: bool
+        self, bench: RunSet, keys: frozenset[str]
     ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
-        """Waveforms of the declared model, and with each start, wherever the marks are."""
-        coarse, model = bench.coarser(_STARTS), self.root.fit.declared
-        base = coarse.solve(model)
+        """Waveforms of the declared model, and with each start."""
         effects = [
             effect
-            for key, indices in self.candidates if everywhere or self.score.places[key] <= _FEW_PLACES
+            for key, indices in self.candidates if key in keys
             for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
         ]  # fmt: skip
-        self.spent += len(effects)
-
-        def wave(effect: Effect) -> list[Waveform] | None:
-            try:
-                return coarse.solve(model.with_effects(effect), base)
-            except NotConvergedError:
-                return None
-
-        return base, [(e, waves) for e, waves in zip(effects, each(wave, effects), strict=True) if waves]
+        plain, made, new = self.starts.of(bench.coarser(_STARTS), effects)
+        self.spent += new
+        return plain, [(e, waves) for e, waves in zip(effects, made, strict=True) if waves]
 
     @staticmethod
     def _read(
-        bench: RunSet, offset: float, base: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
+        bench: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
     ) -> Array:
         """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
         sight, which = bench.sights[number], bench.which[number]
-        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in made]
-        plain = sight.of_wave(base[which], base[which].error[None], offset)
-        return sight.whiten(np.concatenate([np.empty((0, sight.width)), *rows]) - plain)
+        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
+        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
 
     # --- moves: what is replaced, and dropped -------------------------------------------------------------------------
 
@@ -549,8 +557,10 @@ class Search:
         offers = [
             o for hold in (False, True) for o in singles(rest, blocks, self.score.cost, hold=hold)[: policy.rivals]
         ]
-        if source(effect.key).starts:  # what bends may stand for what bends
-            starts = self._starts(coarse, everywhere=False)
+        frame = source(effect.key).frame
+        keys = frozenset(key for key in self._begun(everywhere=False) if source(key).frame == frame)
+        if source(effect.key).starts:  # what bends may stand for what bends, and makes the same orders
+            starts = self._starts(coarse, keys)
             offers += singles(rest, starts, self.score.cost)[: policy.rivals]
         models = [rest.model.with_effects(other) for other in others]
         models += [with_offer(rest.model, offer) for offer in offers]

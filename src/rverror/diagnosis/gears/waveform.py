@@ -72,6 +72,11 @@ class Waveform:
     unit: Reducer
     poses: Array | None = None
 
+    @property
+    def bare(self) -> Waveform:
+        """The error alone."""
+        return replace(self, rows=self.rows[:0], soft=self.soft[:0], poses=None)
+
 
 @dataclass(frozen=True, eq=False)
 class Conditioned:
