@@ -96,9 +96,12 @@ class Score:
         at = slice(first, first + prior.size)
         total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
         total += sum(self.cost((e.key, e.indices)) for e in fit.added)
-        regular = 2 * len(lines) + (4 if slow else 0)
-        score = as_compared(float(total + regular * policy.row_cost * len(fit.bench.records)))
+        score = as_compared(float(total + self.regular(fit, lines, slow=slow)))
         return Hypothesis(fit, tuple(lines), slow, score)
+
+    def regular(self, fit: Fit, lines: Sequence[float], *, slow: bool) -> float:
+        """What free lines, cos and sin, and the four rows of drift and settling must be worth in every run."""
+        return (2 * len(lines) + 4 * slow) * self.policy.row_cost * len(fit.bench.records)
 
     @property
     def sure(self) -> float:

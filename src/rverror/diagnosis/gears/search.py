@@ -256,8 +256,9 @@ class Search:
         if one.slow or any(r.turns <= self.policy.settles for r in records):
             return False
         slow = [r.settling for r in records]
-        chance = chi_square(self.policy.false_alarm, sum(map(len, slow)))
-        return explained(records, one.fit.residual, slow)[0] > chance + self.score.sure
+        return (
+            explained(records, one.fit.residual, slow)[0] > self.score.regular(one.fit, (), slow=True) + self.score.sure
+        )
 
     # --- moves: what is added -----------------------------------------------------------------------------------------
 
@@ -327,8 +328,8 @@ class Search:
         if room < 1:
             return []
         (_, plain, linear), cost, most = self._beside(one), self.score.cost, self.policy.evaluated
-        keys = self._begun(everywhere=everywhere)
-        starts = self._starts(plain, keys)
+        names = self._begun(everywhere=everywhere)
+        starts = self._starts(plain, names)
         ranked = singles(plain, starts, cost)
         patient = everywhere and all(source(e.key).at_output for e in one.fit.added)
         offers = [(plain.model, offer) for offer in (_of_each(ranked, _PATIENT) if patient else ranked[:most])]
@@ -337,7 +338,7 @@ class Search:
         if room > 1 and patient:
             offers += self._behind(plain)
         if not one.fit.added:
-            offers += self._at_other_marks(plain, partial(self._starts, keys=keys))
+            offers += self._at_other_marks(plain, partial(self._starts, names=names))
         return self._raced(one, plain, [with_offer(model, offer) for model, offer in offers], patient=patient)
 
     def _behind(self, fit: Fit) -> list[tuple[Model, Offer]]:
@@ -385,28 +386,35 @@ class Search:
             for name, first, last in zip(names, ends[:-1], ends[1:], strict=True)
         ]
 
+    def _repeats(self, name: Named) -> bool:
+        """Tell whether what a candidate makes repeats with the crank."""
+        unit = self.root.fit.bench.unit
+        return source(name[0]).repeats_with_crank(unit, name[1])
+
     def leading(self, fit: Fit) -> list[Offer]:
         """Candidates by a linear step over every sample, made once."""
         return self._once("leading", fit, lambda: singles(fit, self.blocks(fit), self.score.cost))
 
-    def _begun(self, *, everywhere: bool) -> frozenset[str]:
-        """Sources with starts, of few places or all."""
-        return frozenset(
-            key
-            for key, count in self.score.places.items()
-            if source(key).starts and (everywhere or count <= _FEW_PLACES)
+    def _begun(self, *, everywhere: bool) -> tuple[Named, ...]:
+        """Candidates with starts, of sources with few places or of all."""
+        places = self.score.places
+        return tuple(
+            name
+            for name in self.candidates
+            if source(name[0]).starts and (everywhere or places[name[0]] <= _FEW_PLACES)
         )
 
-    def _starts(self, fit: Fit, keys: frozenset[str]) -> list[Columns]:
-        """The change that each start of some sources makes beside what is declared, for causes not in a model."""
+    def _starts(self, fit: Fit, names: tuple[Named, ...]) -> list[Columns]:
+        """The change that each start of some candidates makes beside what is declared, if a model has them not."""
         taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
-        plain, made = self._once(("starts", keys), self.candidates, lambda: self._started(bench, keys))
+        which = tuple(map(identity, names))
+        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(bench, names))
 
         def read() -> list[Array]:
             return bench.of_each(partial(self._read, bench, offset, plain, [waves for _, waves in made]))
 
         at_root = self.root.fit.model.index_offset == offset
-        rows = self._once(("rows", keys), bench, read) if at_root else read()
+        rows = self._once(("rows", which), bench, read) if at_root else read()
         return [
             Columns((e.key, e.indices), np.array([e.values]), tuple(own[at][None] for own in rows), start=True)
             for at, (e, _) in enumerate(made)
@@ -414,12 +422,12 @@ class Search:
         ]
 
     def _started(
-        self, bench: RunSet, keys: frozenset[str]
+        self, bench: RunSet, names: Sequence[Named]
     ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
         """Waveforms of the declared model, and with each start."""
         effects = [
             effect
-            for key, indices in self.candidates if key in keys
+            for key, indices in names
             for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
         ]  # fmt: skip
         plain, made, new = self.starts.of(bench.coarser(_STARTS), effects)
@@ -445,13 +453,14 @@ class Search:
         declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.bench.unit
         free = {identity(name) for name in self.free(fit)} | {named(e) for e in added}
         places = [[e, *(p for p in equivalents(e, unit) if named(p) in free)] for e in added]
-        sets = [s for s in product(*places) if len({named(e) for e in s}) == len(s)]
+        sets = list(product(*places))
         sets.sort(key=lambda s: sum(a is not b for a, b in zip(s, added, strict=True)))
         sets = sets[1 : 1 + _MOST_MOVES]
         sets += [
             (*added[:at], begun, *added[at + 1 :])
             for at in range(len(added)) for place in places[at] for begun in started(place)
         ]  # fmt: skip
+        sets = [s for s in sets if len({named(e) for e in s}) == len(s)]
         models = [replace(fit.model, effects=(*declared, *one_set)) for one_set in sets]
         models += [marked(fit.model, offset) for offset in self.offsets[: self.policy.offsets]]
         return self._raced(one, fit, models)
@@ -543,7 +552,7 @@ class Search:
 
     def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
         """A set with other causes in one's place that come near: such as close the same gaps, equivalent places, and
-        what a linear step, or a start where the cause itself has some, puts there."""
+        what a linear step or a start puts there."""
         return self._once(("rivals", number), one.fit, lambda: [rival.slim for rival in self._rivals(one, number)])
 
     def _rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
@@ -554,14 +563,15 @@ class Search:
         others = gaps.twins(effect, free) + gaps.near(effect, free, policy.near_gaps)
         others += [e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, free)]
         blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]
+        alike = self._repeats((effect.key, effect.indices))  # what does not repeat with the crank is none for what does
+        starts = self._starts(
+            coarse, tuple(name for name in self._begun(everywhere=False) if self._repeats(name) == alike)
+        )
         offers = [
-            o for hold in (False, True) for o in singles(rest, blocks, self.score.cost, hold=hold)[: policy.rivals]
+            offer
+            for columns, hold in ((blocks, False), (blocks, True), (starts, False))
+            for offer in singles(rest, columns, self.score.cost, hold=hold)[: policy.rivals]
         ]
-        frame = source(effect.key).frame
-        keys = frozenset(key for key in self._begun(everywhere=False) if source(key).frame == frame)
-        if source(effect.key).starts:  # what bends may stand for what bends, and makes the same orders
-            starts = self._starts(coarse, keys)
-            offers += singles(rest, starts, self.score.cost)[: policy.rivals]
         models = [rest.model.with_effects(other) for other in others]
         models += [with_offer(rest.model, offer) for offer in offers]
         far = self.score.of(coarse).score + 5 * policy.close
