@@ -15,10 +15,10 @@ import rverror
 from gear_runs import CAM, OFF, OTHER, UNIT, begin, runs_of, search_of
 from rverror.base.arrays import Array
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, proposed
-from rverror.diagnosis.gears.noise import RunNoise
-from rverror.diagnosis.gears.ranking import _SCALES, Columns, Offer, pairs, singles
+from rverror.diagnosis.gears.ranking import SCALES, Columns, Offer, pairs, singles
 from rverror.diagnosis.gears.score import identity
 from rverror.diagnosis.gears.waveform import Named, softened
+from rverror.diagnosis.noise import RunNoise
 from rverror.geartrain.mechanism import ContactLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
@@ -163,7 +163,7 @@ def beyond_tangents(fit: Fit, scale: float) -> float:
 
     At a scale q times that of the squares themselves a tangent is M (ln q + 1/q - 1) above them.
     """
-    q = np.geomspace(1.0, fit.scale, _SCALES) / scale
+    q = np.geomspace(1.0, fit.scale, SCALES) / scale
     return float(fit.bench.policy.regular * np.min(np.log(q) + 1 / q - 1))
 
 

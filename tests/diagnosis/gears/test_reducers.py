@@ -94,7 +94,8 @@ def test_other_stiffness_alone_is_no_missing_error() -> None:
 @pytest.mark.parametrize(("start", "turns"), [(1.0, 0.4), (4.0, 10 / 360)])
 def test_a_part_of_a_turn_is_diagnosed_from_anywhere(start: float, turns: float) -> None:
     """0.4 of a turn names the cam; ten degrees hold a bit less than half a turn of the crank, and say less."""
-    found = rverror.diagnose(BARE, runs_of(TRUE, points=4096 if turns < 0.1 else 2048, turns=turns, start=start, seed=1))
+    points = 4096 if turns < 0.1 else 2048
+    found = rverror.diagnose(BARE, runs_of(TRUE, points=points, turns=turns, start=start, seed=1))
     assert any("alike over a short travel" in note for note in found.notes)
     if turns > 0.1:
         assert found.verdict == "explained"

@@ -16,11 +16,11 @@ from gear_runs import BARE, CAM, OTHER, TURN, UNIT, USUAL, beside, record_of, ru
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.ranking import Columns, Offer, singles
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.score import Hypothesis, Score, bent, identity, inexact, named, outlook, strained, unsure
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model

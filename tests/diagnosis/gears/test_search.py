@@ -19,12 +19,12 @@ from rverror.diagnosis.gears.account import half_widths
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
 from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import marked
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.score import Hypothesis, inexact, named, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.search import Journal
 from rverror.geartrain.action_line import Contacts

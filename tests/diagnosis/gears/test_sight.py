@@ -13,10 +13,10 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated
 from rverror.diagnosis.gears.grid import AngleGrid, whole
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.sight import EverySample
 from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.model.effects import Model
 

@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
 _REGULAR = 1e-9  # of two blocks that are as good as one
-_SCALES = 8  # from that of the fit to that of noise: some per cent of what is taken off
+SCALES = 8  # from that of the fit to that of noise: some per cent of what is taken off
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +203,7 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
     before = np.linalg.slogdet(prior)[1]
     found = []
     n = fit.bound
-    for scale in np.geomspace(fit.scale, 1.0, _SCALES if fit.scale > 1 else 1):
+    for scale in np.geomspace(fit.scale, 1.0, SCALES if fit.scale > 1 else 1):
         matrix = fit.gram[free][:, free] / scale + np.diag(fit.pull[free])
         right = fit.moment[free] / scale - (fit.pull * fit.off)[free]
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
