@@ -14,6 +14,7 @@ from scipy.linalg import null_space
 import rverror
 from gear_runs import BARE, CAM, OTHER, TURN, UNIT, USUAL, beside, record_of, runs_of, settled
 from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.ranking import Columns, Offer, singles
@@ -164,51 +165,57 @@ def test_by_chance_single_causes_are_together_as_probable_as_none() -> None:
 
 @pytest.mark.parametrize("noise", [0.1, 0.3])
 def test_where_nothing_is_missing_something_is_named_as_seldom_as_the_policy_says(noise: float) -> None:
-    """Markov: a ratio whose mean is 1 is more than 10 in no more than a tenth of all cases, of 62 places.
+    """Of 62 places one is beyond a 620th of its chance in no more than a tenth of all cases.
 
-    By how much the squares fall it would be twice as often.
+    Beyond the tenth of one place it is so in a fifth of them.
     """
-    score = Score(PLACES, replace(POLICY, false_alarm=0.1))
-    falls = np.array(
+    limits = {size: chi_square(0.1 / len(PLACES), size) for size in (1, 2)}
+    cases = [
         [
-            [fit.objective - min(getattr(one, name) for one in offers) for name in ("score", "objective")]
-            for fit, offers in drawn(300, noise)
+            (fit.objective - one.objective, fit.objective > one.score, limits[one.sizes[0].size])
+            for one in offers
         ]
-    )
-    assert score.sure == pytest.approx(2 * math.log(10))
-    named_by_score, by_squares = np.mean(falls > score.sure, axis=0)
-    assert named_by_score <= 0.1
-    assert by_squares > 0.2
+        for fit, offers in drawn(300, noise)
+    ]  # fmt: skip
+    assert np.mean([any(probable and fallen > limit for fallen, probable, limit in case) for case in cases]) <= 0.1
+    assert np.mean([any(fallen > chi_square(0.1, 2) for fallen, *_ in case) for case in cases]) > 0.2
 
 
-def test_one_set_is_better_than_another_by_far() -> None:
-    """Beyond twice the logarithm of a false alarm, and beyond what the model's own error counts, but for drift."""
+def fallen_by(amount: float, less: Fit, more: Fit) -> Fit:
+    """A fit with so much less of an objective than another."""
+    return replace(more, data=more.data + less.objective - amount - more.objective)
+
+
+def test_one_set_is_better_than_another_if_more_probable_and_beyond_chance() -> None:
+    """Each beyond what the model's own error counts, but for drift; of two places, or of what settles in one run."""
     noise = 3 * POLICY.model_error
-    less = white(noise * np.random.default_rng(2).normal(size=N), BARE, TWICE, noise=noise)
-    score, own = Score([(TWICE.key, {})], POLICY), inexact(less)
+    error = noise * np.random.default_rng(2).normal(size=N)
+    less, more = white(error, BARE, noise=noise), white(error, BARE, TWICE, noise=noise)
+    score, own = Score([(TWICE.key, {}), (TWICE.key, {"harmonic": 2})], POLICY), inexact(less)
     assert own > 10
-    sure = -2 * math.log(POLICY.false_alarm)
+    chance, settles = chi_square(POLICY.false_alarm / 2, len(TWICE.values)), chi_square(POLICY.false_alarm, 4)
 
-    def better(gain: float, *, slow: bool = False, exact: bool = False) -> bool:
-        return score.better(Hypothesis(less, (), slow, -gain), Hypothesis(less, (), False, 0.0), exact=exact)
+    def better(fallen: float, gain: float, *, cause: bool = True, exact: bool = False) -> bool:
+        trial = Hypothesis(fallen_by(fallen, less, more if cause else less), (), not cause, -gain)
+        return score.better(trial, Hypothesis(less, (), False, 0.0), exact=exact)
 
-    for kind in ({"exact": True}, {"slow": True}):
-        assert better(sure + 0.01, **kind)
-        assert not better(sure - 0.01, **kind)
-    assert not better(sure + own - 0.01)
-    assert better(sure + own + 0.01)
+    for limit, kind in ((chance, {"exact": True}), (settles, {"cause": False}), (chance + own, {})):
+        least = own if not kind else 0.0
+        assert better(limit + 0.01, least + 0.01, **kind)
+        assert not better(limit - 0.01, least + 0.01, **kind)
+        assert not better(limit + 0.01, least - 0.01, **kind)
 
 
 def test_what_moved_jumps_have_gained_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a fall of 60 that jumps alone made 50 are no reason; those that count are asked for in that order."""
     error = NOISE * np.random.default_rng(2).normal(size=N)
-    less, more = white(error, BARE), white(error, BARE, TWICE)
+    less = white(error, BARE)
+    more = fallen_by(60.0, less, white(error, BARE, TWICE))
     asked: list[tuple[Fit, Fit]] = []
-    gained = less.objective - more.objective
 
     def fall(before: Fit, after: Fit) -> float:
         asked.append((before, after))
-        return gained - 50.0
+        return 10.0
 
     score = Score([(TWICE.key, {})], POLICY)
     pair = Hypothesis(more, (), False, -60.0), Hypothesis(less, (), False, 0.0)

@@ -105,23 +105,31 @@ class Score:
 
     @property
     def sure(self) -> float:
-        """Score by which a set must do better than a smaller one for what it has more to be named.
-
-        If nothing is missing, the chance that any set comes to be so much more probable is no larger than `false_alarm`
-        (Markov's inequality for the ratio of two probabilities).
-        """
+        """Score by which a set that is 1/`false_alarm` times as probable is lower."""
         return -2 * math.log(self.policy.false_alarm)
 
-    def better(self, more: Hypothesis, less: Hypothesis, *, exact: bool = False) -> bool:
-        """Tell whether a set with more in it is more probable by far than chance and the model's own error make it.
+    def by_chance(self, more: Hypothesis, less: Hypothesis) -> float:
+        """Fall of the objective that noise alone makes with one of all sets of so many causes more, at `false_alarm`.
 
-        Where the model is taken as `exact`, than chance makes it.
-
-        What moved jumps alone take off does not count, and no error of the model settles as a drift does.
+        Of two sets with as many sizes one is as good as `sure`.
         """
-        gain = less.score - more.score - (less.fit.objective - more.fit.objective) + fall(less.fit, more.fit)
+        causes = len(more.fit.added) - len(less.fit.added)
+        sizes = sum(len(e.values) for e in more.fit.added) - sum(len(e.values) for e in less.fit.added)
+        rows = 2 * (len(more.lines) - len(less.lines)) + 4 * (more.slow - less.slow)
+        freedom = sizes + rows * len(more.fit.bench.records)
+        chance = self.policy.false_alarm / max(sum(self.places.values()), 1) ** max(causes, 0)
+        return chi_square(chance, freedom) if freedom > 0 else self.sure
+
+    def better(self, more: Hypothesis, less: Hypothesis, *, exact: bool = False) -> bool:
+        """Tell whether a set with more in it is more probable, and fits better by more than chance makes it.
+
+        Both by more than what the model's own error makes, unless it is taken as `exact`.  What moved jumps alone take
+        off does not count, and no error of the model settles as a drift does.
+        """
+        fallen = fall(less.fit, more.fit)
+        gain = less.score - more.score - (less.fit.objective - more.fit.objective) + fallen
         own = 0.0 if exact or more.slow > less.slow else inexact(less.fit)
-        return gain > self.sure + own
+        return gain > own and fallen > self.by_chance(more, less) + own
 
 
 def outlook(one: Hypothesis) -> tuple[bool, float]:

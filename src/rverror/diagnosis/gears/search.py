@@ -239,7 +239,7 @@ class Search:
         if strained(fit) or self._line_left(fit) or self._settles(one):
             return False
         enough = fit.objective - inexact(fit)
-        near = [offer for offer in self.leading(fit)[: self.policy.direct] if offer.score < enough]
+        near = [offer for offer in self.leading(fit)[: self.policy.direct] if offer.score < fit.objective]
         if any(offer.score < enough - self.score.sure for offer in near):
             return False
         # a linear step promises too little where sizes have moved to make up for a cause
