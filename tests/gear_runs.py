@@ -18,8 +18,8 @@ from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.reducers import candidates_of
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import softened
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.search import Journal
 from rverror.model.effects import Effect, Model
 
 TURN = 2 * math.pi

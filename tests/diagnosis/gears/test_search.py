@@ -24,9 +24,9 @@ from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.score import Hypothesis, inexact, named, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.source import Source, around

@@ -17,9 +17,9 @@ from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source

@@ -36,8 +36,8 @@ from rverror.diagnosis.gears.score import Hypothesis, Score, identity, inexact, 
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.search import Journal
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError

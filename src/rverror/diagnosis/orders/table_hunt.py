@@ -13,8 +13,8 @@ from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.search import Journal
 
 
 class TableSearch(Search):
