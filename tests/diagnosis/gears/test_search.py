@@ -65,13 +65,13 @@ THETA = np.asarray(TURN * np.arange(1024) / 512)
 
 
 class Watched(Search):
-    """A search that writes down which sets it looks at, of how many causes, and how wide its beam is."""
+    """A search that writes down which sets it expands, of how many causes, and how wide its beam is."""
 
-    looks: list[tuple[frozenset[object], int, int]]
+    expanded: list[tuple[frozenset[object], int, int]]
 
-    def look(self, one: Hypothesis, width: int) -> None:
-        self.looks.append((one.names, len(one.fit.added), width))
-        super().look(one, width)
+    def expand(self, one: Hypothesis, width: int) -> None:
+        self.expanded.append((one.names, len(one.fit.added), width))
+        super().expand(one, width)
 
 
 def read(*true: Effect, more: Array | float = 0.0, **rules: Any) -> Watched:
@@ -81,11 +81,11 @@ def read(*true: Effect, more: Array | float = 0.0, **rules: Any) -> Watched:
     keys = [e.key for e in (HEAD, TWICE, PLANET)]
     known = search_of(fitted(renoised(fitted(begin(BARE, [run], points=512)))), keys, **rules)
     found = Watched(known.root.fit, known.candidates, known.policy, Journal(quiet))
-    found.looks = []
+    found.expanded = []
     return found
 
 
-def test_three_causes_are_found_and_no_set_is_looked_at_twice() -> None:
+def test_three_causes_are_found_and_no_set_is_expanded_twice() -> None:
     search = read(HEAD, TWICE, PLANET)
     best, done = search.best()
     assert done
@@ -93,14 +93,14 @@ def test_three_causes_are_found_and_no_set_is_looked_at_twice() -> None:
     assert {e.key for e in best.fit.added} == {HEAD.key, TWICE.key, PLANET.key}
     for effect in (HEAD, TWICE):
         assert sizes(best, effect) == pytest.approx(effect.values, abs=0.1 * ARCSEC)
-    assert len(search.looks) == len(set(search.looks))
+    assert len(search.expanded) == len(set(search.expanded))
     assert best.score == min(one.score for one in search.known.values())
 
 
-def test_where_nothing_is_missing_nothing_is_looked_at() -> None:
+def test_where_nothing_is_missing_nothing_is_expanded() -> None:
     search = read()
     best, done = search.best()
-    assert (best.fit.added, done, search.looks) == ((), True, [])
+    assert (best.fit.added, done, search.expanded) == ((), True, [])
 
 
 @pytest.mark.parametrize("most", [0, 1, 2])
@@ -112,35 +112,35 @@ def test_no_more_causes_are_looked_for_than_are_named(most: int) -> None:
     assert len(best.fit.added) <= most
 
 
-def test_where_no_set_is_complete_the_beam_widens_until_all_were_looked_at() -> None:
+def test_where_no_set_is_complete_the_beam_widens_until_all_were_expanded() -> None:
     """A wave of the crank's order, which no candidate makes and which is no line of its own.
 
     A wider beam begins with few causes again: a wrong one with a second may beat the right one alone.
     """
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)
     best, done = search.best()
-    widths = list(dict.fromkeys(width for _, _, width in search.looks))
+    widths = list(dict.fromkeys(width for _, _, width in search.expanded))
     assert not done
     assert best.names == {named(HEAD)}
     assert {after / before for before, after in pairwise(widths)} == {2.0}
-    assert len(search.looks) == len(set(search.looks))
-    wide = {names for names, _, width in search.looks if width > 1}
+    assert len(search.expanded) == len(set(search.expanded))
+    wide = {names for names, _, width in search.expanded if width > 1}
     assert {one.names for one in search.known.values() if len(one.fit.added) <= 1} <= wide
-    counts = [count for _, count, width in search.looks if width == widths[1]]
+    counts = [count for _, count, width in search.expanded if width == widths[1]]
     assert counts[0] == 0
     assert counts == sorted(counts)
 
 
 def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
-    looks = []
+    expanded = []
     for budget in (-1, 0, 10**6):
         search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=budget)
         best, done = search.best()
         assert not done
         assert best.score == min(one.score for one in search.known.values())
-        looks.append(len(search.looks))
-    assert looks[:2] == [0, 1]
-    assert looks[2] > 2
+        expanded.append(len(search.expanded))
+    assert expanded[:2] == [0, 1]
+    assert expanded[2] > 2
 
 
 def test_of_every_set_the_best_fit_is_kept_and_what_settled_as_well_changes_nothing() -> None:

@@ -85,7 +85,7 @@ class Search:
         self.score = Score(candidates, policy)
         self.known: dict[frozenset[object], Hypothesis] = {}
         self.spent, self._width = 0, 1
-        self._looked = set[tuple[frozenset[object], bool]]()
+        self._expanded = set[tuple[frozenset[object], bool]]()
         self._last: tuple[Array, tuple[Fit, Fit, list[Columns]]] | None = None
         self._made = dict[object, tuple[object, object]]()
         self.root, self.starts = self.score.of(root), Starts(root.declared)
@@ -110,7 +110,7 @@ class Search:
     def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
         """Search from what is declared, and from other sets.
 
-        Of the best sets of each size, as many as the beam is wide, the most promising is looked at.  Where all were,
+        Of the best sets of each size, as many as the beam is wide, the most promising is expanded.  Where all were,
         the beam doubles.
 
         Parameters
@@ -143,11 +143,11 @@ class Search:
                 continue
             if nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
                 return self._whole(best), False
-            front = [one for one in self._front() if not self._was_looked(one, self._width)]
-            if front:
+            beam = [one for one in self._beam() if not self._was_expanded(one, self._width)]
+            if beam:
                 # a wider beam begins at the bottom again: a wrong cause with a second beats the right one alone
-                self.look(
-                    min(front, key=lambda one: (len(one.fit.added) * (self._width > 1), outlook(one))), self._width
+                self.expand(
+                    min(beam, key=lambda one: (len(one.fit.added) * (self._width > 1), outlook(one))), self._width
                 )
             else:
                 self._width *= 2
@@ -163,14 +163,14 @@ class Search:
     def _leader(self) -> Hypothesis:
         return min(self.known.values(), key=lambda one: one.score)
 
-    def _front(self) -> Iterable[Hypothesis]:
+    def _beam(self) -> Iterable[Hypothesis]:
         """The best sets of each size."""
         for size in range(self.policy.most_effects + 1):
             alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
             yield from alike[: self._width]
 
-    def _was_looked(self, one: Hypothesis, width: int) -> bool:
-        return (one.names, True) in self._looked or (width == 1 and (one.names, False) in self._looked)
+    def _was_expanded(self, one: Hypothesis, width: int) -> bool:
+        return (one.names, True) in self._expanded or (width == 1 and (one.names, False) in self._expanded)
 
     def keep(self, found: Iterable[Hypothesis]) -> None:
         """Keep the best fit of each set."""
@@ -179,9 +179,9 @@ class Search:
             if before is None or one.score < before.score - 1:  # fits that have settled differ by less
                 self.known[one.names] = one.slim
 
-    def look(self, one: Hypothesis, width: int) -> None:
+    def expand(self, one: Hypothesis, width: int) -> None:
         """Make all moves from a set, until one of them is complete."""
-        self._looked.add((one.names, width > 1))
+        self._expanded.add((one.names, width > 1))
         leading = ", ".join(describe(e.key, e.indices) for e in self._leader.fit.added) or "what was declared"
         self.journal.tell(
             f"{self.spent} of {self.policy.budget} solutions, {len(self.known)} sets; the best: {leading}"
