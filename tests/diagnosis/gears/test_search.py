@@ -675,3 +675,37 @@ def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
     assert [np.sign(one.added[0].values) for one in opposites] == [pytest.approx(-np.sign(fit.added[0].values))]
     assert (np.array(half_widths(fit, opposites)[:2]) > 2 * np.abs(fit.added[0].values)).all()
     assert search.opposites(wave) == []
+
+
+def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> None:
+    """Two bores make much of a runout, which no linear step tells of; its starts are followed to their end."""
+    fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)
+    search = search_of(fit)
+    bores = [
+        rverror.effect("cycloid.disc_bore_position", disc=disc, crank=0, radial="2 um", tangential="1 um")
+        for disc in (0, 1)
+    ]
+    two = search.score.of(beside(fit, *bores))
+    found = {other.names: other for other in search.replaced(two)}
+    (other,) = [found[names] for names in found if names == {named(RUNOUT)}]
+    assert search.complete(other)
+    assert other.score < two.score
+    assert sizes(other, RUNOUT) == pytest.approx(RUNOUT.values, abs=3e-4)
+    spent = search.spent
+    assert search.replaced(search.score.of(beside(fit, bores[0]))) == []
+    assert search.spent == spent
+
+
+def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared() -> None:
+    """Over a third of a turn a cam and the stiffness make up for a ground profile, and nothing is left to be seen."""
+    cam = replace(CAM, uncertainty=3e-3)
+    ground = replace(PROFILE, values=(-2e-3, -15e-3))
+    fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), turns=0.3)
+    search = search_of(fit)
+    assert search.complete(search.root)
+    assert [one.names for one in search.hidden(search.root)] == [{named(PROFILE)}]
+    best, done = search.best()
+    assert done
+    assert best.names == {named(PROFILE)}
+    assert best.score < search.score.of(fit).score + 1
+    assert search_of(fit, most_effects=0).hidden(search.root) == []

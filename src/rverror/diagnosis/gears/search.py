@@ -49,7 +49,7 @@ _STARTS = 512  # angles a turn at which starts are solved, to be ranked
 _FEW_PLACES = 12  # of a source, whose starts are tried first: harmonics of two discs, not single pins or lobes
 _WIDEST = 8  # beam
 _RACE = ((1, 3), (2, 2), (12, 1))  # steps of each round, and how many times those that end it are in it
-_TO_THE_END = ((12, 30), (12, 1))  # the same where all are followed: in 24 steps 28 of 30 units had settled
+_PATIENCE = 12  # steps of all before any is dropped
 _PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
 _NEARLY = 2  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
 _MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
@@ -135,6 +135,8 @@ class Search:
                     return best, True
                 leader = self._leader
                 self.keep(rival for number in range(len(best.fit.added)) for rival in self.rivals(best, number))
+                self.keep(self.replaced(best))
+                self.keep(self.hidden(best))
                 for part in self.parts(best):  # one that nearly fits may have ended in a false minimum
                     if part.fit.data <= _NEARLY * part.fit.bound:
                         self.keep(self._once("moved", part.fit, partial(self._moved_slim, part)))
@@ -343,8 +345,7 @@ class Search:
 
     def _behind(self, fit: Fit) -> list[tuple[Model, Offer]]:
         """Single causes by a linear step beside the starts of what is the same everywhere."""
-        names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
-        effects = [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
+        effects = self._begun_alone(fit)
 
         def beside(effect: Effect) -> list[tuple[Model, Offer]]:
             try:
@@ -497,10 +498,11 @@ class Search:
 
     def _raced(self, one: Hypothesis, fit: Fit, models: Sequence[Model], *, patient: bool = False) -> list[Hypothesis]:
         """Models solved at the load, the most promising refitted further and further; the best over every sample."""
-        kept = self.policy.refitted
         trials = self._solved(fit, models)
-        for steps, times in _TO_THE_END if patient else _RACE:
-            trials = distinct(sorted(trials, key=lambda t: t.prospect), times * kept)
+        if patient:
+            trials = self._stepped(trials, _PATIENCE)
+        for steps, times in _RACE:
+            trials = distinct(sorted(trials, key=lambda t: t.prospect), times * self.policy.refitted)
             trials = self._stepped(trials, steps)
         trials.sort(key=lambda t: t.prospect)
         near = [trial.fit for trial in trials if trial.prospect < trials[0].prospect + self.policy.close]
@@ -563,21 +565,69 @@ class Search:
         others = gaps.twins(effect, free) + gaps.near(effect, free, policy.near_gaps)
         others += [e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, free)]
         blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]
-        alike = self._repeats((effect.key, effect.indices))  # what does not repeat with the crank is none for what does
-        starts = self._starts(
-            coarse, tuple(name for name in self._begun(everywhere=False) if self._repeats(name) == alike)
-        )
-        offers = [
+        # what does not repeat with the crank is none for what does
+        starts = self._starts(coarse, self._begun_like((effect.key, effect.indices)))
+        return self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, policy.rivals))
+
+    def replaced(self, one: Hypothesis) -> list[Hypothesis]:
+        """One cause in the place of all that a set has, each start followed to its end.
+
+        Two causes may stand for one of which no linear step tells, as a carrier's runout; such have one place.
+        """
+        return self._once("replaced", one.fit, lambda: [other.slim for other in self._replaced(one)])
+
+    def _replaced(self, one: Hypothesis) -> list[Hypothesis]:
+        if len(one.fit.added) < 2:
+            return []
+        plain = as_declared(onto(self.coarse(one), one.fit))
+        bare = replace(plain.model, effects=plain.model.effects[: len(plain.declared.effects)])
+        fit = evaluated(plain.bench, bare, plain.declared)
+        return self._raced(one, fit, [bare.with_effects(effect) for effect in self._begun_alone(fit)], patient=True)
+
+    def _begun_alone(self, fit: Fit) -> list[Effect]:
+        """Candidates of sources with one place, at each of their starts."""
+        names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
+        return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
+
+    def hidden(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with a cause more that its declared sizes and stiffness hide: they have moved to make up for it.
+
+        Seen from the declared sizes, by its starts.  What does not repeat with the crank cannot hide behind what does.
+        """
+        return self._once("hidden", one.fit, lambda: [more.slim for more in self._hidden(one)])
+
+    def _hidden(self, one: Hypothesis) -> list[Hypothesis]:
+        if len(one.fit.added) == self.policy.most_effects:
+            return []
+        plain = as_declared(onto(self.coarse(one), one.fit))
+        all_repeat = all(self._repeats((e.key, e.indices)) for e in plain.bench.around(plain.model))
+        names = tuple(name for name in self._begun(everywhere=False) if self._repeats(name) or not all_repeat)
+        offers = [o for o in singles(plain, self._starts(plain, names), self.score.cost) if o.score < one.score]
+        return self._raced(one, plain, [with_offer(plain.model, o) for o in offers[: self.policy.evaluated]])
+
+    def _begun_like(self, name: Named) -> tuple[Named, ...]:
+        """Candidates with starts that repeat with the crank, or not, as another does."""
+        return tuple(other for other in self._begun(everywhere=False) if self._repeats(other) == self._repeats(name))
+
+    def _offers(self, rest: Fit, blocks: Sequence[Columns], starts: Sequence[Columns], most: int) -> list[Offer]:
+        """Single causes by linear steps with all else free and held, and by starts."""
+        return [
             offer
             for columns, hold in ((blocks, False), (blocks, True), (starts, False))
-            for offer in singles(rest, columns, self.score.cost, hold=hold)[: policy.rivals]
+            for offer in singles(rest, columns, self.score.cost, hold=hold)[:most]
         ]
+
+    def _near(
+        self, one: Hypothesis, coarse: Fit, rest: Fit, others: Sequence[Effect], offers: Sequence[Offer]
+    ) -> list[Hypothesis]:
+        """Other sets that come near one, from what is left of it and effects or offers beside that."""
+        policy = self.policy
         models = [rest.model.with_effects(other) for other in others]
         models += [with_offer(rest.model, offer) for offer in offers]
-        far = self.score.of(coarse).score + 5 * policy.close
-        trials = sorted((t for t in self._solved(coarse, models) if t.prospect < far), key=lambda t: t.prospect)
-        ends = self._stepped(distinct(trials, policy.rivals), 8)
-        least = min([self.score.of(coarse).score, *(end.prospect for end in ends)])
+        own = self.score.of(coarse).score
+        trials = sorted(self._solved(coarse, models), key=lambda t: t.prospect)
+        ends = self._stepped(distinct([t for t in trials if t.prospect < own + 5 * policy.close], policy.rivals), 8)
+        least = min([own, *(end.prospect for end in ends)])
         ends = sorted((end for end in ends if end.prospect < least + policy.close), key=lambda end: end.prospect)
         found = dict[object, Hypothesis]()
         for rival in sorted(self._refitted(one, [e.fit for e in ends[: policy.rivals // 2]]), key=lambda h: h.score):
