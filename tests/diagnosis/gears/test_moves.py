@@ -25,7 +25,7 @@ PLAY = rverror.effect("crank.bearing_clearance", clearance="5 um")
 
 
 def offer_of(*effects: Effect) -> Offer:
-    return Offer(tuple((e.key, e.indices) for e in effects), tuple(np.array(e.values) for e in effects), 0.0, 0.0)
+    return Offer(tuple((e.key, e.indices) for e in effects), tuple(np.array(e.values) for e in effects), 0.0, 0.0, 0.0)
 
 
 def test_an_offer_enters_at_its_sizes_or_at_those_that_a_workshop_makes() -> None:

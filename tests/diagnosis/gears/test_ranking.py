@@ -28,7 +28,7 @@ STATED = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="2 um", 
 PROFILE = rverror.effect("cycloid.disc_profile", disc=0, harmonic=3, cos="5 um", sin="2 um")
 #: Whose contact law can change either way.
 INSIDE = replace(UNIT, contact_law=ContactLaw(pin_exponent=1.1, flank_exponent=1.08, profile_curvature=1.0))
-HERE = Offer(((CAM.key, CAM.indices),), (np.array(CAM.values),), 0.0, 0.0)
+HERE = Offer(((CAM.key, CAM.indices),), (np.array(CAM.values),), 0.0, 0.0, 0.0)
 KEYS = ("crank.eccentricity", "cycloid.disc_profile", "cycloid.disc_lobe", "involute.planet_eccentricity",
         "cycloid.pin_circle", "sensor.encoder_eccentricity", "crank.index")  # fmt: skip
 

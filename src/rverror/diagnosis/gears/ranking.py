@@ -25,6 +25,7 @@ from rverror.diagnosis.gears.fit import Fit, bounds
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
+_SHRUNK = 0.5  # of a start: below it the fit is begun at the start too
 _REGULAR = 1e-9  # of two blocks that are as good as one
 SCALES = 8  # from that of the fit to that of noise: some per cent of what is taken off
 
@@ -62,12 +63,15 @@ class Offer:
         What may be left.
     score : float
         The same with what the sizes must be worth.
+    without : float
+        What a linear step leaves without them.
     """
 
     names: tuple[Named, ...]
     sizes: tuple[Array, ...]
     objective: float
     score: float
+    without: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class _Reduced:
 
 
 def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *, hold: bool = False) -> list[Offer]:
-    """One candidate more, the best first.
+    """One candidate more, the best first; a start at the size of its step and, where that is much less, its own.
 
     Parameters
     ----------
@@ -100,14 +104,16 @@ def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float],
     objectives = np.array(
         [one.constant - (one.moment * step).sum(1) for one, step in zip(reductions, steps, strict=True)]
     )
-    found = []
+    found, without = [], min(one.constant for one in reductions)
     for at, block in enumerate(blocks):
         best = int(objectives[:, at].argmin())
         step = steps[best, at, : len(block.directions)]
         sizes, objective = step @ block.directions, float(objectives[best, at])
         if _can(block, step, sizes):
             score = objective + float(reductions[best].worth[at]) + cost(block.name)
-            found.append(Offer((block.name,), (sizes,), objective, score))
+            found.append(Offer((block.name,), (sizes,), objective, score, without))
+            if block.start and step[0] < _SHRUNK:  # a linear step that shrinks it may end in a false minimum
+                found.append(Offer((block.name,), (block.directions[0],), objective, score, without))
     return sorted(found, key=lambda offer: round(offer.score, 6))
 
 
@@ -119,7 +125,8 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     count = len(few)
     least, steps, worth = np.full((count, count), math.inf), np.zeros((2, count, count)), np.zeros((count, count))
     starts = np.array([block.start for block in few])
-    for one in _reductions(fit, few, hold=False, whole=True):
+    reductions = _reductions(fit, few, hold=False, whole=True)
+    for one in reductions:
         objective, step, own = _pair_objectives(one, starts)
         better = objective < least
         least, steps = np.where(better, objective, least), np.where(better, step, steps)
@@ -131,6 +138,7 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     apart = (own[:, None] < own) & np.isfinite(least) & np.isfinite(least.T)
     score = np.where(apart, least + worth + costs[:, None] + costs, math.inf)
     found, seen = list[Offer](), set[tuple[int, int]]()
+    without = min(one.constant for one in reductions)
     for place in np.argsort(score, axis=None)[: 8 * most]:
         i, j = divmod(int(place), count)
         pair, names_of = (int(own[i]), int(own[j])), (few[i].name, few[j].name)
@@ -143,7 +151,7 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
         sizes = tuple(step @ block.directions for block, step in sized)
         if all(_can(block, step, size) for (block, step), size in zip(sized, sizes, strict=True)):
             seen.add(pair)
-            found.append(Offer(names_of, sizes, float(least[i, j]), float(score[i, j])))
+            found.append(Offer(names_of, sizes, float(least[i, j]), float(score[i, j]), without))
         if len(found) == most:
             break
     return found

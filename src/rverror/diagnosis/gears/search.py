@@ -193,7 +193,7 @@ class Search:
             self.keep(self.moved(one))
             one = self.known[one.names]
         one = self._whole(one)
-        for moves in (self.regular, self.added_linearly, partial(self.added_from_starts, everywhere=width > 1)):
+        for moves in (self.added_linearly, self.regular, partial(self.added_from_starts, everywhere=width > 1)):
             found = moves(one)
             self.keep(found)
             if self._ends(one, found):
@@ -334,7 +334,7 @@ class Search:
         starts = self._starts(plain, names)
         ranked = singles(plain, starts, cost)
         patient = everywhere and all(source(e.key).at_output for e in one.fit.added)
-        offers = [(plain.model, offer) for offer in (_of_each(ranked, _PATIENT) if patient else ranked[:most])]
+        offers = [(plain.model, offer) for offer in (_of_each(ranked, _PATIENT) if patient else ranked[: 2 * most])]
         if room > 1:
             offers += [(plain.model, offer) for offer in pairs(plain, linear + starts, cost, most=most)]
         if room > 1 and patient:
@@ -592,7 +592,8 @@ class Search:
     def hidden(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with a cause more that its declared sizes and stiffness hide: they have moved to make up for it.
 
-        Seen from the declared sizes, by its starts.  What does not repeat with the crank cannot hide behind what does.
+        Seen from the declared sizes, by a linear step or its starts.  What does not repeat with the crank cannot hide
+        behind what does.
         """
         return self._once("hidden", one.fit, lambda: [more.slim for more in self._hidden(one)])
 
@@ -602,8 +603,9 @@ class Search:
         plain = as_declared(onto(self.coarse(one), one.fit))
         all_repeat = all(self._repeats((e.key, e.indices)) for e in plain.bench.around(plain.model))
         names = tuple(name for name in self._begun(everywhere=False) if self._repeats(name) or not all_repeat)
-        offers = [o for o in singles(plain, self._starts(plain, names), self.score.cost) if o.score < one.score]
-        return self._raced(one, plain, [with_offer(plain.model, o) for o in offers[: self.policy.evaluated]])
+        columns = self.blocks(plain), self._starts(plain, names)
+        offers = [o for some in columns for o in singles(plain, some, self.score.cost)[: self.policy.evaluated]]
+        return self._raced(one, plain, [with_offer(plain.model, o) for o in offers if o.score < o.without])
 
     def _begun_like(self, name: Named) -> tuple[Named, ...]:
         """Candidates with starts that repeat with the crank, or not, as another does."""
@@ -613,8 +615,8 @@ class Search:
         """Single causes by linear steps with all else free and held, and by starts."""
         return [
             offer
-            for columns, hold in ((blocks, False), (blocks, True), (starts, False))
-            for offer in singles(rest, columns, self.score.cost, hold=hold)[:most]
+            for columns, hold, count in ((blocks, False, most), (blocks, True, most), (starts, False, 2 * most))
+            for offer in singles(rest, columns, self.score.cost, hold=hold)[:count]
         ]
 
     def _near(
