@@ -47,7 +47,7 @@ T = TypeVar("T")
 _COARSE = 1024  # angles a turn on which sets are raced: half of those of the fit
 _STARTS = 512  # angles a turn at which starts are solved, to be ranked
 _FEW_PLACES = 12  # of a source, whose starts are tried first: harmonics of two discs, not single pins or lobes
-_WIDEST = 8  # beam
+_NARROW, _WIDEST = 2, 8  # beam: up to which starts of few places are tried, in a race; and at most
 _RACE = ((1, 3), (2, 2), (12, 1))  # steps of each round, and how many times those that end it are in it
 _PATIENCE = 12  # steps of all before any is dropped
 _PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
@@ -172,7 +172,7 @@ class Search:
             yield from alike[: self._width]
 
     def _was_expanded(self, one: Hypothesis, width: int) -> bool:
-        return (one.names, True) in self._expanded or (width == 1 and (one.names, False) in self._expanded)
+        return (one.names, True) in self._expanded or (width <= _NARROW and (one.names, False) in self._expanded)
 
     def keep(self, found: Iterable[Hypothesis]) -> None:
         """Keep the best fit of each set."""
@@ -183,7 +183,7 @@ class Search:
 
     def expand(self, one: Hypothesis, width: int) -> None:
         """Make all moves from a set, until one of them is complete."""
-        self._expanded.add((one.names, width > 1))
+        self._expanded.add((one.names, width > _NARROW))
         leading = ", ".join(describe(e.key, e.indices) for e in self._leader.fit.added) or "what was declared"
         self.journal.tell(
             f"{self.spent} of {self.policy.budget} solutions, {len(self.known)} sets; the best: {leading}"
@@ -193,7 +193,7 @@ class Search:
             self.keep(self.moved(one))
             one = self.known[one.names]
         one = self._whole(one)
-        for moves in (self.added_linearly, self.regular, partial(self.added_from_starts, everywhere=width > 1)):
+        for moves in (self.added_linearly, self.regular, partial(self.added_from_starts, everywhere=width > _NARROW)):
             found = moves(one)
             self.keep(found)
             if self._ends(one, found):
