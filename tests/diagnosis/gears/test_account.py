@@ -23,10 +23,10 @@ from rverror.diagnosis.gears.account import (
     told_lines,
 )
 from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, begun, evaluated, fitted
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.model.effects import Model
 

@@ -27,9 +27,9 @@ from rverror.diagnosis.gears.fit import (
     renoised,
     soft_spread,
 )
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.waveform import softened
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.mechanism import ContactLaw, Stiffness
 from rverror.model.catalogue import source

@@ -42,14 +42,14 @@ from rverror.diagnosis.gears.hunt import (
     tried,
     unsure,
 )
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import candidates_of, placed, with_marks
 from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.gears.waveform import softened
+from rverror.diagnosis.journal import Journal
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError

@@ -14,8 +14,8 @@ from gear_runs import TURN, UNIT, record_of, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.late_faults import second_look
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import Record, conditions_of, records_of
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 
 MODEL = rverror.Model(UNIT)

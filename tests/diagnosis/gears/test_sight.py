@@ -16,10 +16,10 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated, fitted
 from rverror.diagnosis.gears.grid import AngleGrid
-from rverror.diagnosis.gears.noise import RunNoise
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.sight import EverySample, Few, compressed
 from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 
 BEYOND: tuple[Named, ...] = (

@@ -15,12 +15,12 @@ from order_tables import CAM, HEAD, empty, table_of, waves_of, with_wave
 from rverror.base.chance import student
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.orders.order_search import chance, described
 from rverror.diagnosis.orders.table_set import noise_of_cases, table_set
 from rverror.diagnosis.orders.tables import diagnose_tables, laws_of, widened
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition, Diagnosis
-from rverror.diagnosis.search import Journal
 from rverror.model.effects import Effect, Model
 from rverror.runs.order_table import OrderTable
 

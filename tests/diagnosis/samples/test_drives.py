@@ -156,6 +156,25 @@ def test_a_line_outside_the_catalogue_is_unexplained_and_not_blamed_on_a_neighbo
     assert line.frames == ()
 
 
+def test_a_worm_is_named_beside_a_second_line_on_a_random_walk() -> None:
+    """8.7 arcsec of the shaft and 4.5 at 8/3 of its order, over four turns: a line is no noise of its neighbours.
+
+    By the walk alone both waves of the shaft have a standard deviation of 1.1 arcsec, so nearly all recordings tell it.
+    """
+    drive, named = rverror.Model(rverror.Drive(ratio=360.0, shafts={"worm": 360.0})), 0
+    for seed in range(20, 30):
+        rng = np.random.default_rng(seed)
+        turned = np.linspace(0, 4.13 * 2 * np.pi, 3520)
+        walk = np.cumsum(rng.normal(0, 0.35, turned.size)) + rng.normal(0, 0.4, turned.size)
+        first, second = rng.uniform(0, 2 * np.pi, 2)
+        error = 8.7 * np.cos(turned + first) + 4.5 * np.cos(8 / 3 * turned + second) + walk
+        run = rverror.run_from_arrays(input_angle=turned, output_angle=turned / 360 + error * ARCSEC, direction=1.0)
+        found = rverror.diagnose(drive, [run])
+        assert {a.effect.key for a in found.added} <= {"shaft.eccentricity", "sensor.ratio_error"}
+        named += any(a.effect.indices.get("harmonic") == 1 for a in found.added)
+    assert named >= 8
+
+
 def test_a_size_that_no_workshop_makes_gives_way_to_a_plausible_cause() -> None:
     """Over 40 deg a slope of 4 % could be an encoder eccentricity of degrees."""
     time, theta = turns(1000, 0.11)

@@ -19,10 +19,10 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
-from rverror.diagnosis.gears.noise import noise_of
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
+from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source

@@ -31,8 +31,8 @@ from rverror.diagnosis.gears.screen import Proposal, screened
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from rverror.diagnosis.gears.fit import Fit
-from rverror.diagnosis.gears.noise import Flags
 from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.noise import Flags
 
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _REACH = 2  # angles of the grid, 0.35 deg of 2048 a turn: beside exact poses a jump was out of place by one or two

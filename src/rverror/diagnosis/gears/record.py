@@ -14,8 +14,8 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.gears.waveform import Conditioned
+from rverror.diagnosis.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, Pose

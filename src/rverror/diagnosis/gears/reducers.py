@@ -14,9 +14,9 @@ from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source

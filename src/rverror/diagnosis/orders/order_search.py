@@ -22,8 +22,8 @@ from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, moved, solved
 from rverror.diagnosis.gears.hunt import identity, named
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.orders.table_set import TableSet
-from rverror.diagnosis.search import Journal
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
 from rverror.model.empirical import ORDER

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.hunt import Hunt, Node
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.search import Journal
 
 
 @dataclass(frozen=True, eq=False)

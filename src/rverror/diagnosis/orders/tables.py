@@ -15,6 +15,7 @@ from rverror.diagnosis.gears.account import elastic_within
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
 from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
@@ -39,7 +40,6 @@ from rverror.diagnosis.result import (
     Progress,
     Residual,
 )
-from rverror.diagnosis.search import Journal
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source

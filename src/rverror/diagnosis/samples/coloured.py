@@ -15,29 +15,15 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
+from rverror.diagnosis.noise import RunNoise, without_lines
 
 Labels = npt.NDArray[np.intp]
 
 _MOST_LAGS = 12
-_TABLE = 8192  # frequencies of a tabulated spectrum
 _LEAST_BINS = 8  # neighbours on each side in the smoothed spectrum of the whitened residual
 
 
-@dataclass(frozen=True, eq=False)
-class Autoregression:
-    """Autoregressive noise of one run, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], w white of variance 1."""
-
-    coefficients: Array
-    sigma: float
-
-    def spectrum(self, frequency: Array) -> Array:
-        """Variance per unit of `frequency` / 2 pi, rad per sample."""
-        response = np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), 2 * _TABLE)
-        table = self.sigma**2 / np.abs(response) ** 2
-        return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), table), dtype=np.float64)
-
-
-def burg(residual: Array, *, floor: float = 0.0) -> Autoregression:
+def burg(residual: Array, *, floor: float = 0.0) -> RunNoise:
     """Autoregressive model of a residual, by Burg's method; as many lags, up to 12, as the Bayesian criterion allows.
 
     Parameters
@@ -58,7 +44,7 @@ def burg(residual: Array, *, floor: float = 0.0) -> Autoregression:
     forward, backward = residual, residual
     power = float(residual @ residual) / n + floor**2
     coefficients = np.zeros(0)
-    best, result = n * np.log(power), Autoregression(coefficients, float(np.sqrt(power)))
+    best, result = n * np.log(power), RunNoise(coefficients, float(np.sqrt(power)))
     for lag in range(1, min(_MOST_LAGS, n // 20) + 1):
         ahead, behind = forward[1:], backward[:-1]
         # the floor adds to the variance, not to the correlation
@@ -69,19 +55,21 @@ def burg(residual: Array, *, floor: float = 0.0) -> Autoregression:
         power *= 1 - reflection**2
         score = n * np.log(power) + lag * np.log(n)
         if score < best:
-            best, result = score, Autoregression(coefficients, float(np.sqrt(power)))
+            best, result = score, RunNoise(coefficients, float(np.sqrt(power)))
     return result
 
 
-def whiten(row: Array, noise: Autoregression) -> Array:
+def whiten(row: Array, noise: RunNoise) -> Array:
     """Filter a row of one run so that its noise becomes white of variance 1; the first samples, which lack lags, go."""
-    result = np.convolve(row, np.concatenate([[1.0], -noise.coefficients]), "valid") / noise.sigma
-    return np.asarray(result, dtype=np.float64)
+    return np.asarray(np.convolve(row, noise.filter, "valid"), dtype=np.float64)
 
 
 def smooth_spectrum(error: Array) -> Array:
-    """Power per frequency bin of a row, smoothed over neighbours; 1 for white noise of variance 1."""
-    power = np.abs(np.fft.rfft(error)) ** 2 / error.size
+    """Power per frequency bin of a row, without lines and smoothed over neighbours; 1 for white noise of variance 1.
+
+    A line is no noise of the orders beside it: a worm's second line had hidden its first in seven of eight recordings.
+    """
+    power = without_lines(np.abs(np.fft.rfft(error)) ** 2 / error.size)
     half = min(_half_width(error.size), (power.size - 1) // 2)
     mirrored = np.concatenate([power[half:0:-1], power, power[-2 : -half - 2 : -1]])
     total = np.concatenate([[0.0], np.cumsum(mirrored)])

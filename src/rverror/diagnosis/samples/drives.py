@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.account import result_of
-from rverror.diagnosis.samples.likelihood import SampleLikelihood
 from rverror.diagnosis.samples.lines import add_lines
 from rverror.diagnosis.samples.regressors import candidate_terms, declared_terms, nuisance_terms, offset_terms
 from rverror.diagnosis.samples.runs import gather
-from rverror.diagnosis.search import Journal, find_missing
+from rverror.diagnosis.samples.search import DriveSearch
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
@@ -53,9 +53,9 @@ def diagnose_drive(
     data, notes = gather(model, runs, policy=policy)
     base = [*offset_terms(data), *declared_terms(model, runs, data)]
     candidates = candidate_terms(model, runs, data)
-    likelihood = SampleLikelihood(data, tuple(candidates), tuple(nuisance_terms(data)), policy, journal)
-    found = find_missing(likelihood, likelihood.fitted(base))
-    ranking = likelihood.scored(found)
+    search = DriveSearch(data, tuple(candidates), tuple(nuisance_terms(data)), policy, journal)
+    found = search.best(search.fitted(base))
+    ranking = search.scored(found)
     journal.tell("searching the residual for lines of any order")
     fit = add_lines(data, found)
     return result_of(model, data, base, candidates, fit, ranking, notes, journal.history)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.samples.coloured import burg
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
 from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
@@ -18,14 +18,7 @@ _TURN = 2 * np.pi
 _EVEN = 1e-6  # of a step: samples nearer to even ones are taken as such
 
 
-class Coloured(Protocol):
-    """Noise of one run."""
-
-    def spectrum(self, frequency: Array) -> Array:
-        """Variance per unit of `frequency` / 2 pi, rad per sample."""
-
-
-def line_spectrum(theta: Array, residual: Array, noise: Coloured, lowest: float, highest: float) -> tuple[Array, Array]:
+def line_spectrum(theta: Array, residual: Array, noise: RunNoise, lowest: float, highest: float) -> tuple[Array, Array]:
     """Power of a wave of each order in a residual, as the squared distance from 0 in standard deviations.
 
     Parameters
@@ -33,7 +26,7 @@ def line_spectrum(theta: Array, residual: Array, noise: Coloured, lowest: float,
     theta : ndarray, shape (n,)
         rad; any order of samples.
     residual : ndarray, shape (n,)
-    noise : Coloured
+    noise : RunNoise
     lowest, highest : float
         Order.
 

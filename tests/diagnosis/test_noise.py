@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from gear_runs import red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.noise import RunNoise, Whitening, noise_of
+from rverror.diagnosis.noise import RunNoise, Whitening, noise_of
 
 FLOOR = 1e-3 * ARCSEC
 

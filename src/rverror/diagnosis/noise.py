@@ -16,7 +16,7 @@ Flags = npt.NDArray[np.bool_]
 
 _MOST_LAGS = 32
 _BLOCK = 32  # samples that are whitened by one product; no less than lags
-_TABLE = 4096  # frequencies of a tabulated spectrum
+_TABLE = 8192  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
 #: Of a run of nothing but noise; Hann's window makes it count as half as long, and a slow wave in a short run stands
@@ -80,7 +80,7 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm:
     rest = (rest - rest.mean()) * window
     power = np.abs(np.fft.rfft(rest)) ** 2 / float((window**2).sum())
     power *= used / max(used - fitted, 0.5 * used)
-    lags = np.fft.irfft(_without_lines(power), n)[: _MOST_LAGS + 1]
+    lags = np.fft.irfft(without_lines(power), n)[: _MOST_LAGS + 1]
     lags[0] += floor**2
     # of a short run fewer: many lags would follow a line that no model explains
     count = max(min(_MOST_LAGS, n // 64), min(4, n // 20))
@@ -94,8 +94,18 @@ def _window(n: int, share: float) -> Array:
     return np.asarray((1 - np.cos(np.pi * np.minimum(2 * np.minimum(at, 1 - at) / share, 1))) / 2)
 
 
-def _without_lines(power: Array) -> Array:
-    """A periodogram of which no bin stands far above the median of its band: lines, and what no model explains yet."""
+def without_lines(power: Array) -> Array:
+    """A periodogram of which no bin stands far above the median of its band: lines, and what no model explains yet.
+
+    Parameters
+    ----------
+    power : ndarray, shape (bins,)
+        From that of the mean on.
+
+    Returns
+    -------
+    ndarray, shape (bins,)
+    """
     edges = [1]
     while edges[-1] < power.size:
         edges.append(max(edges[-1] + _LEAST_BINS, round(edges[-1] * 2 ** (1 / _BANDS))))
