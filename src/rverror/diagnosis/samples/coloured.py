@@ -67,7 +67,7 @@ def whiten(row: Array, noise: RunNoise) -> Array:
 def smooth_spectrum(error: Array) -> Array:
     """Power per frequency bin of a row, without lines and smoothed over neighbours; 1 for white noise of variance 1.
 
-    A line is no noise of the orders beside it: a worm's second line had hidden its first in seven of eight recordings.
+    A line is no noise of the orders beside it: a worm's second line had hidden its first on a random walk.
     """
     power = without_lines(np.abs(np.fft.rfft(error)) ** 2 / error.size)
     half = min(_half_width(error.size), (power.size - 1) // 2)

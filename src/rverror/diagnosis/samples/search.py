@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rverror.base.text import describe
-from rverror.diagnosis.journal import Journal, Name
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.result import Candidate
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
@@ -61,24 +60,23 @@ class DriveSearch:
         """Chance at which one of all candidates passes."""
         return self.policy.false_alarm / max(len(self.candidates) + len(self.nuisances), 1)
 
-    @staticmethod
-    def _added(found: SampleFit) -> list[Name]:
-        return [(t.name, dict(t.indices)) for t in found.terms if t.kind not in (OFFSET, DECLARED)]
+    def _note(self, fate: str, term: Term, why: str) -> None:
+        self.journal.note(fate, (term.name, term.indices), why)
 
     def _next(self, found: SampleFit) -> SampleFit | None:
         """The fit with the best candidate that holds, or with a stronger line beside it; none where none holds."""
         self.journal.round += 1
         for trial in self._with_one_more(found):
-            name = self._added(trial)[-1]
+            term = trial.terms[-1]
             if why := self._fails(found, trial):
-                self.journal.note("fell", name, why)
+                self._note("fell", term, why)
                 continue
             line = best_line(self.data, found)
             if line is not None and beats(self.data, line, trial):
-                self.journal.note("fell", name, "a stronger line beside it goes first")
+                self._note("fell", term, "a stronger line beside it goes first")
                 return line
-            self.journal.tell(f"added {describe(*name)}")
-            self.journal.note("added", name, "significant, and better on left-out data")
+            self.journal.tell(f"added {term.label}")
+            self._note("added", term, "significant, and better on left-out data")
             return self._pruned(trial)
         return None
 
@@ -87,11 +85,14 @@ class DriveSearch:
 
         Sizes that no workshop makes go after plausible ones.
         """
-        count = len(self.candidates) + len(self.nuisances)
-        self.journal.tell(f"fitting {count} candidates beside {len(self._added(found))} found")
+        count, added = (
+            len(self.candidates) + len(self.nuisances),
+            [t for t in found.terms if t.kind not in (OFFSET, DECLARED)],
+        )
+        self.journal.tell(f"fitting {count} candidates beside {len(added)} found")
         ranking, barred = screened(self.data, found, [*self.candidates, *self.nuisances])
         for term in barred:
-            self.journal.note("fell", (term.name, term.indices), "the runs cannot tell it from what is there")
+            self._note("fell", term, "the runs cannot tell it from what is there")
         best = max((one.gain for one in ranking), default=0.0)
         for one in sorted(
             ranking, key=lambda one: bool(one.too_large) or one.gain < self.policy.plausible_first * best
@@ -112,7 +113,7 @@ class DriveSearch:
             if weak is None:
                 return found
             self.journal.tell(f"dropped {weak.label}: needless beside what came later")
-            self.journal.note("dropped", (weak.name, dict(weak.indices)), "needless beside what came later")
+            self._note("dropped", weak, "needless beside what came later")
             found = self.fitted([t for t in found.terms if t is not weak])
 
     def _bow_of_drift(self, found: SampleFit) -> SampleFit | None:
