@@ -94,7 +94,7 @@ class RunSet:
         if not self.anywhere:
             return self
         start = float(self.records[0].theta.min()) + offset
-        turns = [replace(c, turn=replace(c.turn, start=start), _kept={}) for c in self.conditions]
+        turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
 
     @cached_property

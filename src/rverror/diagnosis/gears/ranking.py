@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -201,12 +200,12 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
     total, width = int(ends[-1]), max(2, *(len(block.directions) for block in blocks))
     places = np.repeat(np.arange(len(blocks)), np.diff(ends)), np.concatenate([np.arange(n) for n in np.diff(ends)])
     cross, moment = np.zeros((total, int(free.sum()))), np.zeros(total)
-    products = np.zeros((total, total)) if whole else np.zeros((total, width))
+    products = np.zeros((total, total)) if whole else np.zeros((len(blocks), width, width))
     for number, white in enumerate(fit.rows):
         rows = np.concatenate([block.rows[number] for block in blocks])
         cross += rows @ white[1:][free].T
         moment += rows @ white[0]
-        products += rows @ rows.T if whole else _own_products(rows, ends, width)
+        products += rows @ rows.T if whole else _own_products(rows, rows, ends, width)
     prior = np.stack([_prior(block, fit, width) for block in blocks])
     before = np.linalg.slogdet(prior)[1]
     found = []
@@ -229,10 +228,7 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
                 products / scale - reach @ cross.T / scale
             )
         else:
-            seen = np.zeros((len(blocks), width, 1, width))
-            for b, (first, last) in enumerate(pairwise(ends)):
-                k = last - first
-                seen[b, :k, 0, :k] = products[first:last, :k] / scale - reach[first:last] @ cross[first:last].T / scale
+            seen = (products - _own_products(reach, cross, ends, width))[:, :, None] / scale
         numbers = np.arange(len(blocks))
         seen[numbers, :, numbers if whole else 0] += prior
         worth = np.linalg.slogdet(seen[numbers, :, numbers if whole else 0])[1] - before
@@ -240,11 +236,14 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
     return found
 
 
-def _own_products(rows: Array, ends: npt.NDArray[np.intp], width: int) -> Array:
-    """Products of each block's rows with one another."""
-    out = np.zeros((len(rows), width))
-    for first, last in pairwise(ends):
-        out[first:last, : last - first] = rows[first:last] @ rows[first:last].T
+def _own_products(left: Array, right: Array, ends: npt.NDArray[np.intp], width: int) -> Array:
+    """Products of each block's rows of one matrix with its rows of another, (blocks, width, width)."""
+    counts = np.diff(ends)
+    out = np.zeros((counts.size, width, width))
+    for count in set(counts.tolist()):  # blocks of as many rows are one product
+        which = np.flatnonzero(counts == count)
+        at = ends[which][:, None] + np.arange(count)
+        out[which, :count, :count] = left[at] @ right[at].transpose(0, 2, 1)
     return out
 
 

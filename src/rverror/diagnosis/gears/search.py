@@ -140,7 +140,8 @@ class Search:
                 for part in self.parts(best):  # one that nearly fits may have ended in a false minimum
                     if part.fit.data <= _NEARLY * part.fit.bound:
                         self.keep(self._once("moved", part.fit, partial(self._moved_slim, part)))
-                if self._leader is leader and self.pruned(best).names == best.names:
+                # fits that have settled differ by less
+                if self._leader.score > leader.score - 1 and self.pruned(best).names == best.names:
                     return best, True
                 continue
             if nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
@@ -496,8 +497,11 @@ class Search:
 
     # --- the race -----------------------------------------------------------------------------------------------------
 
-    def _raced(self, one: Hypothesis, fit: Fit, models: Sequence[Model], *, patient: bool = False) -> list[Hypothesis]:
-        """Models solved at the load, the most promising refitted further and further; the best over every sample."""
+    def _raced(
+        self, one: Hypothesis, fit: Fit, models: Sequence[Model], *, patient: bool = False, below: float = math.inf
+    ) -> list[Hypothesis]:
+        """Models solved at the load, the most promising refitted further and further; the best over every sample, and
+        such as promise a lower score than some."""
         trials = self._solved(fit, models)
         if patient:
             trials = self._stepped(trials, _PATIENCE)
@@ -505,7 +509,8 @@ class Search:
             trials = distinct(sorted(trials, key=lambda t: t.prospect), times * self.policy.refitted)
             trials = self._stepped(trials, steps)
         trials.sort(key=lambda t: t.prospect)
-        near = [trial.fit for trial in trials if trial.prospect < trials[0].prospect + self.policy.close]
+        most = min(below, min((trial.prospect for trial in trials), default=0.0) + self.policy.close)
+        near = [trial.fit for trial in trials if trial.prospect < most]
         first = self._refitted(one, near[:1])
         return first if self._ends(one, first) else first + self._refitted(one, near[1:])
 
@@ -579,10 +584,12 @@ class Search:
     def _replaced(self, one: Hypothesis) -> list[Hypothesis]:
         if len(one.fit.added) < 2:
             return []
-        plain = as_declared(onto(self.coarse(one), one.fit))
+        coarse = onto(self.coarse(one), one.fit)
+        plain = as_declared(coarse)
         bare = replace(plain.model, effects=plain.model.effects[: len(plain.declared.effects)])
         fit = evaluated(plain.bench, bare, plain.declared)
-        return self._raced(one, fit, [bare.with_effects(effect) for effect in self._begun_alone(fit)], patient=True)
+        models = [bare.with_effects(effect) for effect in self._begun_alone(fit)]
+        return self._raced(one, fit, models, patient=True, below=self._trial(coarse).prospect)
 
     def _begun_alone(self, fit: Fit) -> list[Effect]:
         """Candidates of sources with one place, at each of their starts."""
@@ -600,12 +607,14 @@ class Search:
     def _hidden(self, one: Hypothesis) -> list[Hypothesis]:
         if len(one.fit.added) == self.policy.most_effects:
             return []
-        plain = as_declared(onto(self.coarse(one), one.fit))
+        coarse = onto(self.coarse(one), one.fit)
+        plain = as_declared(coarse)
         all_repeat = all(self._repeats((e.key, e.indices)) for e in plain.bench.around(plain.model))
         names = tuple(name for name in self._begun(everywhere=False) if self._repeats(name) or not all_repeat)
         columns = self.blocks(plain), self._starts(plain, names)
         offers = [o for some in columns for o in singles(plain, some, self.score.cost)[: self.policy.evaluated]]
-        return self._raced(one, plain, [with_offer(plain.model, o) for o in offers if o.score < o.without])
+        models = [with_offer(plain.model, o) for o in offers if o.score < o.without]
+        return self._raced(one, plain, models, below=self._trial(coarse).prospect)
 
     def _begun_like(self, name: Named) -> tuple[Named, ...]:
         """Candidates with starts that repeat with the crank, or not, as another does."""

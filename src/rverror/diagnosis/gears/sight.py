@@ -24,9 +24,6 @@ from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
 
-_HIGHEST = 0.45  # of the samples of a grid: the highest order that a spline through them follows
-
-
 T = TypeVar("T")
 
 _KEPT = 8  # readouts and motions of one run, each at its own offset of the marks

@@ -95,13 +95,14 @@ class Conditioned:
     torque: float | None
     turn: AngleGrid
     _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
+    _coarser: dict[int, Conditioned] = field(default_factory=dict, repr=False)
 
     def coarser(self, points: int) -> Conditioned:
-        """The same on so many angles a turn, if that is fewer."""
-        turn = self.turn
-        if not turn.closed or turn.points <= points:
-            return self
-        return Conditioned(self.direction, self.torque, whole(turn.start, turn.step * turn.points, points))
+        """The same on so many angles a turn, if that is fewer; made once."""
+        if points not in self._coarser:
+            turn = self.turn.coarser(points)
+            self._coarser[points] = self if turn == self.turn else Conditioned(self.direction, self.torque, turn)
+        return self._coarser[points]
 
     def repeat(self, unit: Reducer) -> AngleGrid:
         """One turn of the crank against the carrier."""
