@@ -174,21 +174,6 @@ class Whitening:
         return slice(at[0], at[-1] + 1) if at.size and np.ptp(at) == at.size - 1 else at
 
     @property
-    def basis(self) -> Array:
-        """Orthonormal rows that the nuisances span, whitened."""
-        return self._basis
-
-    @property
-    def sparse(self) -> scipy.sparse.csr_array:
-        """The filter as a sparse matrix (usable samples, n), without what it takes nuisances out by."""
-        lags, n = self.noise.coefficients.size, self.kept.size
-        at = self.usable
-        columns = at[:, None] - np.arange(lags + 1)
-        values = np.broadcast_to(self.noise.filter, columns.shape)
-        rows = np.repeat(np.arange(at.size), lags + 1)
-        return scipy.sparse.csr_array((values.ravel(), (rows, columns.ravel())), shape=(at.size, n))
-
-    @property
     def freedom(self) -> int:
         """Number of independent values."""
         return int(self.kept.sum()) - len(self.starts) * self.noise.coefficients.size

@@ -564,19 +564,14 @@ def as_declared(fit: Fit) -> Fit:
 
 def lifted(fit: Fit, number: int) -> Fit:
     """The state without one of the added effects' part, the contacts as they are with it."""
-    effects = fit.model.effects
-    at = len(fit.declared.effects) + number
+    effects, at = fit.model.effects, len(fit.declared.effects) + number
     first = sum(len(e.values) for e in effects[:at])
     own = np.arange(first, first + len(effects[at].values))
-    values = np.array(effects[at].values)
-    rows, data = [], 0.0
-    kept = np.delete(np.arange(fit.moment.size), own)
-    for white in fit.rows:
-        rest = white[0] + values @ white[1 + own]
-        rows.append(np.concatenate([rest[None], white[1 + kept]]))
-        data += float(rest @ rest)
-    model = replace(fit.model, effects=effects[:at] + effects[at + 1 :])
+    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
+    rows = [np.concatenate([(white[0] + values @ white[1 + own])[None], white[1 + kept]]) for white in fit.rows]
     return replace(
-        fit, model=model, rows=tuple(rows), data=data, gram=fit.gram[np.ix_(kept, kept)],
-        moment=(fit.moment + fit.gram[:, own] @ values)[kept],
+        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]), rows=tuple(rows),
+        residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
+        raw=tuple(raw[kept] for raw in fit.raw), data=sum(float(white[0] @ white[0]) for white in rows),
+        gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],
     )  # fmt: skip
