@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +58,8 @@ class RunSet:
         Which of `SOFTENING` are refitted.
     anywhere : bool
         Whether the gear's marks may be at any angle.
+    sampled : bool
+        Whether the records are samples, which may hold lines that no one has named.
     """
 
     unit: Reducer
@@ -67,6 +69,7 @@ class RunSet:
     policy: Policy
     soft: Flags
     anywhere: bool = False
+    sampled: ClassVar[bool] = True
 
     @staticmethod
     def of(unit: Reducer, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:

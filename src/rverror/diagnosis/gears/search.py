@@ -9,9 +9,9 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from itertools import product
-from typing import TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 _COARSE = 1024  # angles a turn on which sets are raced: half of those of the fit
 _STARTS = 512  # angles a turn at which starts are solved, to be ranked
@@ -53,6 +54,19 @@ _PATIENCE = 12  # steps of all before any is dropped
 _PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
 _NEARLY = 2  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
 _MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
+
+
+def _made_once(
+    moves: Callable[Concatenate[Search, Hypothesis, P], list[Hypothesis]],
+) -> Callable[Concatenate[Search, Hypothesis, P], list[Hypothesis]]:
+    """Moves that are made once from every fit; the sets that they gave are kept without their rows."""
+
+    @wraps(moves)
+    def made(self: Search, one: Hypothesis, /, *args: P.args, **options: P.kwargs) -> list[Hypothesis]:
+        name = moves.__name__, args, *options.items()
+        return self._once(name, one.fit, lambda: [found.slim for found in moves(self, one, *args, **options)])
+
+    return made
 
 
 class Search:
@@ -139,7 +153,7 @@ class Search:
                 self.keep(self.hidden(best))
                 for part in self.parts(best):  # one that nearly fits may have ended in a false minimum
                     if part.fit.data <= _NEARLY * part.fit.bound:
-                        self.keep(self._once("moved", part.fit, partial(self._moved_slim, part)))
+                        self.keep(self.moved(part))
                 # fits that have settled differ by less
                 if self._leader.score > leader.score - 1 and self.pruned(best).names == best.names:
                     return best, True
@@ -251,12 +265,12 @@ class Search:
     def _line_left(self, fit: Fit) -> bool:
         """Tell whether a line is left that noise hardly ever makes; what it makes in one of a thousand runs is told."""
         chance = math.erfc(self.policy.by_chance / math.sqrt(2)) / 2
-        return bool(best_lines(fit, replace(self.policy, false_alarm=chance), outside=False))
+        return fit.bench.sampled and bool(best_lines(fit, replace(self.policy, false_alarm=chance), outside=False))
 
     def _settles(self, one: Hypothesis) -> bool:
         """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
         records = one.fit.bench.records
-        if one.slow or any(r.turns <= self.policy.settles for r in records):
+        if one.slow or not one.fit.bench.sampled or any(r.turns <= self.policy.settles for r in records):
             return False
         slow = [r.settling for r in records]
         return (
@@ -267,7 +281,9 @@ class Search:
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's: the strongest free line, or runs that drift and settle."""
-        found, records = [], one.fit.bench.records
+        found, records = list[Hypothesis](), one.fit.bench.records
+        if not one.fit.bench.sampled:  # a table names all its lines
+            return found
         if self._settles(one):
             found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
         for line in best_lines(one.fit, self.policy, outside=True)[:1]:
@@ -368,9 +384,9 @@ class Search:
         return self._last[1]
 
     def coarse(self, one: Hypothesis) -> RunSet:
-        """The runs on few angles: near enough to choose what to refit."""
+        """The runs on few angles: near enough to choose what to refit.  Numbers of a table are few already."""
         bench = one.fit.bench
-        return self._once("coarse", bench, lambda: bench.coarser(_COARSE))
+        return self._once("coarse", bench, lambda: bench.coarser(_COARSE)) if bench.sampled else bench
 
     def free(self, fit: Fit) -> list[Named]:
         """Candidates that a model does not have."""
@@ -447,6 +463,7 @@ class Search:
 
     # --- moves: what is replaced, and dropped -------------------------------------------------------------------------
 
+    @_made_once
     def moved(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with its causes in equivalent places, begun anew from their starts, or with the marks elsewhere."""
         if not one.fit.added:
@@ -467,14 +484,9 @@ class Search:
         models += [marked(fit.model, offset) for offset in self.offsets[: self.policy.offsets]]
         return self._raced(one, fit, models)
 
-    def _moved_slim(self, one: Hypothesis) -> list[Hypothesis]:
-        return [other.slim for other in self.moved(one)]
-
+    @_made_once
     def dropped(self, one: Hypothesis) -> list[Hypothesis]:
         """A set without each of its causes, lines, or drift, refitted."""
-        return self._once("parts", one.fit, lambda: [part.slim for part in self._dropped(one)])
-
-    def _dropped(self, one: Hypothesis) -> list[Hypothesis]:
         found = each(partial(self._without, one), range(len(one.fit.added)))
         self.spent += 12 * len(found)
         records = one.fit.bench.records
@@ -557,12 +569,10 @@ class Search:
             if min(rival.score - one.score, rival.fit.objective - one.fit.objective) < behind
         )
 
+    @_made_once
     def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
         """A set with other causes in one's place that come near: such as close the same gaps, equivalent places, and
         what a linear step or a start puts there."""
-        return self._once(("rivals", number), one.fit, lambda: [rival.slim for rival in self._rivals(one, number)])
-
-    def _rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
         policy, coarse = self.policy, onto(self.coarse(one), one.fit)
         rest, effect = lifted(coarse, number), coarse.added[number]
         free = self.free(coarse)
@@ -574,14 +584,12 @@ class Search:
         starts = self._starts(coarse, self._begun_like((effect.key, effect.indices)))
         return self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, policy.rivals))
 
+    @_made_once
     def replaced(self, one: Hypothesis) -> list[Hypothesis]:
         """One cause in the place of all that a set has, each start followed to its end.
 
         Two causes may stand for one of which no linear step tells, as a carrier's runout; such have one place.
         """
-        return self._once("replaced", one.fit, lambda: [other.slim for other in self._replaced(one)])
-
-    def _replaced(self, one: Hypothesis) -> list[Hypothesis]:
         if len(one.fit.added) < 2:
             return []
         coarse = onto(self.coarse(one), one.fit)
@@ -596,15 +604,13 @@ class Search:
         names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
         return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
 
+    @_made_once
     def hidden(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with a cause more that its declared sizes and stiffness hide: they have moved to make up for it.
 
         Seen from the declared sizes, by a linear step or its starts.  What does not repeat with the crank cannot hide
         behind what does.
         """
-        return self._once("hidden", one.fit, lambda: [more.slim for more in self._hidden(one)])
-
-    def _hidden(self, one: Hypothesis) -> list[Hypothesis]:
         if len(one.fit.added) == self.policy.most_effects:
             return []
         coarse = onto(self.coarse(one), one.fit)
