@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +13,14 @@ from scipy.signal import lfilter
 import rverror
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
 from rverror.diagnosis.gears.record import Record, records_of
+from rverror.diagnosis.gears.reducers import candidates_of
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import softened
+from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
+from rverror.model.effects import Effect, Model
 
 TURN = 2 * math.pi
 #: Few pins, so that it is solved quickly: ratio 49.
@@ -39,6 +43,9 @@ UNIT = rverror.Reducer(
 OFF = np.array([0.3, -0.25, 0.2, -0.3, 0.1, 0.0, 0.006, 0.1, 0.0, 0.0])
 #: With other stiffness than is declared.
 OTHER = softened(UNIT, OFF)
+BARE = Model(UNIT)
+CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
+USUAL, LIGHT = ((1.0, 50e3), (-1.0, 50e3)), ((1.0, 20e3), (-1.0, 20e3))
 
 
 def red(seed: int, n: int, rms: float = 0.3, memory: float = 0.7) -> Array:
@@ -49,7 +56,7 @@ def red(seed: int, n: int, rms: float = 0.3, memory: float = 0.7) -> Array:
 
 def runs_of(
     model: rverror.Model,
-    conditions: Sequence[tuple[float, float]] = ((1.0, 50e3), (-1.0, 50e3)),
+    conditions: Sequence[tuple[float, float]] = USUAL,
     *,
     points: int = 1024,
     turns: float = 1.0,
@@ -87,13 +94,10 @@ def runs_of(
     return result
 
 
-def begin(
-    model: rverror.Model, runs: Sequence[rverror.Run], *, policy: Policy = POLICY, points: int = 1024, few: Any = ()
-) -> Fit:
+def begin(model: rverror.Model, runs: Sequence[rverror.Run], *, policy: Policy = POLICY, points: int = 1024) -> Fit:
     """First state of a fit to runs."""
     records, _ = records_of(model, runs, policy)
-    bench = RunSet.of(model.mechanism, records, policy, points=points, anywhere=False)
-    return begun(replace(bench, few=few) if few else bench, model, model)
+    return begun(RunSet.of(model.mechanism, records, policy, points=points, anywhere=False), model, model)
 
 
 def record_of(error: Array, theta: Array | None = None, **more: Any) -> Record:
@@ -101,3 +105,28 @@ def record_of(error: Array, theta: Array | None = None, **more: Any) -> Record:
     n = error.size
     theta = TURN * np.arange(n) / n if theta is None else theta
     return Record("run 1", theta, error, 1.0, 50e3, np.ones(n, dtype=np.bool_), **more)
+
+
+def settled(
+    true: Model, *added: Effect, declared: Model = BARE, conditions: Sequence[tuple[float, float]] = USUAL, **more: Any
+) -> Fit:
+    """The fit of runs with these effects added, and with the noise that they leave."""
+    first = begin(declared, runs_of(true, conditions, **more))
+    start = replace(first.model, effects=(*declared.effects, *added))
+    return fitted(renoised(fitted(evaluated(first.bench, start, declared), steps=30)), steps=30)
+
+
+def beside(fit: Fit, *added: Effect) -> Fit:
+    """What is declared of a fit with other effects added, fitted under the same noise."""
+    start = replace(fit.declared, effects=(*fit.declared.effects, *added))
+    return fitted(evaluated(fit.bench, start, fit.declared), steps=30)
+
+
+def search_of(fit: Fit, keys: Collection[str] = (), *, offsets: Sequence[float] = (), **rules: Any) -> Search:
+    """A search from what is declared, under the noise of a fit, for causes of some keys or of all."""
+    policy = replace(POLICY, keys=tuple(keys), **rules)
+    return Search(beside(fit), candidates_of(fit.declared, fit.bench.records, policy), policy, Journal(quiet), offsets)
+
+
+def quiet(_: str) -> None:
+    """Nobody listens."""

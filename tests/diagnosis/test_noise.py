@@ -80,7 +80,19 @@ def test_a_series_begins_anew_after_a_gap() -> None:
     assert white(values) == pytest.approx(np.concatenate(apart, axis=1))
     assert white.freedom == white(values).shape[1] == 48
     assert list(white.usable[18:20]) == [19, 21]
-    assert white.sparse @ values[0] == pytest.approx(white.filtered(values)[0])
+    assert white.filtered(values)[0, 0] == values[0, 1] - 0.8 * values[0, 0]
+
+
+@pytest.mark.parametrize(("n", "lags"), [(2000, 32), (513, 1), (40, 7), (33, 32), (20, 0)])
+def test_a_run_is_whitened_by_convolution(n: int, lags: int) -> None:
+    rng = np.random.default_rng(n)
+    noise, rows = RunNoise(rng.normal(size=lags), 0.7), rng.normal(size=(3, n))
+    white = Whitening(noise, np.ones(n, dtype=np.bool_), (0,), np.zeros((0, n)))
+    same = [np.convolve(row, noise.filter)[lags:n] for row in rows]
+    assert white.filtered(rows) == pytest.approx(np.array(same), abs=1e-12)
+    assert white.filtered(rows[:, ::-1]) == pytest.approx(
+        np.array([np.convolve(r[::-1], noise.filter)[lags:n] for r in rows])
+    )
 
 
 def test_nothing_is_left_of_what_may_have_any_size() -> None:

@@ -15,7 +15,6 @@ from rverror.base.arrays import Array
 Flags = npt.NDArray[np.bool_]
 
 _MOST_LAGS = 32
-_BLOCK = 32  # samples that are whitened by one product; no less than lags
 _TABLE = 8192  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
@@ -162,46 +161,17 @@ class Whitening:
 
     def filtered(self, rows: Array) -> Array:
         """Rows (k, n) through the whitening filter, each series by itself; its first samples lack lags and go."""
-        count, n = rows.shape
-        # one block of nothing ahead of each row: no row goes on where another one ends
-        padded = np.zeros((count, _BLOCK * (1 - -n // _BLOCK)))
-        padded[:, _BLOCK : _BLOCK + n] = rows
-        blocks = padded.reshape(-1, _BLOCK)
-        white = blocks @ self._matrix[_BLOCK:]
-        white[1:] += blocks[:-1] @ self._matrix[:_BLOCK]
-        return np.asarray(white.reshape(padded.shape)[:, _BLOCK:][:, self._used])
+        from rverror.base.filtering import filtered_into
+
+        out = np.empty_like(rows)
+        filtered_into(out, np.ascontiguousarray(rows), self.noise.filter)
+        return np.asarray(out[:, self._used])
 
     @cached_property
     def _used(self) -> npt.NDArray[np.intp] | slice:
         """`usable`, as a slice where it is one: that need not be copied."""
         at = self.usable
         return slice(at[0], at[-1] + 1) if at.size and np.ptp(at) == at.size - 1 else at
-
-    @cached_property
-    def _matrix(self) -> Array:
-        """The filter from a block of samples and the one before to a block, (2 blocks, block).
-
-        A product of matrices is done much sooner than a convolution of each row.
-        """
-        taps = self.noise.filter
-        lag = np.arange(_BLOCK) - np.arange(-_BLOCK, _BLOCK)[:, None]
-        inside = (lag >= 0) & (lag < taps.size)
-        return np.where(inside, taps[np.where(inside, lag, 0)], 0.0)
-
-    @property
-    def basis(self) -> Array:
-        """Orthonormal rows that the nuisances span, whitened."""
-        return self._basis
-
-    @property
-    def sparse(self) -> scipy.sparse.csr_array:
-        """The filter as a sparse matrix (usable samples, n), without what it takes nuisances out by."""
-        lags, n = self.noise.coefficients.size, self.kept.size
-        at = self.usable
-        columns = at[:, None] - np.arange(lags + 1)
-        values = np.broadcast_to(self.noise.filter, columns.shape)
-        rows = np.repeat(np.arange(at.size), lags + 1)
-        return scipy.sparse.csr_array((values.ravel(), (rows, columns.ravel())), shape=(at.size, n))
 
     @property
     def freedom(self) -> int:

@@ -122,41 +122,19 @@ class Policy:
 
     # --- reducers: how long it is searched ----------------------------------------------------------------------------
 
-    #: Sets of causes that are looked beside in the first search; in a wider one, where that found no set that leaves
-    #: nothing: what was declared, three sets of one cause, which go before any of two, and three beside each; and, once
-    #: the noise is known better, in each later one.  How many later ones; and sets that wait.  Chosen for time: one
-    #: cause needs one, three need three.
-    expansions: int = 5
-    wider_expansions: int = 13
-    breadth: int = 3
-    again: int = 2
+    #: Solutions of the equilibrium after which no other set is looked at, and how often the search goes on once the
+    #: noise is known better.  Three causes took up to 6000; a solution takes a thread some 5 ms.
+    budget: int = 6000
     looks: int = 3
-    branches: int = 9
-    #: Times as many candidates as below that the wider search solves, steps and refits: beside two others that are
-    #: missing a linear step ranks a cause anywhere.  Chosen for time.
-    wider: int = 2
-    #: Candidates that are solved at the load, by what a linear step promises; of these that take one step more, and of
-    #: these that are refitted jointly with everything.  Chosen for time: of 330 trial units the true cause was never
-    #: later.
-    evaluated: int = 30
-    stepped: int = 10
-    refitted: int = 4
+    #: Single causes, and pairs, that are solved at the load, by what a linear step promises; and how many of them are
+    #: refitted to their end.  Of 52 units the answers were the same with half as many again.
+    evaluated: int = 20
+    refitted: int = 3
     #: Candidates that lead over every sample and are fitted there at once, where what is left is no more than noise.
     #: Chosen for time.
     direct: int = 3
-    #: Of those, that are fitted to every sample although one is ahead by more than `close`, while none is enough.
-    finest: int = 3
     #: Objective within which fits on few angles are compared on all.  Chosen: few angles often cost some 50.
     close: float = 60.0
-    #: Joint steps after which, of the fits that are followed to their end, the worse are left.  In twice as many those
-    #: that open contacts had settled in 28 of 30 virtual units.
-    halfway: int = 12
-    #: Candidates of each source that are followed to their end, in the wider search and where marks are unknown, if no
-    #: race ends in a complete set.  Chosen for time.
-    of_each: int = 4
-    #: Angles a turn on which candidates are tried first.  Chosen for time; a sun's waves, of higher orders, are taken
-    #: at the samples.
-    coarse: int = 512
     #: Causes that look most like one that was found and are solved in its place; those that may come within
     #: `close` times five are refitted.
     rivals: int = 16

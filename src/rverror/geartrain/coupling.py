@@ -10,8 +10,10 @@ from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import (
     CRANK,
+    OPENS,
     Indices,
     Source,
+    around,
     bore_orders,
     chosen,
     clearance,
@@ -163,12 +165,13 @@ SOURCES = (
         "displacement of one crank bore in the carrier",
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the force on the bore does",
-        false_minima=True,
+        starts=around(0.17),
     ),
     Source(
         "coupling.bearing_clearance", bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
+        starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
         hidden="the force on a bore is constant in the carrier, and so is its journal's place",
     ),
@@ -185,6 +188,6 @@ SOURCES = (
         "carrier", _runout_orders, "001, table 3", "bore circle against the carrier's axis",
         equation=r"$\delta = -C(\theta)\,(x, y)$",
         hidden="the forces on all bores cancel",
-        false_minima=True,
+        starts=around(0.17),
     ),
 )  # fmt: skip

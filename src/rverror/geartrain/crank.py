@@ -13,6 +13,8 @@ from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
     CRANK,
     DISC,
+    EITHER_WAY,
+    OPENS,
     Indices,
     Source,
     angles,
@@ -209,6 +211,7 @@ SOURCES = (
     Source(
         "crank.bearing_clearance", bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
+        starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
     ),
     Source(
@@ -216,7 +219,7 @@ SOURCES = (
         (or_all("crank", lambda unit: range(unit.cranks)), or_all("disc", lambda unit: range(unit.discs))),
         compliances(3, "compliance"),
         "bearing", _compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
-        needs=("torque",),
+        needs=("torque",), starts=EITHER_WAY,
         equation=r"$\delta = -e\, f_{kj}$",
     ),
     Source(

@@ -15,9 +15,12 @@ from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
     CRANK,
     DISC,
+    EITHER_WAY,
     PIN,
     Indices,
     Source,
+    around,
+    axes_and_corners,
     bore_orders,
     chosen,
     compliances,
@@ -585,25 +588,25 @@ def _mesh_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
 
 
 _LOBE = every("lobe", lambda unit: range(unit.disc_lobes))
-_PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"])
+_PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"], PIN.equivalents)
 
 SOURCES = (
     Source(
         DISC_PROFILE, disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
-        false_minima=True,
+        starts=around(0.17),
         equation=r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
     ),
     Source(
         "cycloid.disc_pitch", disc_pitch, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
-        false_minima=True,
+        starts=around(0.17),
         equation=r"$\delta = -(c\cos h\psi_i + s\sin h\psi_i)\, \tau_i$",
     ),
     Source(
         "cycloid.disc_lobe", disc_lobe, (DISC, _LOBE), lengths(50, "deviation"),
-        "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", late=True,
-        false_minima=True,
+        "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", in_tables=False,
+        starts=EITHER_WAY,
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
     ),
     Source(
@@ -615,7 +618,7 @@ SOURCES = (
     Source(
         "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),
         "housing", _one_pin_orders, "001; 002, e_R and e_AR; 004", "displacement of one pin",
-        false_minima=True,
+        starts=((-0.2, 0.0), (-0.2, 0.25), (-0.2, -0.25)),
         equation=r"$\delta = e_r\, p_i + e_t\, p_i^\perp$",
     ),
     Source(
@@ -623,7 +626,7 @@ SOURCES = (
         lengths(50, "radial_cos", "radial_sin", "tangential_cos", "tangential_sin"),
         "housing", pin_wave_orders, "001, table 1", "wave of all pins around the pin circle",
         alike_at_pins=lambda indices: indices["harmonic"] == 0,
-        false_minima=True,
+        starts=axes_and_corners(0.1, 4),
         equation=(
             r"$\delta = (c_r\cos h\gamma_i + s_r\sin h\gamma_i)\, p_i + (c_t\cos h\gamma_i + s_t\sin "
             r"h\gamma_i)\, p_i^\perp$"
@@ -634,7 +637,7 @@ SOURCES = (
         PIN_RADIUS, pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),
         "housing", _one_pin_orders, "000; 001; 004", "radius of one pin or of all",
         alike_at_pins=lambda indices: indices["pin"] == "all",
-        false_minima=True,
+        starts=EITHER_WAY,
         equation=r"$\delta = e\, n_i$",
     ),
     Source(
@@ -656,13 +659,13 @@ SOURCES = (
         "cycloid.profile_modification", profile_modification, (), lengths(50, "equidistant", "shift"),
         "disc", pin_wave_orders, "000, outlook; 002, e_rrp and e_rp",
         "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
-        false_minima=True,
+        starts=around(0.17),
         equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, p_i$",
     ),
     Source(
         "cycloid.disc_bore_position", disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),
         "disc", bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
-        false_minima=True,
+        starts=around(0.17),
         equation=r"$\delta = e_r\, r_j + e_t\, t_j$",
     ),
 )  # fmt: skip

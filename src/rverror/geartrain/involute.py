@@ -13,6 +13,7 @@ from rverror.geartrain.source import (
     CRANK,
     Indices,
     Source,
+    around,
     chosen,
     clearance,
     compliances,
@@ -361,7 +362,7 @@ _MEMBER = every("member", lambda unit: ("sun", "planet"))
 SOURCES = (
     Source(
         "involute.center_distance", center_distance, (CRANK,), lengths(30, "radial", "tangential"),
-        "carrier", constant, "000, delta_11", "planet axis against its crank",
+        "carrier", constant, "000, delta_11", "planet axis against its crank", starts=around(0.17),
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the line of action does",
     ),

@@ -46,11 +46,22 @@ class Known(Protocol):
 
 @dataclass(frozen=True)
 class Index:
-    """An index of a source: which values a mechanism allows, and which of them diagnosis tries."""
+    """An index of a source.
+
+    Attributes
+    ----------
+    name : str
+    allowed, tried : callable
+        Which values a mechanism allows, and which of them diagnosis tries.
+    equivalents : callable
+        ``equivalents(mechanism, value) -> sequence of (value, sign)``: where the same error, or the opposite one, does
+        what only the contacts tell from it here.
+    """
 
     name: str
     allowed: Callable[[Mechanism], Sequence[IndexValue]]
     tried: Callable[[Mechanism], Sequence[IndexValue]]
+    equivalents: Callable[[Mechanism, IndexValue], Sequence[tuple[IndexValue, float]]] = lambda mechanism, value: ()
 
 
 #: Times `Parameter.plausible`, from which on a plain number was meant in another unit.  Of lengths that is 0.3 mm and
@@ -141,13 +152,12 @@ class Source:
         ``alike_at_pins(indices) -> bool``: whether it is the same at all pins, so that it repeats pin by pin.
     tried : bool
         Whether diagnosis tries it: not where all that it does within a run is constant, or is done by other sources.
-    late : bool
-        Whether diagnosis tries it only where all others leave lines of its frame: a rare cause of many index values.
-    false_minima : bool
-        Whether pins that open and close can make it look like an error of the opposite sign, or are all that shows it,
-        as of a carrier whose discs balance: a fit is then begun from sizes that a workshop makes too.
-    in_tables : bool
-        Whether diagnosis tries it in order tables although it does not in runs, where a free line says as much.
+    starts : tuple of tuple of float
+        Sizes, as shares of what is plausible, from which a fit is begun as well: where contacts that open and close can
+        make it look like an error of the opposite sign, or are all that shows it, no linear step tells its size.
+    in_tables : bool, optional
+        Whether diagnosis tries it in order tables; where left out, as in runs.  A free line of a run says as much as
+        some do, and the orders of a table do not show what a damaged lobe does.
 
     Raises
     ------
@@ -173,9 +183,8 @@ class Source:
     periodic: bool = True
     alike_at_pins: Callable[[Indices], bool] = lambda indices: False
     tried: bool = True
-    late: bool = False
-    false_minima: bool = False
-    in_tables: bool = False
+    starts: tuple[tuple[float, ...], ...] = ()
+    in_tables: bool | None = None
 
     def __post_init__(self) -> None:
         """Check the words among the fields: a misspelt one would silently mean something else."""
@@ -195,7 +204,7 @@ class Source:
     @property
     def is_cause(self) -> bool:
         """Whether diagnosis names it as a cause, in runs or in tables."""
-        return self.tried or self.in_tables
+        return self.tried or bool(self.in_tables)
 
     def check_indices(self, mechanism: Mechanism, indices: Indices) -> None:
         """Check that the indices are those of the source and within the mechanism.
@@ -286,13 +295,17 @@ def rv(mechanism: Mechanism) -> Reducer:
     return mechanism
 
 
-def every(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index:
+def every(
+    name: str,
+    values: Callable[[Reducer], Sequence[IndexValue]],
+    equivalents: Callable[[Mechanism, IndexValue], Sequence[tuple[IndexValue, float]]] = lambda mechanism, value: (),
+) -> Index:
     """Index of a reducer's source of which diagnosis tries every value."""
 
     def of(mechanism: Mechanism) -> Sequence[IndexValue]:
         return values(rv(mechanism))
 
-    return Index(name, of, of)
+    return Index(name, of, of, equivalents)
 
 
 def or_all(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index:
@@ -324,9 +337,39 @@ def input_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     return (abs(int(indices["harmonic"]) * mechanism.ratio),)
 
 
-CRANK = every("crank", lambda unit: range(unit.cranks))
-DISC = every("disc", lambda unit: range(unit.discs))
-PIN = every("pin", lambda unit: range(unit.pins))
+def _others(count: int, value: IndexValue) -> list[tuple[IndexValue, float]]:
+    """All others of so many parts, the error as it is or the opposite."""
+    return [(other, sign) for other in range(count) for sign in (1.0, -1.0) if other != value]
+
+
+def _pins_alike(mechanism: Mechanism, value: IndexValue) -> list[tuple[IndexValue, float]]:
+    """The pins beside one, which carry next, and those that another disc meets as this disc meets it."""
+    unit = rv(mechanism)
+    if not isinstance(value, int):
+        return []
+    apart = [1, -1, *(k * unit.pins // unit.discs for k in range(1, unit.discs) if k * unit.pins % unit.discs == 0)]
+    return [((value + step) % unit.pins, 1.0) for step in apart]
+
+
+CRANK = every("crank", lambda unit: range(unit.cranks), lambda mechanism, value: _others(rv(mechanism).cranks, value))
+DISC = every("disc", lambda unit: range(unit.discs), lambda mechanism, value: _others(rv(mechanism).discs, value))
+PIN = every("pin", lambda unit: range(unit.pins), _pins_alike)
+
+
+def around(share: float, ways: int = 6) -> tuple[tuple[float, ...], ...]:
+    """Starts of two components of one size, in so many directions."""
+    angles = [2 * math.pi * way / ways for way in range(ways)]
+    return tuple((share * math.cos(angle), share * math.sin(angle)) for angle in angles)
+
+
+def axes_and_corners(share: float, count: int) -> tuple[tuple[float, ...], ...]:
+    """Starts of so many components: each alone either way, and all of them in all signs."""
+    axes = [tuple(sign * share * (k == at) for k in range(count)) for sign in (1.0, -1.0) for at in range(count)]
+    return (*axes, *(tuple(share * sign for sign in signs) for signs in product((1.0, -1.0), repeat=count)))
+
+
+#: Starts of one size, of any sign and of none.
+EITHER_WAY, OPENS = ((0.2,), (-0.2,)), ((0.1,), (0.3,))
 
 
 def lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:

@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import chi2
 
 import rverror
-from gear_runs import TURN, UNIT, begin, record_of, red, runs_of
+from gear_runs import CAM, OTHER, TURN, UNIT, begin, record_of, red, runs_of, search_of, settled
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import (
+    account,
     elastic_within,
     half_widths,
     left_out,
@@ -76,6 +77,47 @@ def test_what_comes_of_a_prior_does_not_grow_with_the_model_s_error() -> None:
     grown = (N * 1e4 / 2) * (narrow**2 * (N / 2) / noise**2)
     assert spread(kept)[:2] / (narrow * ARCSEC) ** 2 == pytest.approx([1 + grown] * 2, rel=1e-3)
     assert grown < 0.1
+
+
+@pytest.fixture(scope="module")
+def right() -> Fit:
+    """The true cause, fitted to runs at the load."""
+    return settled(Model(OTHER, (CAM,)), CAM)
+
+
+def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(right: Fit) -> None:
+    """Squares of a share of the cam's waves, shared by all values: of 5 % they are 25 times those of 1 %."""
+    without = evaluated(right.bench, replace(right.model, effects=()), right.declared)
+    squares = sum(float(np.sum((less[0] - both[0]) ** 2)) for less, both in zip(without.rows, right.rows, strict=True))
+    through = np.diag(right.covariance @ right.gram @ right.covariance) / right.scale
+    for share in (0.01, 0.05):
+        policy = replace(POLICY, model_error=1e-9 * ARCSEC, added_share=share)
+        told = spread(replace(right, bench=replace(right.bench, policy=policy)))
+        grown = share**2 * squares / right.free.sum() * through[:2]
+        assert told[:2] == pytest.approx(np.diag(right.covariance)[:2] + grown, rel=1e-3)
+        assert told[0] > 1.05 * right.covariance[0, 0]
+
+
+def test_a_cause_that_leaves_more_than_noise_is_not_named(right: Fit) -> None:
+    """A wave of twice its order that is left beside a cam is said, and nothing is named; without it the cam is."""
+    for wave, names in ((0.0, [CAM.key]), (2.0, [])):
+        records = [replace(r, error=r.error + wave * ARCSEC * np.cos(32 * r.theta)) for r in right.bench.records]
+        runs = [
+            rverror.run_from_arrays(
+                input_angle=UNIT.ratio * r.theta, output_angle=r.theta + r.error, direction=r.direction, torque=r.torque
+            )
+            for r in records
+        ]
+        fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+        search = search_of(fit, [CAM.key])
+        best = search.score.of(fit)
+        done = search.complete(best)
+        told = account(right.declared, right.declared, runs, search, search.root, best, done, [])
+        assert done is bool(names)
+        assert [one.effect.key for one in told.added] == names
+        assert told.verdict == ("explained" if names else "unexplained")
+        assert any("leaves more than noise: not named" in note for note in told.notes) is (not done)
+        assert {fate.fate for fate in told.history} == {"added" if names else "fell"}
 
 
 def least_squares(error: Array, used: Flags, noise: float, sigma: float) -> Array:

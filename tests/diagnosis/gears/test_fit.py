@@ -17,11 +17,14 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
+    as_declared,
     bounds,
     deviation,
     evaluated,
     fitted,
+    lifted,
     moved,
+    onto,
     promised,
     proposed,
     renoised,
@@ -328,3 +331,60 @@ def test_where_grids_begin_at_a_sample_under_the_marks_a_contact_that_opens_is_f
     assert off[0] > 0.01
     assert off[1] < 1e-4
     assert replace(bench, anywhere=False).anchored(ahead).conditions == bench.conditions
+
+
+def test_on_fewer_angles_the_same_sizes_make_nearly_the_same_state(state: Fit) -> None:
+    """Every condition has so many angles over the same travel, and no more than before."""
+    coarser = state.bench.coarser(256)
+    for few, many in zip(coarser.conditions, state.bench.conditions, strict=True):
+        assert (few.turn.points, few.turn.start) == (256, many.turn.start)
+        assert few.turn.points * few.turn.step == pytest.approx(many.turn.points * many.turn.step)
+    assert (coarser.records, coarser.which) == (state.bench.records, state.bench.which)
+    assert state.bench.coarser(4096) is state.bench
+    moved_there = onto(coarser, state)
+    assert (moved_there.bench, moved_there.model, moved_there.declared) == (coarser, state.model, state.declared)
+    assert moved_there.data == pytest.approx(state.data, rel=0.02)
+    assert onto(state.bench, state) is state
+    assert onto(state.bench, moved_there).data == pytest.approx(state.data, rel=1e-9)
+
+
+def test_what_was_declared_goes_back_and_what_was_added_stays(state: Fit) -> None:
+    plain = as_declared(state)
+    assert plain.model.mechanism == SOFT
+    assert plain.model.effects == (*state.declared.effects, *state.added)
+    assert plain.prior == pytest.approx(float(plain.pull[3:7] @ plain.off[3:7] ** 2))
+
+
+def test_stiffness_that_something_stands_on_stays() -> None:
+    """A bearing stiffer by more than its declared compliance: only on the stiffness that was fitted with it."""
+    added = rverror.effect("crank.bearing_compliance", crank=0, disc=0, compliance="-4 um/kN")  # of 3.3
+    soft = np.zeros(10)
+    soft[1] = math.log(2)
+    bare = rverror.Model(UNIT)
+    bench = begin(bare, runs_of(bare, LOADS[:2], points=512)).bench
+    fit = evaluated(bench, rverror.Model(softened(UNIT, soft), (added,)), bare)
+    assert as_declared(fit) is fit
+    other = evaluated(bench, rverror.Model(softened(UNIT, soft), (CAM,)), bare)
+    assert as_declared(other).model.mechanism == UNIT
+
+
+def test_what_is_lifted_is_the_residual_with_it_back_in(state: Fit) -> None:
+    """Its linear part at the contacts as they are; a step from there puts it back to where a whole step does."""
+    rest = lifted(state, 0)
+    assert rest.added == state.added[1:]
+    for white, now in zip(rest.rows, state.rows, strict=True):
+        assert white[0] == pytest.approx(now[0] + np.array(state.added[0].values) @ now[4:6])
+        assert white[1:] == pytest.approx(np.delete(now[1:], [3, 4], axis=0))
+    assert rest.data == pytest.approx(sum(float(white[0] @ white[0]) for white in rest.rows))
+    assert rest.moment == pytest.approx(sum(white[1:] @ white[0] for white in rest.rows))
+    assert rest.gram == pytest.approx(sum(white[1:] @ white[1:].T for white in rest.rows))
+
+
+def test_without_its_rows_a_fit_scores_the_same_and_gets_them_back(state: Fit) -> None:
+    slim = state.slim
+    assert (slim.rows, slim.raw) == ((), ())
+    assert (slim.objective, slim.prior) == (state.objective, state.prior)
+    assert np.array_equal(slim.covariance, state.covariance)
+    again = onto(state.bench, slim)
+    for one, other in zip(again.rows, state.rows, strict=True):
+        assert one == pytest.approx(other, abs=1e-6 * np.abs(other).max())

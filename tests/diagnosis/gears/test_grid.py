@@ -50,18 +50,24 @@ def test_samples_on_the_grid_are_its_values_exactly(turns: int) -> None:
     values = np.random.default_rng(0).normal(size=(2, 256))
     found = grid.to_samples(theta)
     assert np.array_equal(found(values), np.tile(values, turns))
-    assert found.smoothing is None
-    assert (found.nodes @ values[0]) == pytest.approx(found(values)[0])
     row = np.cos(20 * grid.theta)
     assert found.change(row) == pytest.approx(-20 * np.sin(20 * theta), abs=0.02)
 
 
-def test_the_way_to_samples_as_matrices_says_the_same() -> None:
-    for grid in (whole(0.1, TURN, 128), stretch(0.2, 1.0, TURN / 128)):
-        found = grid.to_samples(np.random.default_rng(0).uniform(0.2, 1.0, 40))
-        values = np.random.default_rng(1).normal(size=(3, grid.points))
-        assert found.smoothing is not None
-        assert pytest.approx(found(values), abs=1e-12) == (found.nodes @ found.smoothing @ values.T).T
+def test_a_coarser_grid_covers_the_same_angles() -> None:
+    """A period closes, a stretch keeps its margins beyond what is travelled; fewer angles are never made more."""
+    period, part = whole(0.1, TURN, 1024), stretch(0.2, 1.0, TURN / 1024)
+    few = period.coarser(256)
+    assert (few.start, few.points, few.closed) == (0.1, 256, True)
+    assert few.step * few.points == pytest.approx(TURN)
+    crank = whole(0.1, TURN / 40, 100)  # 4000 a turn
+    assert crank.coarser(400) == whole(0.1, TURN / 40, 10)
+    theta = np.linspace(0.2, 1.0, 33)
+    wide = part.coarser(256)
+    assert wide.step == pytest.approx(TURN / 256)
+    assert wide.to_samples(theta)(wave(30, wide.theta)) == pytest.approx(wave(30, theta), abs=1e-3)
+    assert period.coarser(1024) is period
+    assert part.coarser(2048) is part
 
 
 def test_a_grid_of_one_turn_of_the_crank_repeats() -> None:

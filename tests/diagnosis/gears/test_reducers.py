@@ -15,21 +15,25 @@ import numpy as np
 import pytest
 
 import rverror
-from gear_runs import OTHER, TURN, UNIT, red, runs_of
+from gear_runs import BARE, CAM, OTHER, TURN, UNIT, red, runs_of, search_of
 from oracle import REALISTIC
 from pages import ROOT
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.account import half_widths
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted
+from rverror.diagnosis.gears.moves import marked
+from rverror.diagnosis.gears.record import records_of
+from rverror.diagnosis.gears.reducers import placed, ripples_apart, with_marks
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
-from rverror.model.effects import Model
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.model.effects import Effect, Model
 
 sys.path.append(str(ROOT / "benchmarks"))
 
 from real_bench.simulator import Law, PartErrors, Reality, put_effect, transmission_error
 
-BARE = Model(UNIT)
-CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
 PIN = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
 HERE = ("crank.eccentricity", {"crank": 0, "disc": 0})
 TWIN = ("crank.eccentricity", {"crank": 1, "disc": 1})
@@ -58,13 +62,6 @@ def the_cam_is_named(found: Diagnosis) -> None:
     assert found.after.heldout_rms < 1.15 * 0.3 * ARCSEC
 
 
-def test_what_the_first_search_does_not_find_the_wider_one_does() -> None:
-    """Neither the first search nor a later one looks beside anything here."""
-    neither = replace(POLICY, expansions=0, again=0)
-    the_cam_is_named(rverror.diagnose(BARE, runs_of(TRUE), policy=neither))
-    assert not rverror.diagnose(BARE, runs_of(TRUE), policy=replace(neither, wider_expansions=0)).added
-
-
 def test_one_turn_each_way_names_the_cause_and_says_the_stiffness() -> None:
     found = rverror.diagnose(BARE, runs_of(TRUE))
     assert found.verdict == "explained"
@@ -80,6 +77,13 @@ def test_one_turn_each_way_names_the_cause_and_says_the_stiffness() -> None:
     assert found.model.mechanism.stiffness.pin_contact == soft["pin_contact"].value
 
 
+def test_a_search_that_ends_before_it_has_found_anything_says_so() -> None:
+    found = rverror.diagnose(BARE, runs_of(TRUE), policy=replace(POLICY, budget=-1))
+    assert (found.verdict, found.added) == ("unexplained", ())
+    assert [note for note in found.notes if "ended at its budget of -1" in note]
+    assert not [note for note in rverror.diagnose(BARE, runs_of(TRUE)).notes if "budget" in note]
+
+
 def test_other_stiffness_alone_is_no_missing_error() -> None:
     for seed in range(3):
         found = rverror.diagnose(BARE, runs_of(Model(OTHER), ((1.0, 50e3), (-1.0, 120e3)), seed=seed))
@@ -90,7 +94,8 @@ def test_other_stiffness_alone_is_no_missing_error() -> None:
 @pytest.mark.parametrize(("start", "turns"), [(1.0, 0.4), (4.0, 10 / 360)])
 def test_a_part_of_a_turn_is_diagnosed_from_anywhere(start: float, turns: float) -> None:
     """0.4 of a turn names the cam; ten degrees hold a bit less than half a turn of the crank, and say less."""
-    found = rverror.diagnose(BARE, runs_of(TRUE, points=4096 if turns < 0.1 else 2048, turns=turns, start=start))
+    points = 4096 if turns < 0.1 else 2048
+    found = rverror.diagnose(BARE, runs_of(TRUE, points=points, turns=turns, start=start, seed=1))
     assert any("alike over a short travel" in note for note in found.notes)
     if turns > 0.1:
         assert found.verdict == "explained"
@@ -140,6 +145,63 @@ def test_where_the_marks_are_is_found_with_the_rest(unmarked: Diagnosis) -> None
     assert isinstance(pin, int)
     at = (TURN * (pin - 5) / 16 - (offset - 0.37)) % (TURN / 2)
     assert min(at, TURN / 2 - at) < math.radians(0.1)
+
+
+RIPPLE = TURN / fundamental_orders(UNIT)["cycloid mesh"]
+
+
+def at_marks(
+    ahead: float, *declared: Effect, added: tuple[Effect, ...] = (), off: float = 0.0, rms: float = 0.3
+) -> Fit:
+    """Runs whose zero is so far behind the marks, fitted with the marks so far off their place."""
+    true = runs_of(Model(UNIT, (*declared, *added)), marks=ahead, rms=rms)
+    model, anywhere = with_marks(Model(UNIT, declared), [replace(run, index="unknown") for run in true])
+    records, _ = records_of(model, true, POLICY)
+    bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere)
+    there = replace(model, effects=(*model.effects, *added))
+    known = begun(bench, marked(there, ahead), model)
+    return fitted(evaluated(known.bench, marked(there, ahead + off), model), steps=30)
+
+
+def test_marks_are_looked_for_all_around_the_crank_and_the_likeliest_come_first() -> None:
+    """Some ripples of the mesh from their place all fit alike; a declared pin is looked for at every pin."""
+    cam, pin = replace(CAM, uncertainty=3e-4), replace(PIN, uncertainty=3e-4)
+    for declared, span, count, first in (((cam,), TURN / 16, 24, 1), ((cam, pin), TURN, 192, POLICY.offsets)):
+        known = at_marks(0.37, *declared)
+        fit, offsets = placed(evaluated(known.bench, known.declared, known.declared))
+        assert sorted(offsets) == pytest.approx(list(span / count * np.arange(count)))
+        assert fit.model.index_offset == offsets[0]
+        off = (np.array(offsets) - 0.37 + span / 2) % span - span / 2
+        assert np.abs(off[:first]).min() < 3 * RIPPLE
+
+
+SMALL = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="3 um", tangential="-2 um", uncertainty="0.6 um")
+BORE = rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, radial="1 um", tangential="3 um")
+
+
+def test_every_ripple_of_the_mesh_has_marks_that_fit_and_the_best_are_taken() -> None:
+    fit = at_marks(0.1, SMALL, added=(BORE,), off=RIPPLE)
+    assert (fit.model.index_offset - 0.1) / RIPPLE == pytest.approx(1, abs=0.1)  # a minimum, where no step leads on
+    search = search_of(fit)
+    best, alike = ripples_apart(search, search.score.of(fit))
+    assert best.fit.objective < fit.objective - 4
+    assert best.score == pytest.approx(search.score.of(best.fit).score)
+    assert (best.fit.model.index_offset - 0.1) / RIPPLE == pytest.approx(0, abs=0.1)
+    assert alike == []
+
+
+def test_intervals_hold_the_sizes_at_marks_that_chance_does_not_tell() -> None:
+    """In four times the noise ripples are not told apart: the cam's size, the bore's and the marks go with them."""
+    fit = at_marks(0.1, SMALL, added=(BORE,), rms=1.2)
+    search = search_of(fit)
+    best, alike = ripples_apart(search, search.score.of(fit))
+    assert alike
+    alone, whole = np.array(half_widths(best.fit)), np.array(half_widths(best.fit, alike))
+    assert (whole >= alone).all()
+    assert alone[2] < RIPPLE < whole[2]  # the marks, after the cam's two
+    for other in alike:
+        sizes, those = ([v for e in one.model.effects for v in e.values] for one in (best.fit, other))
+        assert (np.abs(np.subtract(those, sizes)) < whole[: len(sizes)]).all()
 
 
 def test_a_reading_that_settles_is_neither_noise_nor_a_cause() -> None:

@@ -34,7 +34,7 @@ def quiet(_: str) -> None:
 
 def told(table: OrderTable, *keys: str, model: Model | None = None, **policy: object) -> Diagnosis:
     """Claims alone, no set that accounts for everything; stiffness as declared, a few sources suspected."""
-    rules = replace(POLICY, keys=keys, refit_stiffness=False, expansions=0, **policy)  # type: ignore[arg-type]
+    rules = replace(POLICY, keys=keys, refit_stiffness=False, near_claims=0.0, **policy)  # type: ignore[arg-type]
     return diagnose_tables(model or Model(UNIT), [table], quiet, policy=rules)
 
 

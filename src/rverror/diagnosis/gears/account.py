@@ -12,9 +12,10 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto_samples
-from rverror.diagnosis.gears.hunt import Hunt, Node, as_declared, bent, onto, unsure
+from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
 from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import LineFound, best_lines, power_of
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
@@ -29,7 +30,7 @@ _TURN = 2 * math.pi
 
 
 def account(
-    declared: Model, model: Model, runs: Sequence[Run], hunt: Hunt, root: Node, best: Node, done: bool,
+    declared: Model, model: Model, runs: Sequence[Run], search: Search, root: Hypothesis, best: Hypothesis, done: bool,
     notes: list[str], beside: Sequence[Fit] = (),
 ) -> Diagnosis:  # fmt: skip
     """Say what a search came to.
@@ -39,8 +40,8 @@ def account(
     declared, model : Model
         As given, and with the marks as a size where they are unknown.
     runs : sequence of Run
-    hunt : Hunt
-    root, best : Node
+    search : Search
+    root, best : Hypothesis
         Without and with what was added.
     done : bool
         Whether nothing significant is left.
@@ -48,19 +49,19 @@ def account(
     beside : sequence of Fit
         Of the best's set, at sizes that chance does not tell from its own: intervals hold theirs too.
     """
-    policy = hunt.policy
+    policy = search.policy
     notes = notes + _conditions(best.fit)
     left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
     taken = bool(best.fit.added) and not done
     if taken:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
-        hunt.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
-        best = Node(onto(best.fit.bench.with_records(_plain(best.fit.bench.records)), root.fit))
-        best = Node(fitted(best.fit))
+        search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
+        bare = best.fit.bench.with_records(_plain(best.fit.bench.records))
+        best = search.score.of(fitted(onto(bare, root.fit)))
         left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
     fit, halves = best.fit, half_widths(best.fit, beside)
-    for record, rest in zip(fit.bench.records, onto_samples(fit), strict=True):
+    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         if record.slow:
             slow = replace(record, slips=()).settled(rest)
@@ -74,10 +75,10 @@ def account(
     lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
-    ranked = _candidates(root, hunt)
-    added = tuple(_addition(hunt, best, at, ranked, halves) for at in range(len(fit.added)))
+    ranked = _candidates(root, search)
+    added = tuple(_addition(search, best, at, ranked, halves) for at in range(len(fit.added)))
     for one in added:
-        hunt.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
+        search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
     origin = [a.effect for a in added]
     settled = "explained" if added else "nothing_missing"
     unclear = not done and not lines and not added
@@ -97,10 +98,10 @@ def account(
         model=result,
         declared=declared,
         candidates=ranked,
-        tried=len(hunt.candidates),
+        tried=len(search.candidates),
         traces=tuple(_traces(runs, printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
-        history=hunt.journal.history,
+        history=search.journal.history,
         elastic=elastic_within(fit, halves),
     )
 
@@ -120,7 +121,7 @@ def _printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
 def noise_rms(fit: Fit) -> float:
     """Root mean square of the noise: of the residual where nothing else is left, else of its model."""
     total, count = 0.0, 0.0
-    for record, rest in zip(fit.bench.records, onto_samples(fit), strict=True):
+    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         assert record.noise is not None
         clean = record.without_nuisance(rest)[record.kept]
         used = max(clean.size - len(record.nuisance) - 1, 1)
@@ -141,7 +142,7 @@ def blocks(record: Record) -> Array:
 
 def residual(fit: Fit, *, hold: bool = False) -> Residual:
     """Size of the residual, and of stretches left out of the fit (nothing but offsets is fitted where `hold`)."""
-    rests = onto_samples(fit)
+    rests = fit.residual
     clean = [r.without_nuisance(rest)[r.kept] for r, rest in zip(fit.bench.records, rests, strict=True)]
     whole = np.concatenate(clean)
     left = np.concatenate([one[r.kept] for r, one in zip(fit.bench.records, left_out(fit, hold=hold), strict=True)])
@@ -152,7 +153,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     """Residual of each record, every stretch with sizes and offset from the others alone."""
     bench = fit.bench
     weights, free = fit.pull, fit.free
-    rests = onto_samples(fit)
+    rests = fit.residual
     labels = [blocks(r) for r in bench.records]
     result = [np.zeros_like(rest) for rest in rests]
     usable = [np.asarray(r.whiten.usable) for r in bench.records]
@@ -231,7 +232,9 @@ def _values(fit: Fit) -> Array:
     return np.array([*sizes, *np.where(fit.bench.soft, soft, 0.0), *np.zeros(len(fit.bench.zeros))])
 
 
-def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float]) -> Addition:
+def _addition(
+    search: Search, node: Hypothesis, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float]
+) -> Addition:
     fit = node.fit
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
@@ -242,12 +245,12 @@ def _addition(hunt: Hunt, node: Node, number: int, ranked: tuple[Candidate, ...]
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
-        if half > hunt.policy.untold * reach(fit, (hunt.policy.workshop * parameter.plausible) ** 2):
+        if half > search.policy.untold * reach(fit, (search.policy.workshop * parameter.plausible) ** 2):
             notes.append(f"{parameter.name}: the runs do not tell it; its interval is what a workshop makes")
         if abs(value) > parameter.plausible:
             notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
-    hunt.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
-    alike = hunt.as_good(node, number)
+    search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
+    alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
     held = residual(fit).heldout_rms
     return Addition(
@@ -261,7 +264,7 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     effects = fit.model.effects
     without = evaluated(fit.bench, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
     record = fit.bench.records[0]
-    wave = onto_samples(without)[0] - onto_samples(fit)[0]
+    wave = without.residual[0] - fit.residual[0]
     turns = max(record.turns, 1e-9)
     whole = math.floor(turns + 0.01)
     if whole >= 1:
@@ -287,7 +290,7 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
 def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.bench.policy
-    rests = onto_samples(fit)
+    rests = fit.residual
     found: list[LineFound] = list(left)
     for order in free:
         bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.bench.records]
@@ -309,9 +312,9 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
     return tuple(sorted(result, key=lambda line: -line.amplitude))
 
 
-def _candidates(node: Node, hunt: Hunt) -> tuple[Candidate, ...]:
-    ranked = hunt.ranking(node.fit)
-    return tuple(Candidate(o.name[0], o.name[1], node.fit.objective - o.objective) for o in ranked[:20])
+def _candidates(node: Hypothesis, search: Search) -> tuple[Candidate, ...]:
+    ranked = sorted(search.leading(node.fit), key=lambda offer: offer.objective)[:20]
+    return tuple(Candidate(*offer.names[0], node.fit.objective - offer.objective) for offer in ranked)
 
 
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
@@ -405,7 +408,7 @@ def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
 def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
     """Waveforms of each run over one turn, or over what it travels of one."""
     out_before, out_after = left_out(printed, hold=True), left_out(fit)
-    before, after = onto_samples(printed), onto_samples(fit)
+    before, after = printed.residual, fit.residual
     result = []
     for at, (record, run) in enumerate(zip(fit.bench.records, runs, strict=True)):
         rows = np.stack(

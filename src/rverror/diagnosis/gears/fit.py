@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.diagnosis.gears.record import Record, conditions_of
-from rverror.diagnosis.gears.sight import EverySample, Sight, compressed
+from rverror.diagnosis.gears.sight import EverySample, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import Policy
@@ -56,10 +56,10 @@ class RunSet:
     policy : Policy
     soft : ndarray of bool, shape (10,)
         Which of `SOFTENING` are refitted.
-    few : tuple of Named
-        Where runs are compressed: the sources beyond the gear train that they must know.
     anywhere : bool
         Whether the gear's marks may be at any angle.
+    sampled : bool
+        Whether the records are samples, which may hold lines that no one has named.
     """
 
     unit: Reducer
@@ -68,29 +68,26 @@ class RunSet:
     which: tuple[int, ...]
     policy: Policy
     soft: Flags
-    few: tuple[Named, ...] = ()
     anywhere: bool = False
+    sampled: ClassVar[bool] = True
 
     @staticmethod
-    def of(
-        unit: Reducer, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool, exponents: bool = True
-    ) -> RunSet:
+    def of(unit: Reducer, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:
         """Runs with grids of so many angles a turn."""
         conditions, which = conditions_of(records, points, anywhere=anywhere)
         loaded = any(r.torque for r in records)
         refit = loaded and policy.refit_stiffness
-        soft = np.array([refit] * 7 + [refit and exponents] * 2 + [loaded])
+        soft = np.array([refit] * 9 + [loaded])
         return RunSet(unit, tuple(records), tuple(conditions), tuple(which), policy, soft, anywhere=anywhere)
-
-    @cached_property
-    def plain(self) -> tuple[Model, list[Waveform]]:
-        """The reducer without errors, and its waveforms."""
-        model = Model(self.unit)
-        return model, self.solve(model)
 
     def with_records(self, records: Sequence[Record]) -> RunSet:
         """The same with other noise, lines or samples set aside."""
         return replace(self, records=tuple(records))
+
+    def coarser(self, points: int) -> RunSet:
+        """The same on grids of so many angles a turn, where they have more."""
+        coarser = tuple(one.coarser(points) for one in self.conditions)
+        return replace(self, conditions=coarser) if coarser != self.conditions else self
 
     def anchored(self, offset: float) -> RunSet:
         """The same with grids that begin at a sample with the marks so far ahead, so that even samples lie on them.
@@ -100,7 +97,7 @@ class RunSet:
         if not self.anywhere:
             return self
         start = float(self.records[0].theta.min()) + offset
-        turns = [replace(c, turn=replace(c.turn, start=start), _kept={}) for c in self.conditions]
+        turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
 
     @cached_property
@@ -123,8 +120,8 @@ class RunSet:
         return tuple(e for e in felt(model.effects) if not self.apart(e.key))
 
     def apart(self, key: str) -> bool:
-        """Whether a source is added by its influence: a sun's is of high order, or does not repeat with the turns."""
-        far = bool(self.few) or self.unit.exact_ratio.denominator > 1
+        """Whether a source is added by its influence: a sun's, where it does not repeat with the turns."""
+        far = self.unit.exact_ratio.denominator > 1
         return far and source(key).frame == "sun" and not source(key).at_output
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
@@ -156,18 +153,13 @@ class RunSet:
         return self.of_each(seen)
 
     def of_each(self, function: Callable[[int], R]) -> list[R]:
-        """What a function makes of the number of each record, side by side where all samples are looked at."""
-        numbers = range(len(self.records))
-        return [function(number) for number in numbers] if self.few else each(function, numbers)
+        """What a function makes of the number of each record, side by side."""
+        return each(function, range(len(self.records)))
 
     @cached_property
     def sights(self) -> tuple[Sight, ...]:
-        """How each record is looked at: sample by sample, or as few values say the same."""
-        full = [EverySample(r) for r in self.records]
-        if not self.few:
-            return tuple(full)
-        grids = [self.conditions[which].turn for which in self.which]
-        return tuple(each(lambda both: compressed(self, *both), list(zip(full, grids, strict=True))))
+        """How each record is looked at."""
+        return tuple(EverySample(r) for r in self.records)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +194,11 @@ class Fit:
     gram: Array
     moment: Array
     converged: bool = True
+
+    @property
+    def slim(self) -> Fit:
+        """The same without its rows, which are large; `onto` its bench has them again."""
+        return replace(self, rows=(), raw=())
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -546,8 +543,38 @@ def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
     return renoised(evaluated(bench.with_records(flat), model, declared))
 
 
-def onto_samples(fit: Fit) -> tuple[Array, ...]:
-    """Residual of each record sample by sample, also of a fit to compressed runs."""
-    if not fit.bench.few:
-        return fit.residual
-    return evaluated(replace(fit.bench, few=()), fit.model, fit.declared, fit.waves).residual
+def onto(bench: RunSet, fit: Fit) -> Fit:
+    """The same sizes on another bench, or on its own with its rows."""
+    if fit.bench is bench and fit.rows:
+        return fit
+    near = all(a.turn == b.turn for a, b in zip(bench.conditions, fit.bench.conditions, strict=True))
+    return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
+
+
+def as_declared(fit: Fit) -> Fit:
+    """Declared sizes and stiffness back at what was declared, if they can be; what was added stays."""
+    count = len(fit.declared.effects)
+    kept = [
+        now if source(now.key).acts == "marks" else then
+        for now, then in zip(fit.model.effects[:count], fit.declared.effects, strict=True)
+    ]
+    model = replace(fit.declared, effects=(*kept, *fit.model.effects[count:]))
+    try:
+        return evaluated(fit.bench, model, fit.declared, fit.waves)
+    except NotConvergedError:  # what was added stands on the stiffness that was fitted with it
+        return fit
+
+
+def lifted(fit: Fit, number: int) -> Fit:
+    """The state without one of the added effects' part, the contacts as they are with it."""
+    effects, at = fit.model.effects, len(fit.declared.effects) + number
+    first = sum(len(e.values) for e in effects[:at])
+    own = np.arange(first, first + len(effects[at].values))
+    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
+    rows = [np.concatenate([(white[0] + values @ white[1 + own])[None], white[1 + kept]]) for white in fit.rows]
+    return replace(
+        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]), rows=tuple(rows),
+        residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
+        raw=tuple(raw[kept] for raw in fit.raw), data=sum(float(white[0] @ white[0]) for white in rows),
+        gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],
+    )  # fmt: skip

@@ -38,6 +38,16 @@ class AngleGrid:
         """The angles, shape (points,), rad."""
         return np.asarray(self.start + self.step * np.arange(self.points), dtype=np.float64)
 
+    def coarser(self, points: int) -> AngleGrid:
+        """Grid over the same angles with so many a turn, if that is fewer."""
+        step = _TURN / points
+        if step <= self.step * (1 + 1e-9):
+            return self
+        if self.closed:
+            return whole(self.start, self.step * self.points, round(self.step * self.points / step))
+        low = self.start + _MARGIN * self.step
+        return stretch(low, low + (self.points - 1 - 2 * _MARGIN) * self.step, step)
+
     def to_samples(self, theta: Array) -> Readout:
         """The way to samples at angles, rad."""
         place = (theta - self.start) / self.step
@@ -101,20 +111,6 @@ class Readout:
             grid = self.grid
             return np.asarray(grid.to_samples(grid.theta[self.at] + 1e-3 * grid.step).change(row))
         return np.asarray(self.slopes @ self._coefficients(row[None])[0])
-
-    @property
-    def nodes(self) -> scipy.sparse.csr_array:
-        """Sparse matrix (n, points) on what the splines carry, or on the values themselves."""
-        if self.at is None:
-            assert self.values is not None
-            return self.values
-        count = self.at.size
-        return scipy.sparse.csr_array((np.ones(count), (np.arange(count), self.at)), shape=(count, self.grid.points))
-
-    @property
-    def smoothing(self) -> Array | None:
-        """Matrix (points, points) from values to what the splines carry; None where samples lie on the grid."""
-        return None if self.at is not None else self._coefficients(np.eye(self.grid.points)).T
 
     def _coefficients(self, rows: Array) -> Array:
         mode = "grid-wrap" if self.grid.closed else "mirror"

@@ -51,7 +51,7 @@ def fall(before: Fit, after: Fit) -> float:
     """
     whole, scale = before.objective - after.objective, max(before.scale, after.scale)
     records = before.bench.records
-    if before.bench.few or records != after.bench.records or any(record.noise is None for record in records):
+    if records != after.bench.records or any(record.noise is None for record in records):
         return whole
     for number, record in enumerate(records):
         at = _moved(before, after, number)
@@ -59,7 +59,8 @@ def fall(before: Fit, after: Fit) -> float:
             units = np.zeros((int(at.sum()), at.size))
             units[np.arange(len(units)), np.flatnonzero(at)] = 1
             basis = np.linalg.qr(record.whiten(units).T)[0].T
-            there = [float(np.sum((basis @ fit.rows[number][0]) ** 2)) for fit in (before, after)]
+            white = [record.whiten(fit.residual[number][None])[0] for fit in (before, after)]
+            there = [float(np.sum((basis @ row) ** 2)) for row in white]
             whole -= (there[0] - there[1]) / scale
     return whole
 

@@ -9,8 +9,21 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
 from rverror.runs.faults import Faults, find_faults
+
+_BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
+
+
+def nearly_noise(fit: Fit) -> bool:
+    """Tell whether faults of the readings that were not seen before may be all that is left beside noise.
+
+    A fault is large in few values and what is missing shows in all, so none counts as more than noise makes it.
+    """
+    white = (sight.whiten(rest[None]) for sight, rest in zip(fit.bench.sights, fit.residual, strict=True))
+    squares = sum(float(np.minimum(row**2, _BY_NOISE**2).sum()) for row in white)
+    return squares <= fit.bench.policy.nearly_noise * fit.bound
 
 
 def second_look(before: Sequence[Record], residual: Sequence[Array], *, least: float = 0.0) -> list[Record] | None:

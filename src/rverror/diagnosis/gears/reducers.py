@@ -6,13 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from rverror.base.chance import chi_square
 from rverror.base.errors import InputError
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, begun, fitted, renoised
-from rverror.diagnosis.gears.hunt import Hunt, Node, nearly_noise, onto, turned_to
-from rverror.diagnosis.gears.late_faults import second_look
+from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, begun, evaluated, fitted, onto, renoised
+from rverror.diagnosis.gears.late_faults import nearly_noise, second_look
+from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import Record, records_of
+from rverror.diagnosis.gears.score import Hypothesis
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
@@ -25,6 +28,10 @@ from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
+from rverror.statics.loaded_state import NotConvergedError
+
+_PLACING = 512  # angles a turn on which the marks are looked for
+_RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
 
 
 def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY) -> Diagnosis:
@@ -54,34 +61,33 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell("predicting the declared model")
     bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
     first = begun(bench, model, model)
-    candidates, late = (candidates_of(model, records, policy, late=late) for late in (False, True))
-    hunt = Hunt(candidates, policy, journal, late, patient=anywhere)
-    if anywhere:
-        hunt, first = placed(hunt, first)
+    candidates = candidates_of(model, records, policy)
+    first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
-    root = Node(fitted(renoised(fitted(first))))
-    best, done = hunt.best([root], policy.expansions)
-    if not done and not hunt.only_faults(best):
-        other, done = hunt.widened().best([root], policy.wider_expansions)
-        best = other if done else min(best, other, key=lambda node: node.score)
+    search = Search(fitted(renoised(fitted(first))), candidates, policy, journal, offsets)
+    best, done = search.best(swap=False)
     for _ in range(policy.looks):
         fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if anywhere else best.fit
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
-        renewed = renoised(fit if changed is None else onto(fit.bench.with_records(changed), fit), calm=done)
-        best = hunt.pruned(Node(fitted(renewed), best.lines, best.slow))
-        done = hunt.complete(best)
-        if changed is None and (done or hunt.pins):
+        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
+        renewed = renoised(seen, calm=done)
+        if done and renewed.data > renewed.bound:  # of a run that holds copies: what was noise would be none
+            renewed = seen
+        bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
+        root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
+        search = search.anew(root)
+        best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
+        if changed is None and (done or search.spent > policy.budget):
             break
-        bare = [replace(r, orders=(), slow=False) for r in best.fit.bench.records]
-        root = Node(fitted(onto(best.fit.bench.with_records(bare), root.fit)))
-        if not done:
-            hunt = hunt.with_candidates((*hunt.candidates, *hunt.late), pins=True)
-            best, done = hunt.best([root, best], policy.again)
-    best, beside = hunt.ripples_apart(best) if anywhere and done else (best, [])
-    beside += hunt.opposites(best) if done else []
-    return account(declared, model, runs, hunt, root, best, done, notes, beside)
+    if not done and search.spent > policy.budget:
+        notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
+    beside = search.opposites(best) if done else []
+    if anywhere and done:
+        best, more = ripples_apart(search, best)
+        beside += more
+    return account(declared, model, runs, search, search.root, best, done, notes, beside)
 
 
 def curved(unit: Mechanism) -> Reducer:
@@ -113,26 +119,57 @@ def with_marks(declared: Model, runs: Sequence[Run | OrderTable]) -> tuple[Model
     return declared.with_effects(offset), True
 
 
-def placed(hunt: Hunt, first: Fit) -> tuple[Hunt, Fit]:
-    """Angles of the marks, by how well the declared waveform fits; what is missing may turn the match."""
-    coarse = onto(hunt.coarse(Node(first)), first)
-    unit = first.bench.unit
-    repeat = 2 * math.pi / fundamental_orders(unit)["crank"]
-    alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model))
-    span = repeat if alike else 2 * math.pi
-    count = hunt.policy.offsets if alike else hunt.policy.offsets * 8
+def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
+    """The state at the angle of the marks where the declared waveform fits best, and all that were tried, in order.
+
+    What is missing may turn the match.
+    """
+    unit, count = first.bench.unit, first.bench.policy.offsets
+    coarse = onto(first.bench.coarser(_PLACING), first)
+    span = 2 * math.pi / fundamental_orders(unit)["crank"]
+    if not all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model)):
+        span, count = 2 * math.pi, 8 * count
 
     def left_at(offset: float) -> tuple[float, float]:
         return as_compared(fitted(turned_to(coarse, offset), steps=1).objective), offset
 
     trials = sorted(each(left_at, [span * at / count for at in range(count)]))
     offsets = tuple(angle for _, angle in trials)
-    return replace(hunt, offsets=offsets), renoised(turned_to(first, offsets[0]))
+    return renoised(turned_to(first, offsets[0])), offsets
 
 
-def candidates_of(model: Model, records: Sequence[Record], policy: Policy, *, late: bool = False) -> tuple[Named, ...]:
-    """Sources of the catalogue that the runs can show and the model does not have, tried late or not."""
-    return offered(model, records, lambda entry: policy.tries(entry) and entry.late == late)
+def turned_to(fit: Fit, offset: float) -> Fit:
+    """The same sizes with the marks at an offset."""
+    return evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
+
+
+def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit]]:
+    """The set at the best of marks that are ripples of the cycloid mesh apart, and fits that chance does not tell.
+
+    As pins begin and cease to carry the error ripples, and the objective has a minimum at every ripple: what was
+    declared and found turns with the marks, within what is known of it.
+    """
+    fit, policy = one.fit, search.policy
+    ripple = 2 * math.pi / fundamental_orders(fit.bench.unit)["cycloid mesh"]
+
+    def at(angle: float) -> Fit | None:
+        offset = fit.model.index_offset + angle
+        try:
+            return fitted(evaluated(fit.bench.anchored(offset), marked(fit.model, offset), fit.declared), steps=30)
+        except NotConvergedError:
+            return None
+
+    found = each(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1) if step])
+    fits = [fit, *(other for other in found if other)]
+    best = min(fits, key=lambda other: as_compared(other.objective))
+    chance = chi_square(1 - policy.confidence, 1)
+    alike = [other for other in fits if other is not best and other.objective - best.objective < chance]
+    return search.score.of(best, one.lines, one.slow), alike
+
+
+def candidates_of(model: Model, records: Sequence[Record], policy: Policy) -> tuple[Named, ...]:
+    """Sources of the catalogue that the runs can show and the model does not have."""
+    return offered(model, records, policy.tries)
 
 
 def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.threads import each
-from rverror.diagnosis.gears.fit import Fit, onto_samples
+from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.lines import line_spectrum
@@ -49,7 +49,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         Only orders that no part of the reducer has.
     most : int
     """
-    records, rests = list(fit.bench.records), onto_samples(fit)
+    records, rests = list(fit.bench.records), fit.residual
     unit, turns, found = fit.bench.unit, max(r.turns for r in fit.bench.records), list[LineFound]()
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)

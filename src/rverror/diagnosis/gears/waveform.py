@@ -72,6 +72,11 @@ class Waveform:
     unit: Reducer
     poses: Array | None = None
 
+    @property
+    def bare(self) -> Waveform:
+        """The error alone."""
+        return replace(self, rows=self.rows[:0], soft=self.soft[:0], poses=None)
+
 
 @dataclass(frozen=True, eq=False)
 class Conditioned:
@@ -90,6 +95,14 @@ class Conditioned:
     torque: float | None
     turn: AngleGrid
     _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
+    _coarser: dict[int, Conditioned] = field(default_factory=dict, repr=False)
+
+    def coarser(self, points: int) -> Conditioned:
+        """The same on so many angles a turn, if that is fewer; made once."""
+        if points not in self._coarser:
+            turn = self.turn.coarser(points)
+            self._coarser[points] = self if turn == self.turn else Conditioned(self.direction, self.torque, turn)
+        return self._coarser[points]
 
     def repeat(self, unit: Reducer) -> AngleGrid:
         """One turn of the crank against the carrier."""

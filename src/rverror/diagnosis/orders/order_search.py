@@ -19,8 +19,8 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, moved, solved
-from rverror.diagnosis.gears.hunt import identity, named
+from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, lifted, moved, solved
+from rverror.diagnosis.gears.score import identity, named
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.orders.table_set import TableSet
@@ -223,7 +223,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
     """
     while fit.added:
         least = [
-            (Linear(_without(fit, n)).objective - chi_square(fit.bench.policy.false_alarm, len(e.values)), n)
+            (Linear(lifted(fit, n)).objective - chi_square(fit.bench.policy.false_alarm, len(e.values)), n)
             for n, e in enumerate(fit.added)
         ]
         objective, number = min(least)
@@ -345,7 +345,7 @@ def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
 
 def _leading(fit: Fit, number: int) -> tuple[Fit, int]:
     """The state without an added effect, and the place of the order of which that leaves most more."""
-    bare = _without(fit, number)
+    bare = lifted(fit, number)
     return bare, int(np.argmax(Linear(bare).squares - Linear(fit).squares))
 
 
@@ -368,18 +368,3 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
         share,
         1.0 if sizes >= values else float(scipy.special.betaincc(sizes / 2, (values - sizes) / 2, share)),
     )
-
-
-def _without(fit: Fit, number: int) -> Fit:
-    """The state without one of the added effects' part, contacts as they are with it."""
-    effects, at = fit.model.effects, len(fit.declared.effects) + number
-    first = sum(len(e.values) for e in effects[:at])
-    own = np.arange(first, first + len(effects[at].values))
-    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
-    rows = [np.concatenate([(w[0] + values @ w[1 + own])[None], w[1 + kept]]) for w in fit.rows]
-    return replace(
-        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]),
-        residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
-        raw=tuple(raw[kept] for raw in fit.raw), rows=tuple(rows),
-        gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],
-    )  # fmt: skip

@@ -205,6 +205,7 @@ class TableSet(RunSet):
 
     cases: tuple[OrderCase, ...] = ()
     sigmas: tuple[Array, ...] = ()
+    sampled = False
 
     @cached_property
     def numbers(self) -> Numbers:

@@ -14,13 +14,14 @@ from rverror.base.errors import InputError
 from rverror.diagnosis.gears.account import elastic_within
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
+from rverror.diagnosis.gears.score import Hypothesis
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
 from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
 from rverror.diagnosis.orders.resonances import Resonance, resonances_of, resonant_parts, without
-from rverror.diagnosis.orders.table_hunt import complete_set
 from rverror.diagnosis.orders.table_set import (
     TableSet,
     at_any_speed,
@@ -94,7 +95,7 @@ def diagnose_tables(
     candidates = candidates_of(model, bench, policy)
     found = searched(root, candidates, journal)
     # what changes with the speed alone is in no model, so no set of causes leaves noise
-    complete = complete_set(root, found, candidates, given, journal) if even else None
+    complete = _complete_set(root, found, candidates, given, journal) if even else None
     if complete is not None:
         found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
@@ -151,6 +152,24 @@ def diagnose_tables(
     )
 
 
+def _complete_set(
+    root: Fit, claims: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal
+) -> tuple[Search, Hypothesis] | None:
+    """A set of causes that leaves nothing but noise, and the search with its rivals; none where there is none.
+
+    Claims are made one after another, so of two causes that make the same orders the first is often what resembles
+    both, and the next makes up for it.  Where claims come near the noise, whole sets are compared as they are for runs,
+    under the policy of runs: what is not explained yet is of any size.
+    """
+    if claims.data > policy.near_claims * claims.bound:
+        return None
+    bench = replace(root.bench, policy=policy)
+    first, then = (fitted(evaluated(bench, fit.model, fit.declared, fit.waves)) for fit in (root, claims))
+    search = Search(first, candidates, policy, journal)
+    best, done = search.best(*([search.score.of(then)] if claims.added else []))
+    return (search, best) if done else None
+
+
 def _check(model: Model, cases: Sequence[OrderCase]) -> None:
     for item in model.effects:
         needs = source(item.key).needs
@@ -195,13 +214,13 @@ def _some_loads(cases: Sequence[OrderCase]) -> list[int]:
 def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
     """Sources of the catalogue that a table can show and the model does not have.
 
-    Those that are tried in runs, but rare ones of many places, and those that only several loads tell.
+    Some only where there are several loads to tell them by.
     """
     several = len({record.torque for record in bench.records}) > 1
 
     def wanted(entry: Source) -> bool:
         in_table = entry.in_tables and (several or "torque" not in entry.needs)
-        return entry.periodic and policy.allows(entry) and ((entry.tried and not entry.late) or in_table)
+        return entry.periodic and policy.allows(entry) and (entry.tried if entry.in_tables is None else bool(in_table))
 
     return offered(model, bench.records, wanted)
 

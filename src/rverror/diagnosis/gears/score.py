@@ -1,0 +1,167 @@
+"""What a set of causes is worth: its posterior probability, and what keeps it from being named.
+
+The score is minus twice the logarithm of a set's posterior probability, by Laplace's approximation: the objective of
+its fit, what each added size must be worth (ln det of its prior over that of its posterior), and how unlikely its
+causes were before the runs were seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rverror.base.chance import chi_square
+from rverror.diagnosis.gears.fit import Fit, as_compared, counted, onto
+from rverror.diagnosis.gears.jumps import fall
+from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.policy import Policy
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
+
+
+def identity(name: Named) -> tuple[object, ...]:
+    """Key and indices, to compare."""
+    return (name[0], *sorted(name[1].items()))
+
+
+def named(effect: Effect) -> tuple[object, ...]:
+    """`identity` of an effect."""
+    return identity((effect.key, effect.indices))
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A set of causes, fitted.
+
+    Attributes
+    ----------
+    fit : Fit
+    lines : tuple of float
+        Orders of free lines.
+    slow : bool
+        Whether each run drifts and settles by itself.
+    score : float
+        Minus twice the logarithm of its posterior probability, but for a constant: the less, the better.
+    """
+
+    fit: Fit
+    lines: tuple[float, ...]
+    slow: bool
+    score: float
+
+    @property
+    def slim(self) -> Hypothesis:
+        """The same with a fit without its rows."""
+        return replace(self, fit=self.fit.slim)
+
+    @property
+    def names(self) -> frozenset[object]:
+        """Causes, to compare."""
+        return (
+            frozenset(named(e) for e in self.fit.added)
+            | frozenset(round(o, 2) for o in self.lines)
+            | ({"slow"} if self.slow else set())
+        )
+
+
+class Score:
+    """The scores of sets of some candidates.
+
+    Parameters
+    ----------
+    candidates : sequence of Named
+    policy : Policy
+    """
+
+    def __init__(self, candidates: Sequence[Named], policy: Policy) -> None:
+        """Count the places of each source."""
+        self.policy, self.places = policy, Counter(key for key, _ in candidates)
+
+    def cost(self, name: Named) -> float:
+        """Minus twice the logarithm of the chance that a candidate is missing, before the runs are seen.
+
+        Every source is as likely as every other, and each of its places as the others.
+        """
+        return 2 * math.log(max(len(self.places), 1) * max(self.places[name[0]], 1))
+
+    def of(self, fit: Fit, lines: Sequence[float] = (), slow: bool = False) -> Hypothesis:
+        """A fit, with the orders of its free lines and whether runs drift, and its score."""
+        total, policy = fit.objective, self.policy
+        first = sum(len(e.values) for e in fit.declared.effects)
+        prior = np.array([policy.workshop * p.plausible for e in fit.added for p in source(e.key).parameters])
+        at = slice(first, first + prior.size)
+        total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
+        total += sum(self.cost((e.key, e.indices)) for e in fit.added)
+        score = as_compared(float(total + self.regular(fit, lines, slow=slow)))
+        return Hypothesis(fit, tuple(lines), slow, score)
+
+    def regular(self, fit: Fit, lines: Sequence[float], *, slow: bool) -> float:
+        """What free lines, cos and sin, and the four rows of drift and settling must be worth in every run."""
+        return (2 * len(lines) + 4 * slow) * self.policy.row_cost * len(fit.bench.records)
+
+    @property
+    def sure(self) -> float:
+        """Score by which a set that is 1/`false_alarm` times as probable is lower."""
+        return -2 * math.log(self.policy.false_alarm)
+
+    def by_chance(self, more: Hypothesis, less: Hypothesis) -> float:
+        """Fall of the objective that noise alone makes with one of all sets of so many causes more, at `false_alarm`.
+
+        Of two sets with as many sizes one is as good as `sure`.
+        """
+        causes = len(more.fit.added) - len(less.fit.added)
+        sizes = sum(len(e.values) for e in more.fit.added) - sum(len(e.values) for e in less.fit.added)
+        rows = 2 * (len(more.lines) - len(less.lines)) + 4 * (more.slow - less.slow)
+        freedom = sizes + rows * len(more.fit.bench.records)
+        chance = self.policy.false_alarm / max(sum(self.places.values()), 1) ** max(causes, 0)
+        return chi_square(chance, freedom) if freedom > 0 else self.sure
+
+    def better(self, more: Hypothesis, less: Hypothesis, *, exact: bool = False) -> bool:
+        """Tell whether a set with more in it is more probable, and fits better by more than chance makes it.
+
+        Both by more than what the model's own error makes, unless it is taken as `exact`.  What moved jumps alone take
+        off does not count, and no error of the model settles as a drift does.
+        """
+        fallen = fall(less.fit, more.fit)
+        gain = less.score - more.score - (less.fit.objective - more.fit.objective) + fallen
+        own = 0.0 if exact or more.slow > less.slow else inexact(less.fit)
+        return gain > own and fallen > self.by_chance(more, less) + own
+
+
+def outlook(one: Hypothesis) -> tuple[bool, float]:
+    """What the search goes by: a cause that no workshop makes, in a fit that is none, goes after all that one makes."""
+    fit = one.fit
+    sizes = [(abs(v), p.plausible) for e in fit.added for v, p in zip(e.values, source(e.key).parameters, strict=True)]
+    odd = any(size > 2 * plausible for size, plausible in sizes)
+    return odd and (fit.data > fit.bound or strained(fit)), one.score
+
+
+def strained(fit: Fit) -> bool:
+    """Tell whether sizes and stiffnesses lie farther from where they were declared than chance would put them."""
+    first = sum(len(e.values) for e in fit.declared.effects)
+    weights = fit.pull.copy()
+    weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
+    return float(weights @ fit.off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+
+
+def unsure(fit: Fit, policy: Policy) -> float:
+    """Squares that the errors of the equilibrium itself leave."""
+    return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.bench.records if r.noise)
+
+
+def inexact(fit: Fit) -> float:
+    """What the squares that the model's own errors leave count where a fit stands."""
+    fit = onto(fit.bench, fit)
+    policy, data = fit.bench.policy, max(fit.data, fit.bound)
+    own = unsure(fit, policy) + bent(fit, policy)
+    return counted(data + own, fit.bound, policy) - counted(data, fit.bound, policy)
+
+
+def bent(fit: Fit, policy: Policy) -> float:
+    """Squares that the model's error about what was added leaves, a share of what it makes through the gear train."""
+    seen = zip(fit.bench.sights, fit.added_parts, strict=True)
+    return policy.added_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)

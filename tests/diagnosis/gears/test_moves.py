@@ -1,0 +1,132 @@
+"""States from which sets of causes are fitted: at a workshop's sizes, in places that look alike, each way once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import BARE, CAM, LIGHT, TURN, UNIT, begin, runs_of
+from rverror.base.arrays import Array
+from rverror.diagnosis.gears.fit import Fit, evaluated
+from rverror.diagnosis.gears.moves import Trial, distinct, equivalents, marked, started, with_offer
+from rverror.diagnosis.gears.ranking import Offer
+from rverror.diagnosis.gears.score import identity, named
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+
+PROFILE = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="4 um", sin="-3 um")
+PIN = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
+PLAY = rverror.effect("crank.bearing_clearance", clearance="5 um")
+
+
+def offer_of(*effects: Effect) -> Offer:
+    return Offer(tuple((e.key, e.indices) for e in effects), tuple(np.array(e.values) for e in effects), 0.0, 0.0, 0.0)
+
+
+def test_an_offer_enters_at_its_sizes_or_at_those_that_a_workshop_makes() -> None:
+    """Each cause by itself is made smaller in proportion, until none of its sizes is beyond 0.7 of a plausible one."""
+    declared = Model(UNIT, (replace(PLAY, uncertainty=1e-3),))
+    model = with_offer(declared, offer_of(CAM, PROFILE))
+    assert model.effects == (*declared.effects, CAM, PROFILE)
+    both = offer_of(CAM, replace(PROFILE, values=tuple(100 * value for value in PROFILE.values)))
+    small, large = with_offer(declared, both).effects[1:]
+    assert small == CAM
+    shares = np.array(large.values) / [p.plausible for p in source(PROFILE.key).parameters]
+    assert np.abs(shares).max() == pytest.approx(0.7)
+    assert shares[0] / shares[1] == pytest.approx(-4 / 3)
+
+
+def test_a_cause_with_starts_begins_at_each_of_them() -> None:
+    """Shares of what is plausible; one that every linear step tells the size of has none."""
+    found = started(PIN)
+    plausible = np.array([p.plausible for p in source(PIN.key).parameters])
+    assert [named(e) for e in found] == [named(PIN)] * len(source(PIN.key).starts)
+    assert np.array([e.values for e in found]) == pytest.approx(np.array(source(PIN.key).starts) * plausible)
+    assert started(CAM) == []
+
+
+def test_places_that_only_contacts_tell_apart() -> None:
+    """On the other disc or crank, as it is or the opposite; a pin stands for those beside it and half a turn on."""
+    cams = {(named(e), e.values) for e in equivalents(CAM, UNIT)}
+    elsewhere = [(0, 1), (1, 0), (1, 1)]
+    assert cams == {
+        (identity((CAM.key, {"crank": crank, "disc": disc})), tuple(sign * value for value in CAM.values))
+        for (crank, disc), sign in product(elsewhere, (1.0, -1.0))
+    }
+    pins = [e for e in equivalents(PIN, UNIT) if e.values == PIN.values]
+    assert sorted(int(e.indices["pin"]) for e in pins) == [4, 6, 13]
+
+
+def test_what_shows_by_contacts_alone_may_be_its_opposite() -> None:
+    """Only of causes that have starts, and never less than no clearance."""
+    assert [e.values for e in equivalents(PROFILE, UNIT) if e.indices == PROFILE.indices] == [(-4e-3, 3e-3)]
+    assert equivalents(PLAY, UNIT) == []
+    encoder = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec")
+    assert equivalents(encoder, UNIT) == []
+
+
+BORE = rverror.effect("cycloid.disc_bore_position", disc=0, crank=1, radial="5 um", tangential="3 um")
+
+
+@pytest.mark.parametrize("effect", [CAM, PROFILE, BORE], ids=str)
+def test_in_every_equivalent_place_one_sign_does_what_the_cause_does(effect: Effect) -> None:
+    """Nearly, in the closed form, in which all contacts carry."""
+    theta = TURN * np.arange(512) / 512
+
+    def wave(one: Effect) -> Array:
+        error = rverror.transmission_error(Model(UNIT, (one,)), theta, direction=1.0)
+        return np.asarray(error - error.mean())
+
+    true, nearest = wave(effect), dict[object, float]()
+    for other in equivalents(effect, UNIT):
+        off = float(np.std(wave(other) - true) / np.std(true))
+        nearest[named(other)] = min(off, nearest.get(named(other), math.inf))
+    nearest.pop(named(effect), None)
+    assert nearest
+    assert max(nearest.values()) < 0.1
+
+
+def test_marks_go_to_an_offset_and_all_else_stays() -> None:
+    stated = Model(UNIT, (CAM,)).with_effects(rverror.effect("sensor.index_offset", offset="0.1 rad"))
+    model = marked(stated, 0.37)
+    assert model.index_offset == 0.37
+    assert replace(model, effects=model.effects[:1]) == Model(UNIT, (CAM,))
+    assert marked(Model(UNIT, (CAM,)), 0.37) == Model(UNIT, (CAM,))
+
+
+@pytest.fixture(scope="module")
+def first() -> Fit:
+    return begin(BARE, runs_of(BARE, LIGHT, points=256), points=256)
+
+
+def trial(first: Fit, *added: Effect, prospect: float = 0.0) -> Trial:
+    return Trial(evaluated(first.bench, Model(UNIT, added), BARE), prospect)
+
+
+def test_of_one_set_two_ways_are_followed_at_most(first: Fit) -> None:
+    """Larger in the same direction it is the same way; the other way, or across, it is another."""
+    a, b = CAM.values
+    calm, wild, opposite, across, back = (
+        trial(first, replace(CAM, values=values)) for values in ((a, b), (3 * a, 3 * b), (-a, -b), (b, -a), (-b, a))
+    )
+    assert distinct([calm, wild, opposite, across], 4) == [calm, opposite]
+    assert distinct([calm, across, back, opposite], 4) == [calm, across]
+    assert distinct([wild, calm, opposite], 1) == [wild]
+    assert distinct([], 3) == []
+
+
+def test_sets_are_apart_by_their_causes_and_by_where_the_marks_are(first: Fit) -> None:
+    """In whatever order their causes were found."""
+    other = replace(PROFILE, indices={"disc": 0, "harmonic": 2})
+    one, turned, two = trial(first, CAM, PROFILE), trial(first, PROFILE, CAM), trial(first, CAM, other)
+    assert distinct([one, turned, two], 3) == [one, two]
+    marks = Model(UNIT).with_effects(rverror.effect("sensor.index_offset", offset="0 rad"))
+    here, near, there = (
+        Trial(evaluated(first.bench, marked(marks.with_effects(CAM), angle), marks), 0.0) for angle in (0.0, 0.01, 0.3)
+    )
+    assert distinct([here, near, there], 3) == [here, there]

@@ -1,0 +1,711 @@
+"""The search for what a model lacks, move by move: what is needless goes, what bends is begun, no wrong set ends it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import BARE, CAM, LIGHT, OTHER, TURN, UNIT, USUAL, begin, beside, quiet, red, runs_of, search_of, settled
+from rverror.base.arrays import Array
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.account import half_widths
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
+from rverror.diagnosis.gears.late_faults import nearly_noise
+from rverror.diagnosis.gears.moves import marked
+from rverror.diagnosis.gears.record import records_of
+from rverror.diagnosis.gears.reducers import with_marks
+from rverror.diagnosis.gears.score import Hypothesis, inexact, named, strained
+from rverror.diagnosis.gears.search import Search
+from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.journal import Journal
+from rverror.diagnosis.noise import RunNoise
+from rverror.diagnosis.policy import POLICY
+from rverror.geartrain.action_line import Contacts
+from rverror.geartrain.kinematics import fundamental_orders
+from rverror.geartrain.source import Source, around
+from rverror.model.effects import Effect, Model
+
+HEAD = rverror.effect("sensor.encoder_eccentricity", cos="3 arcsec", sin="-2 arcsec")
+TWICE = rverror.effect("sensor.encoder_ellipticity", cos="2 arcsec", sin="2 arcsec")
+PLANET = rverror.effect("involute.planet_eccentricity", crank=0, x="3 um", y="-2 um")
+PIN = rverror.effect("cycloid.pin_position", pin=5, radial="5.5 um", tangential="7.8 um")
+PINS = rverror.effect("cycloid.pin_radius", pin="all", deviation="6 um")
+LOBE = rverror.effect("cycloid.disc_lobe", disc=1, lobe=5, deviation="10 um")
+PROFILE = rverror.effect("cycloid.profile_modification", equidistant="8 um", shift="-6 um")
+PLAY = rverror.effect("crank.bearing_clearance", clearance="7 um")
+RUNOUT = rverror.effect("coupling.carrier_runout", x="-3.7 um", y="3.8 um")
+WAVE = rverror.effect(
+    "cycloid.pin_circle", harmonic=1, radial_cos="-1.7 um", radial_sin="-4 um", tangential_cos="-6.3 um",
+    tangential_sin="-2.3 um",
+)  # fmt: skip
+
+
+def complete_ones(search: Search, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+    return [one for one in found if search.complete(one)]
+
+
+def sizes(one: Hypothesis, of: Effect) -> Array:
+    """Of the cause of a key, but for a sign that only contacts tell."""
+    (found,) = [e for e in one.fit.added if e.key == of.key]
+    sign = math.copysign(1.0, float(np.dot(found.values, of.values)))
+    return sign * np.array(found.values)
+
+
+# --- the loop ---------------------------------------------------------------------------------------------------------
+
+
+THETA = np.asarray(TURN * np.arange(1024) / 512)
+
+
+class Watched(Search):
+    """A search that writes down which sets it expands, of how many causes, and how wide its beam is."""
+
+    expanded: list[tuple[frozenset[object], int, int]]
+
+    def expand(self, one: Hypothesis, width: int) -> None:
+        self.expanded.append((one.names, len(one.fit.added), width))
+        super().expand(one, width)
+
+
+def read(*true: Effect, more: Array | float = 0.0, **rules: Any) -> Watched:
+    """A search over one run that states no torque, of 0.3 arcsec of white noise: every prediction is linear."""
+    error = rverror.transmission_error(Model(UNIT, true), THETA, direction=1.0) + more + red(3, THETA.size, 0.3, 0.0)
+    run = rverror.run_from_arrays(input_angle=UNIT.ratio * THETA, output_angle=THETA + error, direction="forward")
+    keys = [e.key for e in (HEAD, TWICE, PLANET)]
+    known = search_of(fitted(renoised(fitted(begin(BARE, [run], points=512)))), keys, **rules)
+    found = Watched(known.root.fit, known.candidates, known.policy, Journal(quiet))
+    found.expanded = []
+    return found
+
+
+def test_three_causes_are_found_and_no_set_is_expanded_twice() -> None:
+    search = read(HEAD, TWICE, PLANET)
+    best, done = search.best()
+    assert done
+    assert search.complete(best)
+    assert {e.key for e in best.fit.added} == {HEAD.key, TWICE.key, PLANET.key}
+    for effect in (HEAD, TWICE):
+        assert sizes(best, effect) == pytest.approx(effect.values, abs=0.1 * ARCSEC)
+    assert len(search.expanded) == len(set(search.expanded))
+    assert best.score == min(one.score for one in search.known.values())
+
+
+def test_where_nothing_is_missing_nothing_is_expanded() -> None:
+    search = read()
+    best, done = search.best()
+    assert (best.fit.added, done, search.expanded) == ((), True, [])
+
+
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_no_more_causes_are_looked_for_than_are_named(most: int) -> None:
+    search = read(HEAD, TWICE, PLANET, most_effects=most)
+    best, done = search.best()
+    assert not done
+    assert max(len(one.fit.added) for one in search.known.values()) == most
+    assert len(best.fit.added) <= most
+
+
+def test_where_no_set_is_complete_the_beam_widens_until_all_were_expanded() -> None:
+    """A wave of the crank's order, which no candidate makes and which is no line of its own.
+
+    A wider beam begins with few causes again: a wrong one with a second may beat the right one alone.
+    """
+    search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)
+    best, done = search.best()
+    widths = list(dict.fromkeys(width for _, _, width in search.expanded))
+    assert not done
+    assert best.names == {named(HEAD)}
+    assert {after / before for before, after in pairwise(widths)} == {2.0}
+    assert len(search.expanded) == len(set(search.expanded))
+    wide = {names for names, _, width in search.expanded if width > 1}
+    assert {one.names for one in search.known.values() if len(one.fit.added) <= 1} <= wide
+    counts = [count for _, count, width in search.expanded if width == widths[1]]
+    assert counts[0] == 0
+    assert counts == sorted(counts)
+
+
+def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
+    expanded = []
+    for budget in (-1, 0, 10**6):
+        search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=budget)
+        best, done = search.best()
+        assert not done
+        assert best.score == min(one.score for one in search.known.values())
+        expanded.append(len(search.expanded))
+    assert expanded[:2] == [0, 1]
+    assert expanded[2] > 2
+
+
+def test_of_every_set_the_best_fit_is_kept_and_what_settled_as_well_changes_nothing() -> None:
+    search = read(HEAD)
+    first = search.score.of(beside(search.root.fit, HEAD))
+    search.keep([replace(first, score=10.0)])
+    for score, kept in ((9.5, 10.0), (12.0, 10.0), (8.5, 8.5)):
+        search.keep([replace(first, score=score)])
+        assert search.known[first.names].score == kept
+
+
+# --- complete ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def right() -> Fit:
+    """The true cause, fitted."""
+    return settled(Model(OTHER, (CAM,)), CAM, conditions=(*USUAL, (1.0, 150e3)))
+
+
+def test_nothing_is_complete_without_the_cause_and_all_is_with_it(right: Fit) -> None:
+    search = search_of(right)
+    assert search.complete(search.score.of(right))
+    assert not search.complete(search.root)
+
+
+def test_a_strained_fit_is_never_complete() -> None:
+    """A declared size that is off by 8 of its uncertainties; with five times the uncertainty it is not."""
+    wrong = replace(CAM, values=(CAM.values[0] - 8e-4, CAM.values[1]), uncertainty=1e-4)
+    fit = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (wrong,)))
+    none = "sensor.encoder_ellipticity"
+    assert fit.data < fit.bound
+    assert strained(fit)
+    assert not search_of(fit, [none]).complete(search_of(fit, [none]).score.of(fit))
+    bench = replace(fit.bench, policy=replace(POLICY, strained=1e-200))
+    search = search_of(replace(fit, bench=bench), [none])
+    assert search.complete(search.score.of(replace(fit, bench=bench)))  # nothing but the strain is against it
+    calm = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (replace(wrong, uncertainty=5e-4),)))
+    assert not strained(calm)
+
+
+@pytest.mark.parametrize(("arcsec", "complete"), [(0.14, True), (0.2, False)])
+def test_a_line_that_chance_makes_now_and_then_overthrows_no_cause(right: Fit, arcsec: float, complete: bool) -> None:
+    """It is told all the same; one that noise hardly ever makes leaves a set incomplete."""
+    wave = arcsec * ARCSEC
+    records = [replace(r, error=r.error + wave * np.cos(23.37 * r.theta)) for r in right.bench.records]
+    fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+    (line,) = best_lines(fit, POLICY, outside=False)
+    assert line.order == pytest.approx(23.37, abs=0.3)
+    search = search_of(fit)
+    assert search.complete(search.score.of(fit)) == complete
+
+
+def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said_to_be_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A pin that is pushed in takes load from others: fitted it lowers the objective by more than a step promises."""
+    pin = rverror.effect("cycloid.pin_position", pin=5, radial="0.6 um")
+    fit = settled(Model(OTHER, (pin,)), conditions=(*USUAL, (1.0, 150e3)))
+    (step,) = [o for o in search_of(fit, [pin.key]).leading(fit) if dict(o.names[0][1]) == dict(pin.indices)]
+    search = search_of(fit, [pin.key])
+    promised = fit.objective - step.score
+    fallen = search.score.of(fit).score - search.score.of(beside(fit, pin)).score
+    assert fallen > promised + 4
+    for share, complete in ((-0.5, False), (0.5, False), (1.5, True)):  # below the promise, between, above the fall
+        asked = promised + share * (fallen - promised) - inexact(fit)
+        for gains in (not complete, False):
+            with monkeypatch.context() as patch:
+                if not gains:  # as where only a jump has moved
+                    patch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: 0.0)
+                asking = search_of(fit, [pin.key], false_alarm=math.exp(-asked / 2))
+                now = asking.complete(asking.score.of(fit))
+            assert now == (not gains if share > 0 else complete)
+
+
+def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_larger() -> None:
+    """No error of the model settles: beside a cam 120 um off its place 1.5 arcsec that does is left to be found.
+
+    Over one turn it may be an encoder's error.
+    """
+    cam = replace(CAM, values=(0.1, -0.06))
+    short, fit = (
+        settled(Model(OTHER, (cam,)), cam, points=512, turns=turns,
+                more=lambda theta, share: 1.5 * ARCSEC * np.exp(-share / 0.1))
+        for turns in (1.0, 3.0)
+    )  # fmt: skip
+    search = search_of(fit, [CAM.key])
+    one = search.score.of(fit)
+    assert not any(other.slow for other in search_of(short, [CAM.key]).regular(search.score.of(short)))
+    (settling,) = search.regular(one)
+    assert settling.slow
+    assert 50 < fit.objective - settling.fit.objective < inexact(fit)
+    assert not search.complete(one)
+    assert search.complete(settling)
+    assert search.pruned(settling).slow
+    assert search.score.better(settling, one)
+
+
+@pytest.mark.parametrize(("share", "looked"), [(1.05, False), (1.5, True)])
+def test_where_hardly_more_than_noise_is_left_no_further_cause_is_looked_for(
+    right: Fit, share: float, looked: bool
+) -> None:
+    """Noise that was taken for too little by so much: small faults of the readings may leave the former."""
+    down = math.sqrt(right.data / (share * right.bound))
+    records = [
+        replace(r, noise=RunNoise(r.noise.coefficients, r.noise.sigma * down)) for r in right.bench.records if r.noise
+    ]
+    fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+    assert fit.data == pytest.approx(share * fit.bound, rel=0.01)
+    assert nearly_noise(fit) is not looked
+    search = search_of(fit, [CAM.key, HEAD.key], budget=300)
+    best, done = search.best(search.score.of(fit))
+    assert not done
+    assert best.names == {named(CAM)}
+    assert bool(search.journal.round) is looked
+
+
+def test_a_large_fault_of_one_sample_is_no_further_cause(right: Fit) -> None:
+    """It doubles the squares, as something that is missing would, but in as few values as the noise remembers."""
+    first, *others = right.bench.records
+    error = first.error.copy()
+    error[error.size // 3] += 12 * ARCSEC
+    bench = right.bench.with_records([replace(first, error=error), *others])
+    fit = evaluated(bench, right.model, right.declared)
+    assert fit.data > 2 * fit.bound
+    assert nearly_noise(fit)
+    search = search_of(fit)
+    best, done = search.best(search.score.of(fit))
+    assert best.names == {named(CAM)}
+    assert (done, search.journal.round) == (False, 0)
+    assert not nearly_noise(search.root.fit)
+
+
+# --- what is needless -------------------------------------------------------------------------------------------------
+
+
+def test_pruning_drops_what_is_needless_and_keeps_what_is_not(right: Fit) -> None:
+    """The true cause beside one that is needless, a line that is none, and drift."""
+    profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=3, cos="0.5 um")
+    records = [replace(r, orders=(23.37,), slow=True) for r in right.bench.records]
+    start = replace(right.model, effects=(CAM, profile))
+    search = search_of(right)
+    crowded = search.score.of(fitted(evaluated(right.bench.with_records(records), start, BARE)), (23.37,), True)
+    left = search.pruned(crowded)
+    assert left.names == {named(CAM)}
+    assert (left.lines, left.slow) == ((), False)
+    assert all(r.orders == () and not r.slow for r in left.fit.bench.records)
+    assert left.score < crowded.score
+    assert left.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
+
+
+def test_a_cause_is_needed_however_large_it_is() -> None:
+    """A hundredth of a wave of 40 arcsec is many squares, but as squares count what it explains is more."""
+    cam = replace(CAM, values=(0.04, 0.0))
+    search = search_of(fit := settled(Model(OTHER, (cam,)), cam))
+    assert search.pruned(search.score.of(fit)).names == {named(CAM)}
+
+
+@pytest.mark.parametrize("gained", [0.0, 1e4])
+def test_nothing_counts_that_only_moved_jumps_have_gained(
+    right: Fit, gained: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cause is needed where its fall counts, and nowhere else."""
+    monkeypatch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: gained)
+    search = search_of(right)
+    assert bool(search.pruned(search.score.of(right)).fit.added) == (gained > 0)
+
+
+def test_what_fits_only_by_straining_gives_way() -> None:
+    """A cam does what a planet does only beside the cam's declared twin, moved by 18 of its uncertainties."""
+    cam = replace(CAM, values=(2e-3, -1e-3))
+    stated = rverror.effect(CAM.key, crank=1, disc=1, radial="0 um", uncertainty="0.1 um")
+    planet = replace(PLANET, values=(1e-3, 0.0))
+    fit = settled(Model(OTHER, (cam,)), planet, declared=Model(UNIT, (stated,)), conditions=(*USUAL, (1.0, 150e3)))
+    assert fit.data < fit.bound
+    assert strained(fit)
+    search = search_of(fit, [cam.key, planet.key], most_effects=1)
+    best, done = search.best(search.score.of(fit))
+    assert done
+    assert best.names == {named(CAM)}
+    assert not strained(best.fit)
+
+
+# --- what is added ----------------------------------------------------------------------------------------------------
+
+
+def test_from_what_is_declared_a_linear_step_finds_what_is_missing() -> None:
+    search = search_of(settled(Model(OTHER, (CAM,)), CAM))
+    best = min(search.added_linearly(search.root), key=lambda one: one.score)
+    assert search.complete(best)
+    assert {e.key for e in best.fit.added} == {CAM.key}
+    assert best.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
+
+
+def test_what_leads_over_every_sample_is_fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A micron of one pin, lost in noise: the first three candidates are enough, no race is run."""
+    pin = replace(PIN, values=(-1e-3, 0.0))
+    search = search_of(settled(Model(OTHER, (pin,)), pin))
+    monkeypatch.delattr(search.__class__, "_raced")
+    assert search.root.fit.data < search.root.fit.bound
+    found = search.added_linearly(search.root)
+    assert len(found) <= POLICY.direct
+    assert complete_ones(search, found)
+    assert {e.indices["pin"] for one in found for e in one.fit.added} & {5, 13}  # it, or the one half a turn on
+
+
+def test_a_damaged_lobe_that_declared_sizes_hide_is_found() -> None:
+    """Free to move, what was declared makes up for a raised lobe until no more than noise is left of it."""
+    cams = [
+        Effect(CAM.key, {"crank": crank, "disc": disc}, (0.0, 0.0), 3e-4) for crank, disc in product((0, 1), (0, 1))
+    ]
+    waves = [Effect("cycloid.disc_pitch", {"disc": disc, "harmonic": 1}, (0.0, 0.0), 3e-4) for disc in (0, 1)]
+    fit = settled(Model(OTHER, (LOBE,)), declared=Model(UNIT, (*cams, *waves)), conditions=LIGHT)
+    search = search_of(fit, [LOBE.key, "cycloid.pin_position", "cycloid.pin_radius"])
+    assert search.root.fit.data < search.root.fit.bound
+    assert not search.complete(search.root)
+    best, done = search.best()
+    assert done
+    assert {e.key for e in best.fit.added} == {LOBE.key}
+    assert best.fit.added[0].values == pytest.approx(LOBE.values, abs=5e-4)
+
+
+def test_a_clearance_is_found_though_a_linear_step_makes_less_than_nothing_of_it() -> None:
+    """Cams that are declared wrong by up to three uncertainties take the place of what it does to first order."""
+    true, said = (
+        ((1.4, -2.0), (-0.7, 2.5), (2.0, -1.8), (0.7, 5.5)),
+        ((0.8, -3.1), (-0.7, 2.7), (3.1, -2.1), (0.7, 5.5)),
+    )
+    made, declared = (
+        tuple(
+            Effect(CAM.key, {"crank": crank, "disc": disc}, (1e-3 * x, 1e-3 * y), 4e-4)
+            for (crank, disc), (x, y) in zip(product((0, 1), (0, 1)), sizes, strict=True)
+        )
+        for sizes in (true, said)
+    )
+    stated = Model(UNIT, declared)
+    first = begin(stated, runs_of(Model(OTHER, (*made, PLAY)), LIGHT, points=512), points=512)
+    search = search_of(fitted(renoised(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
+    assert all(offer.names[0][0] != PLAY.key for offer in search.leading(evaluated(first.bench, stated, stated)))
+    found = complete_ones(search, search.added_from_starts(search.root, everywhere=False))
+    assert [e.key for e in found[0].fit.added] == [PLAY.key]
+    assert found[0].fit.added[0].values[0] == pytest.approx(7e-3, abs=3e-4)
+
+
+def test_a_wave_of_the_pins_is_found_from_its_starts() -> None:
+    """A linear step from nothing ranks it behind waves of other orders, and steps from there end elsewhere."""
+    fit = settled(Model(OTHER, (WAVE,)), WAVE, conditions=LIGHT)
+    search = search_of(fit, [WAVE.key, "cycloid.disc_profile"])
+    assert not complete_ones(search, search.added_linearly(search.root))
+    (found,) = complete_ones(search, search.added_from_starts(search.root, everywhere=False))[:1]
+    assert found.names == {named(WAVE)}
+    assert sizes(found, WAVE) == pytest.approx(WAVE.values, abs=5e-4)
+
+
+def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
+    """Alone each is driven back to nothing: the carrier moves what is tight by little, the clearance by too much.
+
+    An ellipticity of the encoder opens no contact: beside it they are found as beside nothing.
+    """
+    true = (replace(TWICE, values=(-3 * ARCSEC, 2 * ARCSEC)), replace(RUNOUT, values=(0.010, -0.020)), PLAY)
+    fit = settled(Model(OTHER, true), *true, conditions=LIGHT)
+    search = search_of(fit, [effect.key for effect in true])
+    for cause in true[1:]:
+        alone = beside(fit, true[0], cause)
+        assert alone.data > 2 * alone.bound
+    best, done = search.best()
+    assert done
+    assert best.names == frozenset(map(named, true))
+    for effect in true[1:]:
+        assert sizes(best, effect) == pytest.approx(effect.values, abs=2e-3)
+
+
+def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_together() -> None:
+    """Neither takes off half of what both make: beside the one the other is found, and both by a wide beam alone."""
+    profile = replace(PROFILE, values=(0.020, 0.010))
+    pin = rverror.effect("cycloid.pin_radius", pin=5, deviation="6.5 um")
+    fit = settled(Model(OTHER, (profile, pin)), profile, pin, conditions=(*USUAL, (1.0, 150e3)))
+    search = search_of(fit, [profile.key, pin.key])
+    both, alone = frozenset(map(named, (profile, pin))), search.score.of(beside(fit, profile))
+    assert alone.fit.objective > (search.root.fit.objective + fit.objective) / 2
+    best = min(search.added_linearly(alone), key=lambda one: one.score)
+    assert search.complete(best)
+    assert best.names == both
+    assert sizes(best, pin) == pytest.approx(pin.values, abs=5e-4)
+    for everywhere in (False, True):
+        found = search.added_from_starts(search.root, everywhere=everywhere)
+        assert any(one.names == both for one in found) is everywhere
+
+
+def test_a_profile_is_named_without_its_twins() -> None:
+    """A wave of the pins of no harmonic is a part of it: both together can do no more, and share its size."""
+    cam = replace(CAM, uncertainty=3e-4)
+    fit = settled(Model(OTHER, (cam, PROFILE)), PROFILE, declared=Model(UNIT, (cam,)), conditions=LIGHT)
+    search = search_of(fit)
+    best, done = search.best()
+    assert done
+    assert best.names == {named(PROFILE)}
+    assert sizes(best, PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
+
+
+def test_states_without_an_equilibrium_are_passed_over() -> None:
+    """A bearing that is stiffer by more than its declared compliance is none."""
+    search = search_of(settled(Model(OTHER, (CAM,)), CAM))
+    nothing = rverror.effect("crank.bearing_compliance", crank=0, disc=0, compliance="-4 um/kN")  # of 3.3
+    models = [Model(UNIT, (effect,)) for effect in (nothing, CAM, nothing)]
+    before = search.spent
+    (trial,) = search._solved(search.root.fit, [*models, models[1]])
+    assert trial.fit.model.effects == (CAM,)
+    assert search.spent == before + 2  # each state once
+
+
+# --- a new source -----------------------------------------------------------------------------------------------------
+
+
+def bores_off_the_axis(contacts: Contacts) -> rverror.ErrorVector:
+    """All bores of a carrier whose bearings run about another axis, fixed in the carrier."""
+    cos, sin = np.cos(contacts.theta), np.sin(contacts.theta)
+    across = np.stack([np.stack([cos, sin]), np.stack([-sin, cos])])
+    return rverror.ErrorVector(contact="carrier", vector=-across[:, None])
+
+
+def written(starts: tuple[tuple[float, ...], ...]) -> Source:
+    """The source as its author would enter it, but for its starts."""
+    return rverror.Source(
+        "coupling.bores_off_the_axis", bores_off_the_axis, (),
+        (rverror.Parameter("x", "length", 0.05), rverror.Parameter("y", "length", 0.05)),
+        "carrier", lambda mechanism, indices: (), "a test", "bores about another axis than the bearings",
+        starts=starts,
+    )  # fmt: skip
+
+
+def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_needs() -> None:
+    """Its forces cancel while the discs balance: twice the error makes four times the wave, of either sign."""
+    keys, found = ("coupling.bores_off_the_axis", CAM.key, PLANET.key), {}
+    for starts in ((), around(0.17)):
+        with rverror.extended(written(starts)):
+            true = Effect(keys[0], {}, (-6e-3, 5e-3))
+            fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
+            search = search_of(fit, keys, budget=1000)
+            assert search.complete(search.score.of(fit))
+            (linear,) = [o for o in search.leading(search.root.fit) if o.names[0][0] == true.key]
+            assert search.root.fit.objective - linear.objective < 10
+            found[len(starts)] = *search.best(), true
+    best, done, true = found[6]
+    assert done
+    assert best.names == {named(true)}
+    assert sizes(best, true) == pytest.approx(true.values, abs=5e-4)
+    assert not found[0][1]
+
+
+# --- what is moved ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [4, 6])
+def test_a_pin_that_stands_for_the_one_beside_it_gives_way(number: int) -> None:
+    """Pushed in by 5 um at light load a pin carries for those beside it, which look much like it."""
+    fit = settled(Model(OTHER, (PIN,)), PIN, conditions=LIGHT)
+    search = search_of(fit)
+    wrong = search.score.of(beside(fit, Effect(PIN.key, {"pin": number}, (0.0, 2e-3))))
+    (found,) = [one for one in search.moved(wrong) if one.names == {named(PIN)}]
+    assert search.complete(found)
+    assert search.score.better(found, wrong)
+    best, done = search.best(wrong)
+    assert done
+    assert [e.key for e in best.fit.added] == [PIN.key]
+    assert best.fit.added[0].indices["pin"] in (5, 13)  # it, or the one half a turn on
+
+
+def test_what_bends_is_begun_anew_where_its_fit_ended_elsewhere() -> None:
+    """From these sizes of a profile no step leads to the true ones: other pins carry."""
+    cam = replace(CAM, uncertainty=3e-4)
+    fit = settled(Model(OTHER, (cam, PROFILE)), PROFILE, declared=Model(UNIT, (cam,)), conditions=LIGHT)
+    search = search_of(fit)
+    wrong = search.score.of(beside(fit, replace(PROFILE, values=(-5e-3, 5e-3))))
+    assert not search.complete(wrong)
+    (found,) = complete_ones(search, search.moved(wrong))[:1]
+    assert found.names == {named(PROFILE)}
+    assert found.fit.added[0].values == pytest.approx(PROFILE.values, abs=1e-3)
+
+
+def test_causes_that_hold_one_another_in_a_wrong_place_change_it_together() -> None:
+    """On the other disc, all opposite, both look alike but for the contacts; one of them alone cannot follow."""
+    here = [
+        Effect("cycloid.disc_profile", {"disc": 1, "harmonic": 1}, (2.6e-3, 2.5e-3)),
+        Effect("coupling.carrier_bore_position", {"crank": 1}, (3.5e-3, 15.6e-3)),
+    ]
+    there = [replace(here[0], indices={"disc": 0, "harmonic": 1}), here[1]]
+    known = (
+        Effect("cycloid.disc_pitch", {"disc": 0, "harmonic": 1}, (0.8e-3, -5e-3), 3e-4),
+        Effect("cycloid.disc_pitch", {"disc": 1, "harmonic": 1}, (-1e-3, -0.2e-3), 3e-4),
+        Effect(CAM.key, {"crank": 0, "disc": 1}, (-1.4e-3, -1.4e-3), 3e-4),
+    )
+    fit = settled(Model(OTHER, (*known, *here)), *here, declared=Model(UNIT, known), conditions=LIGHT)
+    search = search_of(fit)
+    wrong = search.score.of(beside(fit, *(replace(e, values=tuple(-value for value in e.values)) for e in there)))
+    assert wrong.fit.data < 2 * wrong.fit.bound
+    assert not search.complete(wrong)
+    found = min(complete_ones(search, search.moved(wrong)), key=lambda one: one.score)
+    assert [e.key for e in found.fit.added] == [e.key for e in here]
+    assert found.fit.added[0].values == pytest.approx(here[0].values, abs=1e-3)
+    assert all(one.score > found.score + 100 for one in (wrong, *search.rivals(wrong, 0), *search.rivals(wrong, 1)))
+
+
+def test_no_move_puts_a_cause_into_a_set_twice() -> None:
+    """Waves of one harmonic on both discs: begun anew in an equivalent place the one would stand where the other is."""
+    waves = [rverror.effect("cycloid.disc_pitch", disc=d, harmonic=2, cos=f"{1 + d} um") for d in (0, 1)]
+    fit = settled(Model(OTHER, tuple(waves)), *waves, conditions=LIGHT)
+    search = search_of(fit, ["cycloid.disc_pitch"])
+    seen: list[tuple[Effect, ...]] = []
+    solved = search._solved
+
+    def watched(fit: Fit, models: Sequence[Model]) -> Any:
+        seen.extend(model.effects for model in models)
+        return solved(fit, models)
+
+    search._solved = watched  # type: ignore[method-assign]
+    search.moved(search.score.of(fit))
+    assert len(seen) > 10
+    assert all(len(set(map(named, effects))) == len(effects) for effects in seen)
+
+
+@pytest.mark.parametrize(
+    ("true", "ahead", "off"),
+    [
+        (replace(PLANET, values=(0.03, -0.02)), 0.21, 0.08),
+        (Effect(WAVE.key, {"harmonic": 2}, (-6.4e-3, 2.4e-3, -3.8e-3, 6e-3)), 0.03, 0.05),
+    ],
+    ids=["planet", "wave"],
+)
+def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: float, off: float) -> None:
+    """Turned by wrong marks a planet's wave fits as well, but not the declared cam's, which is known to 0.3 um.
+
+    At light load no linear step finds a wave of the pins; its sizes that were fitted at wrong marks are nearly right,
+    but with no other marks to try no start leads to the right ones.
+    """
+    period = TURN / fundamental_orders(UNIT)["crank"]
+    cam = replace(CAM, uncertainty=3e-4)
+    runs = [replace(r, index="unknown") for r in runs_of(Model(UNIT, (cam, true)), LIGHT, marks=ahead)]
+    model, anywhere = with_marks(Model(UNIT, (cam,)), runs)
+    records, _ = records_of(model, runs, POLICY)
+    first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
+    both = replace(model, effects=(*model.effects, true))
+    known = renoised(fitted(evaluated(first.bench, marked(both, ahead), model), steps=30))
+    wrong = evaluated(known.bench, marked(both, ahead + off), model)
+    free = np.ones(wrong.moment.size, dtype=np.bool_)
+    free[2] = False  # the marks, after the cam's two
+    fit = fitted(wrong, free=free, steps=40)
+    offsets = tuple(np.arange(POLICY.offsets) * period / POLICY.offsets)
+    search, nowhere = (search_of(fit, [true.key], offsets=angles) for angles in (offsets, ()))
+    one = search.score.of(fit)
+    assert not search.complete(one)
+    (found,) = complete_ones(search, search.moved(one))[:1]
+    assert {e.key for e in found.fit.added} == {true.key}
+    assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
+    if true.key == WAVE.key:
+        assert not complete_ones(nowhere, nowhere.moved(one))
+
+
+# --- what fits as well ------------------------------------------------------------------------------------------------
+
+
+def test_rivals_hold_the_exact_twin_at_another_place(right: Fit) -> None:
+    """Half a turn on, crank 1 stands as crank 0 did and disc 1 as disc 0: no run tells the two apart."""
+    search = search_of(right)
+    one = search.score.of(right)
+    twin = next(r for r in search.rivals(one, 0) if dict(r.fit.added[0].indices) == {"crank": 1, "disc": 1})
+    assert twin.fit.added[0].key == CAM.key
+    assert twin.fit.objective == pytest.approx(right.objective, abs=0.2)
+    assert twin.fit.added[0].values == pytest.approx(right.added[0].values, abs=1e-5)
+    assert (CAM.key, {"crank": 1, "disc": 1}) in search.as_good(one, 0)
+    assert all(rival.fit.bench is right.bench for rival in search.rivals(one, 0))
+
+
+@pytest.mark.parametrize("alike", [1e-30, 0.01, 0.9])
+def test_what_fits_as_well_is_what_comes_near_by_score_or_by_objective(right: Fit, alike: float) -> None:
+    search = search_of(right, [CAM.key, "cycloid.disc_bore_position", PLANET.key], alike=alike)
+    one = search.score.of(right)
+    near = {
+        rival.names
+        for rival in search.rivals(one, 0)
+        if min(rival.score - one.score, rival.fit.objective - right.objective) < -2 * math.log(alike)
+    }
+    assert {frozenset([named(Effect(key, indices, ()))]) for key, indices in search.as_good(one, 0)} == near
+
+
+def test_rivals_hold_the_exact_twin_of_another_key() -> None:
+    """A disc ground smaller all around is pins that are all larger."""
+    fit = settled(Model(UNIT, (PINS, CAM)), PINS, declared=Model(UNIT, (CAM,)), rms=0.1)
+    search = search_of(fit)
+    rivals = {rival.fit.added[0].key: rival for rival in search.rivals(search.score.of(fit), 0)}
+    assert PROFILE.key in rivals, sorted(rivals)
+    assert rivals[PROFILE.key].fit.objective == pytest.approx(fit.objective, abs=1.0)
+
+
+def test_a_profile_is_among_the_rivals_of_pins_that_stand_for_it() -> None:
+    """No linear step from there tells its sizes, not even where they are the exact twin of one of its parts."""
+    cam = replace(CAM, uncertainty=3e-4)
+    fit = settled(Model(OTHER, (cam, PROFILE)), PROFILE, declared=Model(UNIT, (cam,)), conditions=LIGHT)
+    search = search_of(fit)
+    one = search.score.of(beside(fit, PINS))
+    rivals = search.rivals(one, 0)
+    keys = [rival.names for rival in rivals]
+    assert len(keys) == len(set(keys))
+    assert one.names not in keys
+    assert rivals[0].names == {named(PROFILE)}
+    assert sizes(rivals[0], PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
+
+
+def test_a_complete_set_gives_way_to_a_better_one_with_another_cause_in_one_s_place() -> None:
+    """Pins that are all thinner fit what a profile does but for what it does besides."""
+    cam = replace(CAM, uncertainty=3e-4)
+    ground = replace(PROFILE, values=(6e-3, 0.0))
+    fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), conditions=LIGHT)
+    search = search_of(fit, [PINS.key, PROFILE.key])
+    pins, profile = (search.score.of(beside(fit, cause)) for cause in (replace(PINS, values=(-6e-3,)), ground))
+    best, done = search.best(max(pins, profile, key=lambda one: one.score))
+    assert done
+    assert best.score == pytest.approx(min(pins.score, profile.score), abs=1)
+
+
+def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
+    """No linear step tells of a carrier's runout, its starts do; and its opposite makes the same, unlike a wave's."""
+    fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)
+    search = search_of(fit)
+    wave = search.score.of(beside(fit, Effect("cycloid.disc_pitch", {"disc": 1, "harmonic": 2}, (-5e-4, -4e-4))))
+    (linear,) = [o for o in search.leading(search.root.fit) if o.names[0][0] == RUNOUT.key]
+    assert search.root.fit.objective - linear.objective < 10
+    (rival,) = [one for one in search.rivals(wave, 0) if one.names == {named(RUNOUT)}]
+    assert search.complete(rival)
+    assert sizes(rival, RUNOUT) == pytest.approx(RUNOUT.values, abs=3e-4)
+    opposites = search.opposites(search.score.of(fit))
+    assert [np.sign(one.added[0].values) for one in opposites] == [pytest.approx(-np.sign(fit.added[0].values))]
+    assert (np.array(half_widths(fit, opposites)[:2]) > 2 * np.abs(fit.added[0].values)).all()
+    assert search.opposites(wave) == []
+
+
+def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> None:
+    """Two bores make much of a runout, which no linear step tells of; its starts are followed to their end."""
+    fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)
+    search = search_of(fit)
+    bores = [
+        rverror.effect("cycloid.disc_bore_position", disc=disc, crank=0, radial="2 um", tangential="1 um")
+        for disc in (0, 1)
+    ]
+    two = search.score.of(beside(fit, *bores))
+    found = {other.names: other for other in search.replaced(two)}
+    (other,) = [found[names] for names in found if names == {named(RUNOUT)}]
+    assert search.complete(other)
+    assert other.score < two.score
+    assert sizes(other, RUNOUT) == pytest.approx(RUNOUT.values, abs=3e-4)
+    spent = search.spent
+    assert search.replaced(search.score.of(beside(fit, bores[0]))) == []
+    assert search.spent == spent
+
+
+def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared() -> None:
+    """Over a third of a turn a cam and the stiffness make up for a ground profile, and nothing is left to be seen."""
+    cam = replace(CAM, uncertainty=3e-3)
+    ground = replace(PROFILE, values=(-2e-3, -15e-3))
+    fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), turns=0.3)
+    search = search_of(fit)
+    assert search.complete(search.root)
+    assert [one.names for one in search.hidden(search.root)] == [{named(PROFILE)}]
+    best, done = search.best()
+    assert done
+    assert best.names == {named(PROFILE)}
+    assert best.score < search.score.of(fit).score + 1
+    assert search_of(fit, most_effects=0).hidden(search.root) == []
