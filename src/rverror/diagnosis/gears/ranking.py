@@ -49,6 +49,23 @@ class Columns:
     rows: tuple[Array, ...]
     start: bool = False
 
+    @property
+    def plausible(self) -> Array:
+        """Plausible size of each parameter, shape (parameters,)."""
+        return np.array([p.plausible for p in source(self.name[0]).parameters])
+
+
+def columns_of(fit: Fit, names: Sequence[Named]) -> list[Columns]:
+    """The influence of each parameter of some candidates, in the state of a fit."""
+    bench = fit.bench
+    rows = bench.influences(fit.model, fit.waves, names)
+    ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in names)])
+    white = bench.of_each(lambda number: bench.sights[number].whiten(rows[number]))
+    return [
+        Columns(name, np.eye(last - first), tuple(one[first:last] for one in white))
+        for name, first, last in zip(names, ends[:-1], ends[1:], strict=True)
+    ]
+
 
 @dataclass(frozen=True, eq=False)
 class Offer:
@@ -249,7 +266,6 @@ def _own_products(left: Array, right: Array, ends: npt.NDArray[np.intp], width: 
 
 def _prior(block: Columns, fit: Fit, width: int) -> Array:
     """Inverse covariance of a block's columns before the runs are seen; 1 where it has none."""
-    sigma = fit.bench.policy.workshop * np.array([p.plausible for p in source(block.name[0]).parameters])
-    own, found = block.directions / sigma, np.eye(width)
+    own, found = block.directions / (fit.bench.policy.workshop * block.plausible), np.eye(width)
     found[: len(own), : len(own)] = own @ own.T
     return found

@@ -1,6 +1,6 @@
 """The search for what a model lacks: sets of causes, moves between them, and one score.
 
-Page ``theory/diagnosis.md``.
+Page ``theory/search.md``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rverror.diagnosis.gears.moves import (
     started,
     with_offer,
 )
-from rverror.diagnosis.gears.ranking import Columns, Offer, pairs, singles
+from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, Score, identity, inexact, named, outlook, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
@@ -395,14 +395,7 @@ class Search:
 
     def blocks(self, fit: Fit) -> list[Columns]:
         """The influence of every candidate at a state."""
-        names = self.free(fit)
-        rows = fit.bench.influences(fit.model, fit.waves, names)
-        ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in names)])
-        white = fit.bench.of_each(lambda number: fit.bench.sights[number].whiten(rows[number]))
-        return [
-            Columns(name, np.eye(last - first), tuple(one[first:last] for one in white))
-            for name, first, last in zip(names, ends[:-1], ends[1:], strict=True)
-        ]
+        return columns_of(fit, self.free(fit))
 
     def _repeats(self, name: Named) -> bool:
         """Tell whether what a candidate makes repeats with the crank."""

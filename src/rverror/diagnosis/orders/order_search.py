@@ -20,6 +20,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, lifted, moved, solved
+from rverror.diagnosis.gears.ranking import Columns, columns_of
 from rverror.diagnosis.gears.score import identity, named
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
@@ -34,26 +35,6 @@ _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
 
 
 @dataclass(frozen=True, eq=False)
-class CandidateRows:
-    """A candidate, and what its sizes do to every number of the table.
-
-    Attributes
-    ----------
-    name : Named
-    rows : ndarray, shape (parameters, m)
-        In units of the noise.
-    """
-
-    name: Named
-    rows: Array
-
-    @cached_property
-    def plausible(self) -> Array:
-        """Plausible size of each parameter, shape (parameters,)."""
-        return np.array([p.plausible for p in source(self.name[0]).parameters])
-
-
-@dataclass(frozen=True, eq=False)
 class Linear:
     """The table about a state of the fit: everything that is free, and blocks beside it.
 
@@ -61,13 +42,13 @@ class Linear:
     ----------
     fit : Fit
         Where it is linear.
-    blocks : tuple of CandidateRows
+    blocks : tuple of Columns
     held : bool
         Whether everything but the blocks keeps its size.
     """
 
     fit: Fit
-    blocks: tuple[CandidateRows, ...] = ()
+    blocks: tuple[Columns, ...] = ()
     held: bool = False
 
     @property
@@ -86,7 +67,7 @@ class Linear:
     def rows(self) -> Array:
         """All rows that are free, shape (k, m)."""
         own = np.concatenate(self.fit.rows, axis=1)[1:][self.free]
-        return np.concatenate([own, *(block.rows for block in self.blocks)])
+        return np.concatenate([own, *(np.concatenate(block.rows, axis=1) for block in self.blocks)])
 
     @cached_property
     def weights(self) -> Array:
@@ -98,7 +79,7 @@ class Linear:
     def off(self) -> Array:
         """How far each value is from the middle of its prior, shape (k,)."""
         own = self.fit.off[self.free]
-        return np.concatenate([own, np.zeros(sum(len(b.rows) for b in self.blocks))])
+        return np.concatenate([own, np.zeros(sum(len(b.directions) for b in self.blocks))])
 
     def step(self, kept: Array | None = None) -> Array:
         """Step that lowers the objective most, of all numbers or of those that are kept, shape (k,)."""
@@ -152,8 +133,8 @@ class Linear:
 
     def sizes(self, number: int) -> Array:
         """Sizes of a block at the best step."""
-        first = int(self.free.sum()) + sum(len(b.rows) for b in self.blocks[:number])
-        return self.best[first : first + len(self.blocks[number].rows)]
+        first = int(self.free.sum()) + sum(len(b.directions) for b in self.blocks[:number])
+        return self.best[first : first + len(self.blocks[number].directions)]
 
     def effects(self) -> list[Effect]:
         """Blocks as effects, at their best sizes."""
@@ -173,24 +154,22 @@ class Linear:
             (self.sizes(n) >= [p.least for p in source(b.name[0]).parameters]).all() for n, b in enumerate(self.blocks)
         )
 
-    def beside(self, block: CandidateRows) -> Linear:
+    def beside(self, block: Columns) -> Linear:
         """The same with one block more."""
         return replace(self, blocks=(*self.blocks, block))
 
 
-def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[CandidateRows]:
+def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Columns]:
     """Every candidate that a model does not have and the table can show."""
     taken = {named(e) for e in fit.model.effects}
     free = [c for c in candidates if identity(c) not in taken]
-    if not free:
-        return []
-    influences = zip(fit.bench.sights, fit.bench.influences(fit.model, fit.waves, free), strict=True)
-    rows = np.concatenate([sight.whiten(own) for sight, own in influences], axis=1)
-    ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in free)])
-    made = [CandidateRows(name, rows[a:b]) for name, a, b in zip(free, ends[:-1], ends[1:], strict=True)]
-    return [
-        block for block in made if np.abs(block.plausible[:, None] * block.rows).max() > 1
-    ]  # a size makes a deviation
+    made = columns_of(fit, free) if free else []
+    return [block for block in made if _shows(block)]
+
+
+def _shows(block: Columns) -> bool:
+    """Tell whether a size that a workshop makes does more than noise to some number."""
+    return any(np.abs(block.plausible[:, None] * rows).max() > 1 for rows in block.rows)
 
 
 def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:
@@ -275,7 +254,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
     return fit
 
 
-def _next(state: Linear, pool: Sequence[CandidateRows], journal: Journal, *, claims: bool) -> Linear | None:
+def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: bool) -> Linear | None:
     """The state with the best block more that is a cause; none where none is."""
     taken = {identity(b.name) for b in state.blocks}
     trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
@@ -283,7 +262,9 @@ def _next(state: Linear, pool: Sequence[CandidateRows], journal: Journal, *, cla
     policy = state.bench.policy
     for trial in trials[:_MOST]:
         block = trial.blocks[-1]
-        if state.objective - trial.objective < chi_square(policy.false_alarm / max(len(pool), 1), len(block.rows)):
+        if state.objective - trial.objective < chi_square(
+            policy.false_alarm / max(len(pool), 1), len(block.directions)
+        ):
             return None
         beyond = state.squares > state.bench.most_of_noise
         if claims and beyond.any() and not _takes(state, block, beyond):
@@ -296,7 +277,7 @@ def _next(state: Linear, pool: Sequence[CandidateRows], journal: Journal, *, cla
     return None
 
 
-def _takes(state: Linear, block: CandidateRows, beyond: Flags) -> bool:
+def _takes(state: Linear, block: Columns, beyond: Flags) -> bool:
     """Tell whether a block takes half of what is left of an order, and a good part of what is measured of it.
 
     Of what changes with the load alone where the block does nothing without one: a constant of another cause is no
@@ -310,7 +291,7 @@ def _takes(state: Linear, block: CandidateRows, beyond: Flags) -> bool:
     return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
-def _constants(state: Linear) -> list[CandidateRows]:
+def _constants(state: Linear) -> list[Columns]:
     """Waves of any size that are the same at all loads, of each direction."""
     bench, found = state.bench, []
     for place in range(bench.orders.size):
@@ -320,9 +301,7 @@ def _constants(state: Linear) -> list[CandidateRows]:
                 own = (at == place) & (case.condition.direction == sense)
                 first = np.arange(at.size) < case.orders.size
                 rows.append(np.stack([own & first, own & ~first]) / sigma)
-            found.append(
-                CandidateRows((ORDER.key, {"frame": "output", "harmonic": place}), np.concatenate(rows, axis=1))
-            )
+            found.append(Columns((ORDER.key, {"frame": "output", "harmonic": place}), np.eye(2), tuple(rows)))
     return found
 
 

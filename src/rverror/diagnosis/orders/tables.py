@@ -372,7 +372,7 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
 def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     """A law that describes an order."""
     effect = replace(laws.effects()[number], origin=origin)
-    first = sum(len(b.rows) for b in laws.blocks[:number])
+    first = sum(len(b.directions) for b in laws.blocks[:number])
     own = range(first, first + len(effect.values))
     (at,) = np.flatnonzero(laws.bench.orders == effect.indices["harmonic"])
     numbers = float(laws.bench.values[0][at])
