@@ -375,6 +375,8 @@ def test_what_is_lifted_is_the_residual_with_it_back_in(state: Fit) -> None:
     for white, now in zip(rest.rows, state.rows, strict=True):
         assert white[0] == pytest.approx(now[0] + np.array(state.added[0].values) @ now[4:6])
         assert white[1:] == pytest.approx(np.delete(now[1:], [3, 4], axis=0))
+    for left, residual, raw in zip(rest.residual, state.residual, state.raw, strict=True):
+        assert left - residual == pytest.approx(np.array(state.added[0].values) @ raw[3:5])
     assert rest.data == pytest.approx(sum(float(white[0] @ white[0]) for white in rest.rows))
     assert rest.moment == pytest.approx(sum(white[1:] @ white[0] for white in rest.rows))
     assert rest.gram == pytest.approx(sum(white[1:] @ white[1:].T for white in rest.rows))

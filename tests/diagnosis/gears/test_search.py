@@ -677,6 +677,18 @@ def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
     assert search.opposites(wave) == []
 
 
+def test_a_runout_is_a_rival_of_a_bore_that_stands_for_it() -> None:
+    """They share a frame; a fit that is only begun at the runout's starts ends in a false minimum."""
+    true = replace(RUNOUT, values=(-2.5e-3, 0.2e-3))
+    fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
+    bore = rverror.effect("coupling.carrier_bore_position", crank=1, radial="3 um", tangential="1 um")
+    search = search_of(fit)
+    one = search.score.of(beside(fit, bore))
+    assert search.complete(one)
+    (rival,) = [other for other in search.rivals(one, 0) if other.names == {named(RUNOUT)}]
+    assert rival.score == pytest.approx(search.score.of(fit).score, abs=1)
+
+
 def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> None:
     """Two bores make much of a runout, which no linear step tells of; its starts are followed to their end."""
     fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)

@@ -21,7 +21,10 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import evaluated, fitted
 from rverror.diagnosis.gears.grid import whole
+from rverror.diagnosis.gears.score import Hypothesis
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.orders import tables
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
 from rverror.diagnosis.orders.table_set import TableSight, case_name, discrepancy, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
@@ -65,6 +68,23 @@ def test_rivals_of_a_set_that_accounts_for_everything_fit_as_well(found: rverror
     assert rivals[HEAD.key] == set()
     assert CAM.key in rivals[CAM.key]
     assert "cycloid.disc_bore_position" not in rivals[CAM.key]
+
+
+def test_whole_sets_are_searched_from_the_claims_as_well_and_under_the_policy_of_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is not explained yet may have any size, as in runs; of orders, each has its own."""
+    began: list[tuple[float, list[set[str]]]] = []
+
+    class Watched(Search):
+        def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
+            began.append((self.root.fit.bench.policy.regular, [{e.key for e in one.fit.added} for one in also]))
+            return super().best(*also, swap=swap)
+
+    monkeypatch.setattr(tables, "Search", Watched)
+    table = table_of(Model(OTHER, (CAM, HEAD)), loads=SEEN)
+    rverror.diagnose(Model(UNIT), [table], policy=replace(POLICY, keys=(CAM.key, HEAD.key)))
+    assert began == [(POLICY.regular, [{CAM.key, HEAD.key}])]
 
 
 def test_rivals_of_a_claim_make_as_much_of_its_order() -> None:

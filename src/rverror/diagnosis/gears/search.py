@@ -565,7 +565,11 @@ class Search:
     @_made_once
     def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
         """A set with other causes in one's place that come near: such as close the same gaps, equivalent places, and
-        what a linear step or a start puts there."""
+        what a linear step or a start puts there.
+
+        Sources of one place in its frame, whose orders it shares, are followed from their starts to their end: another
+        cause of the frame may stand for a runout of which no linear step tells.
+        """
         policy, coarse = self.policy, onto(self.coarse(one), one.fit)
         rest, effect = lifted(coarse, number), coarse.added[number]
         free = self.free(coarse)
@@ -575,14 +579,19 @@ class Search:
         blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]
         # what does not repeat with the crank is none for what does
         starts = self._starts(coarse, self._begun_like((effect.key, effect.indices)))
-        return self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, policy.rivals))
+        near = self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, policy.rivals))
+        alone = [e for e in self._begun_alone(coarse) if source(e.key).frame == source(effect.key).frame]
+        models, below = [rest.model.with_effects(e) for e in alone], self._trial(coarse).prospect + policy.close
+        near += self._raced(one, rest, models, patient=True, below=below)
+        found = dict[object, Hypothesis]()
+        for rival in sorted(near, key=lambda h: h.score):
+            if rival.names != one.names:
+                found.setdefault(rival.names, rival)
+        return list(found.values())
 
     @_made_once
     def replaced(self, one: Hypothesis) -> list[Hypothesis]:
-        """One cause in the place of all that a set has, each start followed to its end.
-
-        Two causes may stand for one of which no linear step tells, as a carrier's runout; such have one place.
-        """
+        """One cause in the place of two or three, each start followed to its end: they may stand for a runout."""
         if len(one.fit.added) < 2:
             return []
         coarse = onto(self.coarse(one), one.fit)
@@ -639,11 +648,7 @@ class Search:
         ends = self._stepped(distinct([t for t in trials if t.prospect < own + 5 * policy.close], policy.rivals), 8)
         least = min([own, *(end.prospect for end in ends)])
         ends = sorted((end for end in ends if end.prospect < least + policy.close), key=lambda end: end.prospect)
-        found = dict[object, Hypothesis]()
-        for rival in sorted(self._refitted(one, [e.fit for e in ends[: policy.rivals // 2]]), key=lambda h: h.score):
-            if rival.names != one.names:
-                found.setdefault(rival.names, rival)
-        return list(found.values())
+        return self._refitted(one, [e.fit for e in ends[: policy.rivals // 2]])
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
         """Fits at the opposite of a cause that chance does not tell from these: intervals hold theirs too.
