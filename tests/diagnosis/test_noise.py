@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from gear_runs import red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.noise import RunNoise, Whitening, noise_of
+from rverror.diagnosis.noise import RunNoise, Whitening, lags_told, noise_of
 
 FLOOR = 1e-3 * ARCSEC
 
@@ -150,6 +150,32 @@ def test_a_slow_wave_in_half_a_turn_of_noise_is_taken_for_chance() -> None:
         taken.append((waves @ left) @ np.linalg.solve(waves @ waves.T, waves @ left))
     assert np.mean(taken) == pytest.approx(2, abs=0.35)
     assert np.mean(np.array(taken) > 9.21) < 0.02  # one in a hundred by chi-square, 0.005 of standard deviation
+
+
+@pytest.mark.parametrize(("step", "most", "calm"), [(0.05, 4, True), (1.0, 4, True), (0.05, 12, False)])
+def test_order_1_of_a_random_walk_is_hardly_beyond_its_noise(step: float, most: float, calm: bool) -> None:
+    """Of known noise it takes 2 off the squares; with bins cut beside their neighbours' median it took 80."""
+    n = 2048
+    theta = 2 * np.pi * np.arange(n) / n
+    kept, rows, taken = np.ones(n, dtype=np.bool_), np.stack([np.cos(theta), np.sin(theta)]), []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        walk = (np.cumsum(rng.normal(0, step, n)) + rng.normal(0, 0.3, n)) * ARCSEC
+        white = Whitening(noise_of(walk, kept, 1.0, floor=FLOOR, calm=calm), kept, (0,), np.ones((1, n)))
+        left, waves = white(walk[None])[0], white(rows)
+        taken.append((waves @ left) @ np.linalg.solve(waves @ waves.T, waves @ left))
+    assert np.mean(taken) < most
+
+
+def test_of_white_noise_hardly_a_lag_is_told_and_of_what_remembers_enough() -> None:
+    """A spike that was set aside tells nothing."""
+    n = 4000
+    kept = np.ones(n, dtype=np.bool_)
+    kept[1234] = False
+    for memory, least, most in ((0.0, 0, 4), (0.9, 1, 6)):
+        values = red(3, n, 0.3, memory)
+        values[1234] = 1.0
+        assert least <= lags_told(values, kept) <= most
 
 
 def test_a_perfect_fit_is_no_certainty() -> None:

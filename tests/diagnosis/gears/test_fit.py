@@ -368,6 +368,19 @@ def test_stiffness_that_something_stands_on_stays() -> None:
     assert as_declared(other).model.mechanism == UNIT
 
 
+def test_deviance_is_that_of_normal_noise(state: Fit) -> None:
+    """Of white noise: the squares over its variance, and twice its logarithm for each sample that counts."""
+    sigma = 0.4 * ARCSEC
+    bench = state.bench.with_records([replace(r, noise=RunNoise(np.zeros(0), sigma)) for r in state.bench.records])
+    fit = onto(bench, state)
+    expected = 0.0
+    for record, rest in zip(bench.records, fit.residual, strict=True):
+        rows, left = record.nuisance[:, record.kept].T, rest[record.kept]
+        left = left - rows @ np.linalg.lstsq(rows, left)[0]
+        expected += float(left @ left) / sigma**2 + 2 * left.size * math.log(sigma)
+    assert fit.deviance == pytest.approx(expected + fit.prior, rel=1e-9)
+
+
 def test_what_is_lifted_is_the_residual_with_it_back_in(state: Fit) -> None:
     """Its linear part at the contacts as they are; a step from there puts it back to where a whole step does."""
     rest = lifted(state, 0)

@@ -213,6 +213,19 @@ def test_a_reading_that_settles_is_neither_noise_nor_a_cause() -> None:
     assert sum("drifts and settles by 20" in n or "drifts and settles by 19" in n for n in found.notes) == 2
 
 
+@pytest.mark.parametrize(("seed", "arcsec"), [(0, 0.0), (3, 0.0), (21, 0.0), (0, 6.0)])
+def test_a_reading_that_wanders_makes_no_cause_and_hides_none(seed: int, arcsec: float) -> None:
+    """A random walk over one turn: beside what is left once a drift or order 1 is fitted, each would be a cause."""
+    rng = np.random.default_rng(seed)
+
+    def wandering(theta: Array, share: Array) -> Array:
+        return (np.cumsum(rng.normal(0, 0.05, theta.size)) + arcsec * np.cos(theta)) * ARCSEC
+
+    found = rverror.diagnose(BARE, runs_of(Model(OTHER), more=wandering, seed=seed))
+    assert [a.effect.key for a in found.added] == ["sensor.encoder_eccentricity"] * (arcsec > 0)
+    assert found.verdict == ("explained" if arcsec else "nothing_missing")
+
+
 def test_slips_spikes_and_lost_rows_are_told_and_harm_nothing() -> None:
     def bad(theta: Array, share: Array) -> Array:
         count = np.arange(theta.size)

@@ -536,7 +536,6 @@ def test_causes_that_hold_one_another_in_a_wrong_place_change_it_together() -> N
     fit = settled(Model(OTHER, (*known, *here)), *here, declared=Model(UNIT, known), conditions=LIGHT)
     search = search_of(fit)
     wrong = search.score.of(beside(fit, *(replace(e, values=tuple(-value for value in e.values)) for e in there)))
-    assert wrong.fit.data < 2 * wrong.fit.bound
     assert not search.complete(wrong)
     found = min(complete_ones(search, search.moved(wrong)), key=lambda one: one.score)
     assert [e.key for e in found.fit.added] == [e.key for e in here]

@@ -16,7 +16,7 @@ import rverror
 from recordings import recording
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.samples.coloured import burg, kept_share, normal, orthonormal, whiten
+from rverror.diagnosis.samples.coloured import kept_share, noise_of_samples, normal, orthonormal, whiten
 from rverror.diagnosis.samples.drives import diagnose_drive
 from rverror.diagnosis.samples.lines import line_spectrum
 from rverror.model.model_file import load_model
@@ -267,7 +267,7 @@ def test_line_spectrum_is_that_of_the_sums_written_out() -> None:
     rng = np.random.default_rng(0)
     theta = np.sort(rng.uniform(0, 9, 700))
     signal = rng.normal(size=700)
-    noise = burg(signal)
+    noise = noise_of_samples(signal, floor=0.0)
     order, power = line_spectrum(theta, signal, noise, 1.0, 100.0)
     assert noise.coefficients.size == 0
     for i in (5, 50, 300):
@@ -276,8 +276,8 @@ def test_line_spectrum_is_that_of_the_sums_written_out() -> None:
     assert np.mean(power) == pytest.approx(2, rel=0.1)
 
 
-def test_whitening_by_burg_leaves_white_noise() -> None:
-    error = whiten(red(0, 20000, 0.9), burg(red(0, 20000, 0.9)))
+def test_whitening_leaves_white_noise() -> None:
+    error = whiten(red(0, 20000, 0.9), noise_of_samples(red(0, 20000, 0.9), floor=0.0))
     assert np.std(error) == pytest.approx(1, rel=0.02)
     assert abs(error[1:] @ error[:-1]) / (error @ error) < 0.02
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import repeat
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -245,6 +246,12 @@ class Fit:
     def objective(self) -> float:
         """The less, the better."""
         return counted(self.data, self.bound, self.bench.policy) + self.prior
+
+    @property
+    def deviance(self) -> float:
+        """Minus twice the logarithm of the likelihood, sizes and noise, with the squares of the priors."""
+        runs = [(r.whiten.freedom, r.noise) for r in self.bench.records]
+        return self.data + self.prior + sum(2 * n * math.log(noise.sigma) for n, noise in runs if noise)
 
     @cached_property
     def weights(self) -> Array:
@@ -521,17 +528,32 @@ def promised(fit: Fit, step: Array) -> float:
     return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
 
 
-def renoised(fit: Fit, *, calm: bool = False) -> Fit:
-    """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
-    records = []
-    total = sum(r.kept.sum() for r in fit.bench.records)
-    used = float(fit.free.sum())
-    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
-        share = used * float(record.kept.sum()) / float(total) + len(record.nuisance)
-        clean = record.without_nuisance(rest)
-        noise = noise_of(clean, record.kept, share, floor=fit.bench.policy.model_error, calm=calm)
-        records.append(replace(record, noise=noise))
+def renoised(fit: Fit, *, calm: bool = False, lags: Sequence[int] | None = None) -> Fit:
+    """The same sizes under the noise that their residual shows.
+
+    Parameters
+    ----------
+    fit : Fit
+    calm : bool
+        Whether nothing else is left.
+    lags : sequence of int, optional
+        That the noise of each run has then.
+    """
+    records = [
+        replace(record, noise=noise_of(*left, floor=fit.bench.policy.model_error, calm=calm, lags=count))
+        for record, left, count in zip(fit.bench.records, left_as_noise(fit), lags or repeat(None), strict=False)
+    ]
     return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
+
+
+def left_as_noise(fit: Fit) -> list[tuple[Array, Flags, float]]:
+    """Of each run: what is left, less what offset, slips and lines make of it, which samples count, and how many values
+    it was fitted with."""
+    total, used = sum(r.kept.sum() for r in fit.bench.records), float(fit.free.sum())
+    return [
+        (r.without_nuisance(rest), r.kept, used * float(r.kept.sum()) / float(total) + len(r.nuisance))
+        for r, rest in zip(fit.bench.records, fit.residual, strict=True)
+    ]
 
 
 def begun(bench: RunSet, model: Model, declared: Model) -> Fit:

@@ -10,7 +10,17 @@ from rverror.base.chance import chi_square
 from rverror.base.errors import InputError
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, begun, evaluated, fitted, onto, renoised
+from rverror.diagnosis.gears.fit import (
+    Fit,
+    RunSet,
+    as_compared,
+    begun,
+    evaluated,
+    fitted,
+    left_as_noise,
+    onto,
+    renoised,
+)
 from rverror.diagnosis.gears.late_faults import nearly_noise, second_look
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import Record, records_of
@@ -18,6 +28,7 @@ from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
+from rverror.diagnosis.noise import lags_told
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.geartrain.kinematics import fundamental_orders
@@ -72,14 +83,13 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
         seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
-        renewed = renoised(seen, calm=done)
-        if done and renewed.data > renewed.bound:  # of a run that holds copies: what was noise would be none
-            renewed = seen
+        parts = [] if changed else search.parts(best)
+        renewed, wandering = quiet(search, best, seen, parts) if done else (renoised(seen), False)
         bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
         root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
         search = search.anew(root)
         best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
-        if changed is None and (done or search.spent > policy.budget):
+        if changed is None and not wandering and (done or search.spent > policy.budget):
             break
     if not done and search.spent > policy.budget:
         notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
@@ -88,6 +98,43 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         best, more = ripples_apart(search, best)
         beside += more
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
+
+
+def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> tuple[Fit, bool]:
+    """A complete set under the noise that it leaves, or that a part of it leaves where that is as likely.
+
+    A random walk makes order 1 and a drift: once they are fitted, what is left is quieter than it was.  So each cause
+    stands against noise that is estimated without it, of as many lags as the residual tells (Akaike's criterion).
+
+    Parameters
+    ----------
+    search : Search
+    best : Hypothesis
+    seen : Fit
+        Of the same sizes.
+    parts : sequence of Hypothesis
+        The set without each cause.
+
+    Returns
+    -------
+    Fit
+        Of the same sizes.
+    wandering : bool
+        Whether it is a part's noise.
+    """
+    own = renoised(seen, calm=True)
+    if own.data > own.bound:  # of a run that holds copies: what was noise would be none
+        return seen, False
+    lags = [lags_told(rest, kept) for rest, kept, _ in left_as_noise(seen)]
+    with_all = renoised(seen, calm=True, lags=lags)
+    for part in parts:
+        bare = onto(seen.bench.with_records(part.fit.bench.records), part.fit)
+        without = fitted(renoised(bare, calm=True, lags=lags))
+        if without.deviance < with_all.deviance + search.score.by_chance(best, part):
+            noises = [r.noise for r in renoised(without, calm=True).bench.records]
+            records = [replace(r, noise=noise) for r, noise in zip(own.bench.records, noises, strict=True)]
+            return onto(own.bench.with_records(records), own), True
+    return own, False
 
 
 def curved(unit: Mechanism) -> Reducer:

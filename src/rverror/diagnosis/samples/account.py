@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.diagnosis.result import Addition, Alike, Candidate, Diagnosis, Estimate, Fate, Line, Residual, Trace
-from rverror.diagnosis.samples.coloured import burg, kept_share, orthonormal
+from rverror.diagnosis.samples.coloured import kept_share, noise_of_samples, orthonormal
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_squares
 from rverror.diagnosis.samples.regressors import (
     BESIDE,
@@ -231,7 +231,7 @@ def _told(data: RunData, fit: SampleFit) -> list[str]:
             size = units.to_display(float(np.ptp(wave)), data.quantity)
             notes.append(f"{name}: {term.name}, {size:.4g} {unit} peak-to-peak, {why}; it is taken off and not named")
     for name, at in zip(data.names, data.slices, strict=True):
-        lags = burg(fit.residual[at], floor=data.floor).coefficients.size
+        lags = noise_of_samples(fit.residual[at], floor=data.floor).coefficients.size
         colour = f"coloured: each sample depends on the {lags} before" if lags else "white"
         notes.append(f"{name}: noise is {colour}")
     if (data.direction > 0).all() or (data.direction < 0).all():

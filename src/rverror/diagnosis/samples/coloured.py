@@ -6,6 +6,7 @@ Rosenblatt), and where the noise model errs it stays harmless.  So the colour en
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,48 +16,25 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
-from rverror.diagnosis.noise import RunNoise, without_lines
+from rverror.diagnosis.noise import RunNoise, burg, likeliest, without_lines
 
 Labels = npt.NDArray[np.intp]
 
-_MOST_LAGS = 12
+_MOST_LAGS = 12  # of a residual that may hold lines yet: more would follow them
 _LEAST_BINS = 8  # neighbours on each side in the smoothed spectrum of the whitened residual
 
 
-def burg(residual: Array, *, floor: float = 0.0) -> RunNoise:
-    """Autoregressive model of a residual, by Burg's method; as many lags, up to 12, as the Bayesian criterion allows.
+def noise_of_samples(residual: Array, *, floor: float) -> RunNoise:
+    """Noise of a residual, as many lags, up to 12, as the Bayesian criterion allows.
 
     Parameters
     ----------
     residual : ndarray, shape (n,)
     floor : float
-        Standard deviation of white noise that is there in any case, so that a perfect fit is no certainty.
-
-    Examples
-    --------
-    >>> from scipy.signal import lfilter
-    >>> white = np.random.default_rng(0).normal(size=4000)
-    >>> red = lfilter([1.0], [1.0, -0.9], white)
-    >>> [bool(abs(c - 0.9) < 0.02) for c in burg(red).coefficients]
-    [True]
+        Standard deviation of white noise that is there in any case.
     """
     n = residual.size
-    forward, backward = residual, residual
-    power = float(residual @ residual) / n + floor**2
-    coefficients = np.zeros(0)
-    best, result = n * np.log(power), RunNoise(coefficients, float(np.sqrt(power)))
-    for lag in range(1, min(_MOST_LAGS, n // 20) + 1):
-        ahead, behind = forward[1:], backward[:-1]
-        # the floor adds to the variance, not to the correlation
-        energy = float(ahead @ ahead + behind @ behind) + 2 * ahead.size * floor**2
-        reflection = 2 * float(ahead @ behind) / energy
-        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
-        forward, backward = ahead - reflection * behind, behind - reflection * ahead
-        power *= 1 - reflection**2
-        score = n * np.log(power) + lag * np.log(n)
-        if score < best:
-            best, result = score, RunNoise(coefficients, float(np.sqrt(power)))
-    return result
+    return likeliest(burg(residual, min(_MOST_LAGS, n // 20), floor=floor), n, math.log(n) / 2)
 
 
 def whiten(row: Array, noise: RunNoise) -> Array:
@@ -135,7 +113,7 @@ def normal(rows: Array, residual: Array, slices: Sequence[slice], weights: Array
     for at, weight in zip(slices, weights, strict=True):
         part, rest = scaled[:, at], residual[at]
         n = rest.size
-        noise = burg(rest, floor=floor)
+        noise = noise_of_samples(rest, floor=floor)
         excess = np.maximum(smooth_spectrum(whiten(rest, noise)), 1.0)
         padded = scipy.fft.next_fast_len(2 * n, real=True)  # so that the two ends of a run are no neighbours
         lines = scipy.fft.rfft(part, padded, axis=1)

@@ -9,7 +9,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.diagnosis.noise import RunNoise
-from rverror.diagnosis.samples.coloured import burg
+from rverror.diagnosis.samples.coloured import noise_of_samples
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
 from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
 from rverror.diagnosis.samples.runs import RunData, highest_order
@@ -66,7 +66,7 @@ def best_line(data: RunData, fit: SampleFit) -> SampleFit | None:
     cells = 1.0
     for at in data.slices:
         lowest = data.policy.least_cycles * _TURN / float(np.ptp(data.theta[at]))
-        noise = burg(fit.residual[at], floor=data.floor)
+        noise = noise_of_samples(fit.residual[at], floor=data.floor)
         order, power = line_spectrum(data.theta[at], fit.residual[at], noise, lowest, highest)
         if order.size < 3:
             continue
