@@ -43,16 +43,17 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
     allowed = {
         "_TURN", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN", "_LISTED",
         "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_TOGETHER", "_DENSER", "_TRUE",  # of the grids
-        "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_CALM_ENDS",
-        "_MOST_PEAKS", "_BY_NOISE",  # of noise
+        "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS",
+        "_MOST_PEAKS", "_BY_NOISE", "_LIKELY", "_PEAKS", "_FITTED", "MOST_LINES",  # of noise and lines
+        "_OWN", "_MOST_OWN", "SAME_ORDER", "TOLD_ORDER", "_SAME", "LEAST_ROWS",  # of what is listed
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",  # of what a run and a contact may be
-        "_NOTHING", "_TRACE", "_EVEN",  # of rounding
+        "_NOTHING", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE_FLOOR",  # of rounding
         "_BLOCK", "_KEPT",  # of how it is computed
         "_SAMPLES_A_WAVE", "_DRAG", "_GUESSED", "_LEAST_GUESS", "_LOADS_OF_A_LAW", "_LOADS", "_HARMONICS",  # of a table
         "_WAVES",  # of a passport
         "_STEPS", "_MOST",  # of a search that makes claims
         "_COARSE", "_STARTS", "_FEW_PLACES", "_NARROW", "_WIDEST", "_RACE", "_PATIENCE", "_PATIENT", "_NEARLY",
-            "_MOST_MOVES",  # of a search for sets
+            "_MOST_MOVES", "_SOLVED", "_REFITTED", "_DIRECT", "_CLOSE", "_RIVALS",  # of a search for sets
         "SCALES", "_SHRUNK", "_REGULAR",  # of a ranking
         "_PLACING",  # of unknown marks
         "_STEP", "_FINE", "_REACH", "_LIGHTEST", "_HEAVIEST", "_ZOOMS", "_SHARES", "_TRIES",  # of natural frequencies

@@ -66,7 +66,7 @@ def diagnose(
     Notes
     -----
     docs/theory/diagnosis.md, docs/theory/drives.md.  Runs of a reducer may begin anywhere and need no whole turn, but
-    samples enough to tell noise from error (`Policy.least_rows`).  Spikes, slips and gaps are set aside and told in the
+    48 samples or more, to tell noise from error.  Spikes, slips and gaps are set aside and told in the
     notes.  Every run has an offset of its own, but for those of one index label; where the index is unknown, the angle
     of the gear's marks is fitted.
 

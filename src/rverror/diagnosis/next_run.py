@@ -14,7 +14,6 @@ from rverror.base.text import describe
 from rverror.base.units import to_display
 from rverror.diagnosis.pairs import Cause, Pair, closed_form_states, is_delay
 from rverror.diagnosis.pairs import Circumstances as Circumstances
-from rverror.diagnosis.policy import POLICY, Policy
 from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import Source
@@ -258,7 +257,7 @@ def _needed(mechanism: Mechanism) -> int:
 
 
 def to_separate(
-    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Circumstances, *, policy: Policy = POLICY
+    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Circumstances
 ) -> tuple[Measurement, ...]:
     """Measurements that would tell a named cause from others that explain the runs as well.
 
@@ -271,7 +270,6 @@ def to_separate(
         Keys and indices of the others.
     bench : Circumstances
         What the runs cover.
-    policy : Policy
 
     Returns
     -------
@@ -295,7 +293,7 @@ def to_separate(
         )
     whole = closed_form_states(mechanism)
     seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
-    pairs = [Pair(mechanism, effect, other, bench, seen, whole, policy) for other in others]
+    pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
     helped = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
     stuck = [pair for pair in pairs if not any(pair in settled for _, settled in helped)]
     chosen = [(rule, settled) for rule, settled in [*helped, (_LAST, stuck)] if settled]

@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.policy import POLICY, Policy
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Pose, folded_order, true_period
@@ -21,6 +20,7 @@ from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect
 
 _LONGEST_PERIOD = 12  # output turns over which waveforms are compared
+_SAME = 0.05  # share, rms, of a waveform below which another is the same: of an error ten times the noise, half of it
 _GRID = 2048  # angles a turn for the comparison; orders above half of it fold alike for all
 
 Cause = tuple[str, Mapping[str, IndexValue]]
@@ -71,8 +71,6 @@ class Pair:
     seen, whole_turns : mapping of float to (Pose, mapping)
         Motion and closed-form forces in each direction, from `closed_form_states`: over what the runs cover, and over
         whole turns.
-    policy : Policy
-        Below its `same_waveform` two waveforms are the same.
     """
 
     mechanism: Mechanism
@@ -81,7 +79,6 @@ class Pair:
     bench: Circumstances
     seen: States
     whole_turns: States
-    policy: Policy = POLICY
 
     @cached_property
     def entries(self) -> tuple[Source, Source]:
@@ -110,7 +107,7 @@ class Pair:
 
     def differs(self, share: float, than: float = 0.0) -> bool:
         """Tell whether a share of the waveform that differs exceeds another by more than what counts as the same."""
-        return share > than + self.policy.same_waveform
+        return share > than + _SAME
 
     def one_of(self, test: Callable[[Source], bool]) -> bool:
         """Tell whether exactly one of the two passes a test."""

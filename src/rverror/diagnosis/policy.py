@@ -1,4 +1,4 @@
-"""Every threshold of the diagnosis, with its meaning and why it has that size."""
+"""What the diagnosis is decided by: every threshold, with its meaning and why it has that size."""
 
 from __future__ import annotations
 
@@ -37,9 +37,6 @@ class Policy:
     accuracy: float = 0.03 * ARCSEC
     #: Rounds of a drive's search.  Chosen: far more than it needs; it only ends one that turns in a circle.
     rounds: int = 24
-    #: Share of a waveform, rms, below which the next measurement takes another one for the same.  Chosen: of an error
-    #: ten times the noise it is half the noise.
-    same_waveform: float = 0.05
 
     # --- reducers: what is known before -------------------------------------------------------------------------------
 
@@ -107,16 +104,9 @@ class Policy:
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0
-    #: Output turns that a run travels at least to tell what settles from the orders of an encoder.
-    settles: float = 1.5
     #: Standard deviation of the gear's marks beyond which they are not placed, rad: wider, a linear interval means
     #: nothing.
     marks_placed: float = 1.0
-    #: Rows that a run has at least: the noise of fewer is not told from anything.
-    least_rows: int = 48
-    #: Share of its strongest line at which an order counts as the effect's own, and how many are listed.  Chosen.
-    leading: float = 0.3
-    leading_orders: int = 4
     #: How far a line's order may lie from a multiple of a frame's, where the travel tells them apart.  Chosen.
     order_tolerance: float = 0.02
 
@@ -126,34 +116,14 @@ class Policy:
     #: noise is known better.  Three causes took up to 6000; a solution takes a thread some 5 ms.
     budget: int = 6000
     looks: int = 3
-    #: Single causes, and pairs, that are solved at the load, by what a linear step promises; and how many of them are
-    #: refitted to their end.  Of 52 units the answers were the same with half as many again.
-    evaluated: int = 20
-    refitted: int = 3
-    #: Candidates that lead over every sample and are fitted there at once, where what is left is no more than noise.
-    #: Chosen for time.
-    direct: int = 3
-    #: Objective within which fits on few angles are compared on all.  Chosen: few angles often cost some 50.
-    close: float = 60.0
-    #: Causes that look most like one that was found and are solved in its place; those that may come within
-    #: `close` times five are refitted.
-    rivals: int = 16
-    #: Share of the gaps that sources may lack and still close the very same ones: rounding.
-    same_gaps: float = 1e-6
-    #: Share of an effect's gaps that a source may lack and be solved in its place.  Chosen: half.
-    near_gaps: float = 0.5
     #: Angles a turn of the crank at which unknown marks are tried, with every candidate, since what is missing may turn
     #: the match.  Chosen for time.
     offsets: int = 24
 
     # --- drives, and lines of any order -------------------------------------------------------------------------------
 
-    #: White noise that every reading has, rad, or as a share of a torque's deviation: a perfect fit is no certainty.
+    #: White noise that every reading of an angle has, rad: a perfect fit is no certainty.
     floor: float = 1e-3 * ARCSEC
-    torque_floor: float = 1e-6
-    #: Share of the Nyquist order, where a run turns fastest, up to which candidates and lines are tried.  Chosen: a
-    #: wave of nearly two samples is a beat that uneven steps tear apart.
-    sampled: float = 0.95
     #: Independent samples that a noise estimate has at least.  Chosen: fewer give intervals that say nothing.
     least_samples: float = 4.0
     #: Share of its power that a candidate keeps beside what is there, or it is not tried: below, rounding decides.
@@ -165,20 +135,11 @@ class Policy:
     plausible_first: float = 0.5
     #: Cycles a run within which a stronger line goes before a candidate: a short run smears it over its neighbours.
     smeared: float = 6.0
-    #: Cycles a run that a line has at least; less of a wave is a slope or a bow.
+    #: Cycles a run that a line has at least, and turns that tell what settles from an encoder's order: less of a wave
+    #: is a slope or a bow.
     least_cycles: float = 1.5
-    #: Cycles a run within which an order is taken by one that is there, or two are one: less than the travel resolves.
+    #: Cycles a run within which an order is taken by one that is there: less than the travel resolves.
     taken: float = 0.7
-    same_order: float = 0.25
-    #: Chance at which a maximum of the spectrum is looked at closer, how many of them in each run, and how many are
-    #: then fitted.  Chosen for time.
-    likely_line: float = 0.05
-    peaks: int = 6
-    fitted_peaks: int = 3
-    #: Lines that are put in at the end.  Chosen.
-    most_lines: int = 12
-    #: Cycles a run by which a fitted order may miss a whole one and be told as that one.
-    told_order: float = 0.05
 
     def tries(self, entry: Source) -> bool:
         """Tell whether diagnosis tries a source."""

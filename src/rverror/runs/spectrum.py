@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from rverror.geartrain.mechanism import Drive, Reducer
 
 _TURN = 2 * math.pi
 _MOST_MULTIPLE = 30
+_SAMPLED = 0.95  # of the Nyquist order: a wave of nearly two samples is a beat that uneven steps tear apart
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,23 @@ def noise_rms(values: Array) -> float:
     about_mean = values - values.mean(axis=1, keepdims=True)
     spread = about_mean - about_mean.mean(axis=0)
     return float(np.sqrt((spread**2).sum() / ((len(values) - 1) * values.shape[1])))
+
+
+def highest_order(angles: Sequence[Array]) -> float:
+    """Order up to which every run has two samples a wave, also where it turns fastest.
+
+    Parameters
+    ----------
+    angles : sequence of ndarray, shape (n,)
+        Of the samples of each run, rad.
+
+    Returns
+    -------
+    float
+        Per turn.
+    """
+    steps = [np.abs(np.diff(theta)) for theta in angles]
+    return _SAMPLED * min(np.pi / float(np.quantile(s[s > 0], 0.9)) for s in steps)
 
 
 def frames_of_order(mechanism: Reducer | Drive, order: float, *, tolerance: float = 0.02) -> list[str]:

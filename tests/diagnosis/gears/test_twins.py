@@ -10,9 +10,8 @@ from gear_runs import UNIT
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named
-from rverror.diagnosis.policy import POLICY
 
-GAPS = Gaps(UNIT, POLICY.same_gaps)
+GAPS = Gaps(UNIT)
 GROUND: Named = ("cycloid.profile_modification", {})
 PINS: Named = ("cycloid.pin_radius", {"pin": "all"})
 
@@ -49,7 +48,7 @@ def test_what_opens_gaps_nearly_alike_is_tried_in_the_nearest_size() -> None:
     wide: Named = ("cycloid.pin_circle", {"harmonic": 0})
     others = [PINS, wide, ("cycloid.pin_circle", {"harmonic": 2}), ("crank.eccentricity", {"crank": 0, "disc": 0})]
     assert GAPS.twins(pins, others) == []
-    (near,) = GAPS.near(pins, others, POLICY.near_gaps)
+    (near,) = GAPS.near(pins, others)
     assert (near.key, dict(near.indices)) == wide
     gaps, own = -6e-3 * np.asarray(GAPS.of(PINS))[0], np.asarray(GAPS.of(wide))[0]
     assert near.values[0] == pytest.approx(gaps @ own / (own @ own), rel=1e-3)

@@ -16,8 +16,9 @@ from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, ont
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import LineFound, best_lines, power_of
+from rverror.diagnosis.gears.spectrum import LineFound, best_lines, leading, power_of
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
+from rverror.diagnosis.samples.lines import MOST_LINES, TOLD_ORDER
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source
@@ -51,7 +52,7 @@ def account(
     """
     policy = search.policy
     notes = notes + _conditions(best.fit)
-    left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
+    left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     taken = bool(best.fit.added) and not done
     if taken:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
@@ -59,7 +60,7 @@ def account(
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
         bare = best.fit.bench.with_records(_plain(best.fit.bench.records))
         best = search.score.of(fitted(onto(bare, root.fit)))
-        left = best_lines(best.fit, policy, outside=False, most=policy.most_lines)
+        left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
@@ -279,12 +280,9 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
         row = (wave - wave.mean())[order] * np.hanning(wave.size)
         size = np.abs(np.fft.rfft(row)) / row.size * 4
         names = np.arange(size.size) / turns
-    policy = fit.bench.policy
     inner = np.zeros(size.size, dtype=np.bool_)
     inner[1:-1] = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
-    strong = np.flatnonzero(inner & (size > max(policy.leading * size.max(), 1e-3 * policy.accuracy)))
-    leading = strong[np.argsort(-size[strong])][: policy.leading_orders]
-    return tuple(float(names[h]) for h in leading)
+    return leading(names, np.where(inner & (size > 1e-3 * fit.bench.policy.accuracy), size, 0.0), size.max())
 
 
 def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
@@ -303,7 +301,7 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
         size = float(np.mean(np.abs(wave)))
         variance = size**2 / max(line.power, 1e-9)  # the power is that of all runs together
         half = reach(fit, variance * (1 + shared(fit, unsure(fit, policy))))
-        order = round(line.order) if abs(line.order - round(line.order)) < policy.told_order / turns else line.order
+        order = round(line.order) if abs(line.order - round(line.order)) < TOLD_ORDER / turns else line.order
         frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
         result.append(

@@ -45,6 +45,11 @@ from rverror.statics.loaded_state import NotConvergedError
 T = TypeVar("T")
 P = ParamSpec("P")
 
+_SOLVED = 20  # singles, and pairs, at the load: of 52 units the answers were the same with half as many again
+_REFITTED = 3  # of these to their end
+_DIRECT = 3  # that lead over every sample and are fitted there, where what is left is no more than noise
+_CLOSE = 60.0  # objective within which fits on few angles are compared on all: few angles often cost some 50
+_RIVALS = 16  # that are solved in the place of a cause; half of them are fitted to every sample
 _COARSE = 1024  # angles a turn on which sets are raced: half of those of the fit
 _STARTS = 512  # angles a turn at which starts are solved, to be ranked
 _FEW_PLACES = 12  # of a source, whose starts are tried first: harmonics of two discs, not single pins or lobes
@@ -256,7 +261,7 @@ class Search:
         if strained(fit) or self._line_left(fit) or self._settles(one):
             return False
         enough = fit.objective - inexact(fit)
-        near = [offer for offer in self.leading(fit)[: self.policy.direct] if offer.score < fit.objective]
+        near = [offer for offer in self.leading(fit)[:_DIRECT] if offer.score < fit.objective]
         if any(offer.score < enough - self.score.sure for offer in near):
             return False
         # a linear step promises too little where sizes have moved to make up for a cause
@@ -270,7 +275,7 @@ class Search:
     def _settles(self, one: Hypothesis) -> bool:
         """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
         records = one.fit.bench.records
-        if one.slow or not one.fit.bench.sampled or any(r.turns <= self.policy.settles for r in records):
+        if one.slow or not one.fit.bench.sampled or any(r.turns <= self.policy.least_cycles for r in records):
             return False
         slow = [r.settling for r in records]
         return (
@@ -302,17 +307,17 @@ class Search:
         They are made from the sizes as declared: fitted ones have moved to make up for what is missing.  Where a set
         fits, and hides what is missing by that, steps are also made from the fitted sizes, and with all others held.
         """
-        room, policy = self.policy.most_effects - len(one.fit.added), self.policy
+        room = self.policy.most_effects - len(one.fit.added)
         if room < 1:
             return []
         found: list[Hypothesis] = []
         fits = one.fit.data <= one.fit.bound
         if fits:  # few angles are too few
-            found = self._fitted_with(one, self.leading(one.fit)[: policy.direct])
+            found = self._fitted_with(one, self.leading(one.fit)[:_DIRECT])
             if self._ends(one, found):
                 return found
         fit, plain, linear = self._beside(one)
-        cost, most = self.score.cost, policy.evaluated
+        cost, most = self.score.cost, _SOLVED
         offers = [(plain.model, offer) for offer in singles(plain, linear, cost)[:most]]
         if fits:
             offers += [(plain.model, offer) for offer in singles(fit, self.blocks(fit), cost)[: most // 2]]
@@ -334,7 +339,7 @@ class Search:
             return [(state.model, offer) for offer in singles(state, blocks(state), self.score.cost)[:2]]
 
         found = [both for offers in each(at, self.offsets[: self.policy.offsets]) for both in offers]
-        return sorted(found, key=lambda both: round(both[1].score, 6))[: self.policy.evaluated]
+        return sorted(found, key=lambda both: round(both[1].score, 6))[:_SOLVED]
 
     def added_from_starts(self, one: Hypothesis, *, everywhere: bool) -> list[Hypothesis]:
         """A set with one cause more, or two at once, of what no linear step tells the size of.
@@ -346,7 +351,7 @@ class Search:
         room = self.policy.most_effects - len(one.fit.added)
         if room < 1:
             return []
-        (_, plain, linear), cost, most = self._beside(one), self.score.cost, self.policy.evaluated
+        (_, plain, linear), cost, most = self._beside(one), self.score.cost, _SOLVED
         names = self._begun(everywhere=everywhere)
         starts = self._starts(plain, names)
         ranked = singles(plain, starts, cost)
@@ -373,7 +378,7 @@ class Search:
 
         self.spent += len(effects)
         found = [both for offers in each(beside, effects) for both in offers]
-        return sorted(found, key=lambda both: round(both[1].score, 6))[: self.policy.evaluated]
+        return sorted(found, key=lambda both: round(both[1].score, 6))[:_SOLVED]
 
     def _beside(self, one: Hypothesis) -> tuple[Fit, Fit, list[Columns]]:
         """A set on few angles, the same with all declared sizes as declared, and every candidate's influence there."""
@@ -496,7 +501,7 @@ class Search:
         effects, at = one.fit.model.effects, len(one.fit.declared.effects) + number
         model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
         fit = fitted(evaluated(one.fit.bench, model, one.fit.declared, one.fit.waves), steps=4)
-        if fit.objective - fit.proposal[1] < one.fit.objective + 5 * self.policy.close:
+        if fit.objective - fit.proposal[1] < one.fit.objective + 5 * _CLOSE:
             fit = fitted(fit)
         return self.score.of(fit, one.lines, one.slow)
 
@@ -511,10 +516,10 @@ class Search:
         if patient:
             trials = self._stepped(trials, _PATIENCE)
         for steps, times in _RACE:
-            trials = distinct(sorted(trials, key=lambda t: t.prospect), times * self.policy.refitted)
+            trials = distinct(sorted(trials, key=lambda t: t.prospect), times * _REFITTED)
             trials = self._stepped(trials, steps)
         trials.sort(key=lambda t: t.prospect)
-        most = min(below, min((trial.prospect for trial in trials), default=0.0) + self.policy.close)
+        most = min(below, min((trial.prospect for trial in trials), default=0.0) + _CLOSE)
         near = [trial.fit for trial in trials if trial.prospect < most]
         first = self._refitted(one, near[:1])
         return first if self._ends(one, first) else first + self._refitted(one, near[1:])
@@ -570,18 +575,18 @@ class Search:
         Sources of one place in its frame, whose orders it shares, are followed from their starts to their end: another
         cause of the frame may stand for a runout of which no linear step tells.
         """
-        policy, coarse = self.policy, onto(self.coarse(one), one.fit)
+        coarse = onto(self.coarse(one), one.fit)
         rest, effect = lifted(coarse, number), coarse.added[number]
         free = self.free(coarse)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit, policy.same_gaps))
-        others = gaps.twins(effect, free) + gaps.near(effect, free, policy.near_gaps)
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit))
+        others = gaps.twins(effect, free) + gaps.near(effect, free)
         others += [e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, free)]
         blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]
         # what does not repeat with the crank is none for what does
         starts = self._starts(coarse, self._begun_like((effect.key, effect.indices)))
-        near = self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, policy.rivals))
+        near = self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, _RIVALS))
         alone = [e for e in self._begun_alone(coarse) if source(e.key).frame == source(effect.key).frame]
-        models, below = [rest.model.with_effects(e) for e in alone], self._trial(coarse).prospect + policy.close
+        models, below = [rest.model.with_effects(e) for e in alone], self._trial(coarse).prospect + _CLOSE
         near += self._raced(one, rest, models, patient=True, below=below)
         found = dict[object, Hypothesis]()
         for rival in sorted(near, key=lambda h: h.score):
@@ -620,7 +625,7 @@ class Search:
         all_repeat = all(self._repeats((e.key, e.indices)) for e in plain.bench.around(plain.model))
         names = tuple(name for name in self._begun(everywhere=False) if self._repeats(name) or not all_repeat)
         columns = self.blocks(plain), self._starts(plain, names)
-        offers = [o for some in columns for o in singles(plain, some, self.score.cost)[: self.policy.evaluated]]
+        offers = [o for some in columns for o in singles(plain, some, self.score.cost)[:_SOLVED]]
         models = [with_offer(plain.model, o) for o in offers if o.score < o.without]
         return self._raced(one, plain, models, below=self._trial(coarse).prospect)
 
@@ -640,15 +645,14 @@ class Search:
         self, one: Hypothesis, coarse: Fit, rest: Fit, others: Sequence[Effect], offers: Sequence[Offer]
     ) -> list[Hypothesis]:
         """Other sets that come near one, from what is left of it and effects or offers beside that."""
-        policy = self.policy
         models = [rest.model.with_effects(other) for other in others]
         models += [with_offer(rest.model, offer) for offer in offers]
         own = self.score.of(coarse).score
         trials = sorted(self._solved(coarse, models), key=lambda t: t.prospect)
-        ends = self._stepped(distinct([t for t in trials if t.prospect < own + 5 * policy.close], policy.rivals), 8)
+        ends = self._stepped(distinct([t for t in trials if t.prospect < own + 5 * _CLOSE], _RIVALS), 8)
         least = min([own, *(end.prospect for end in ends)])
-        ends = sorted((end for end in ends if end.prospect < least + policy.close), key=lambda end: end.prospect)
-        return self._refitted(one, [e.fit for e in ends[: policy.rivals // 2]])
+        ends = sorted((end for end in ends if end.prospect < least + _CLOSE), key=lambda end: end.prospect)
+        return self._refitted(one, [e.fit for e in ends[: _RIVALS // 2]])
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
         """Fits at the opposite of a cause that chance does not tell from these: intervals hold theirs too.
@@ -664,7 +668,7 @@ class Search:
                 if named(other) == named(effect)
             ]
         ends = self._stepped(self._solved(coarse, models), 12)
-        near = [end.fit for end in ends if end.fit.objective < coarse.objective + self.policy.close]
+        near = [end.fit for end in ends if end.fit.objective < coarse.objective + _CLOSE]
         away = [end.fit for end in self._refitted(one, near) if end.fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]
         return [fit for fit, both in pairs_of if any(np.dot(a.values, b.values) < 0 for a, b in both)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,9 +14,10 @@ from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.lines import line_spectrum
-from rverror.runs.spectrum import frames_of_order
+from rverror.runs.spectrum import frames_of_order, highest_order
 
 _MOST_PEAKS = 24  # that are looked at closer
+_OWN, _MOST_OWN = 0.3, 4  # orders of an effect: share of its strongest, and how many are listed
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,12 @@ class LineFound:
     order: float
     power: float
     waves: tuple[complex, ...]
+
+
+def leading(orders: Array, sizes: Array, strongest: float) -> tuple[float, ...]:
+    """Orders of a wave that are its own, the strongest first: four at most, of a share of the strongest or more."""
+    strong = np.flatnonzero(sizes > _OWN * strongest)
+    return tuple(float(orders[n]) for n in strong[np.argsort(-sizes[strong])][:_MOST_OWN])
 
 
 def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> list[LineFound]:
@@ -76,9 +82,7 @@ def _strongest(
 ) -> LineFound | None:
     """The strongest significant line of any order, if there is one; none where all are of orders not called for."""
     turns = max(r.turns for r in records)
-    highest = policy.sampled * min(
-        math.pi / float(np.quantile(np.abs(np.diff(r.theta))[np.diff(r.theta) != 0], 0.9)) for r in records
-    )
+    highest = highest_order([r.theta for r in records])
     lowest = policy.least_cycles / turns
     total: Array | None = None
     orders: Array | None = None

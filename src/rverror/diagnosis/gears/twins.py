@@ -18,6 +18,7 @@ from rverror.model.effects import Effect
 from rverror.statics.energy import Errors, Geometry, error_closing
 
 _ANGLES, _GOLDEN = 16, 0.6180339887  # irregular against every order
+_ROUNDING, _HALF = 1e-6, 0.5  # shares of the gaps that a source may lack: the very same ones, and most of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +28,9 @@ class Gaps:
     Attributes
     ----------
     unit : Reducer
-    same : float
-        Share of the gaps that sources may lack and still close the very same ones.
     """
 
     unit: Reducer
-    same: float
     _made: dict[object, Array | None] = field(default_factory=dict, repr=False)
 
     def twins(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
@@ -41,16 +39,16 @@ class Gaps:
         return [
             other
             for other, rows, share in self._sized(effect, candidates)
-            if share < self.same or (own is not None and _apart(rows, own) < self.same)
+            if share < _ROUNDING or (own is not None and _apart(rows, own) < _ROUNDING)
         ]
 
-    def near(self, effect: Effect, candidates: Sequence[Named], lacking: float) -> list[Effect]:
-        """Other sources that close the gaps of an effect but for a share, in the nearest size.
+    def near(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
+        """Other sources that close half of an effect's gaps or more, in the nearest size.
 
         Pins that are all thinner, and a profile modified by as much, open all gaps nearly alike: next to nothing shows
         but what this does to contacts under load, and no small change of one tells the size of the other.
         """
-        return [other for other, _, share in self._sized(effect, candidates) if share < lacking]
+        return [other for other, _, share in self._sized(effect, candidates) if share < _HALF]
 
     def _sized(self, effect: Effect, candidates: Sequence[Named]) -> Iterator[tuple[Effect, Array, float]]:
         """Other sources in the sizes that come nearest to an effect's gaps, their gaps, and the share they lack."""

@@ -16,6 +16,7 @@ from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
+from rverror.diagnosis.gears.spectrum import leading
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
@@ -400,9 +401,7 @@ def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     bench = fit.bench
     assert isinstance(bench, TableSet)
     power = bench.numbers.by_order(part**2 for part in _parts(fit)[number])
-    policy = bench.policy
-    strong = np.flatnonzero(power > policy.leading**2 * power.max())
-    return tuple(float(bench.orders[n]) for n in strong[np.argsort(-power[strong])][: policy.leading_orders])
+    return leading(bench.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:

@@ -12,6 +12,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.result import Addition, Alike, Candidate, Diagnosis, Estimate, Fate, Line, Residual, Trace
 from rverror.diagnosis.samples.coloured import kept_share, noise_of_samples, orthonormal
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_squares
+from rverror.diagnosis.samples.lines import SAME_ORDER, TOLD_ORDER
 from rverror.diagnosis.samples.regressors import (
     BESIDE,
     DECLARED,
@@ -193,16 +194,14 @@ def _lines(data: RunData, fit: SampleFit) -> list[Line]:
         reach = float(fit.reach(term, toward @ fit.own_spread(term) @ toward))
         size = float(sizes.mean())
         order = _told_order(data, term.orders[0])
-        frames = frames_of_order(
-            data.drive, order, tolerance=max(data.policy.order_tolerance, data.policy.same_order / data.turns)
-        )
+        frames = frames_of_order(data.drive, order, tolerance=max(data.policy.order_tolerance, SAME_ORDER / data.turns))
         lines.append(Line(order, size, max(size - reach, 0.0), size + reach, tuple(frames)))
     return lines
 
 
 def _told_order(data: RunData, order: float) -> float:
     """Order with the digits that the travel gives it; whole where it is that near to a whole one."""
-    apart = data.policy.told_order / data.turns
+    apart = TOLD_ORDER / data.turns
     unit = 10.0 ** np.floor(np.log10(apart))
     near = round(order)
     return float(near) if abs(order - near) < apart else float(round(order / unit) * unit)

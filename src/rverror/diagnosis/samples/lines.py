@@ -12,9 +12,14 @@ from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.samples.coloured import noise_of_samples
 from rverror.diagnosis.samples.fit import SampleFit, fitted, held_out_gain, screened
 from rverror.diagnosis.samples.regressors import EFFECT, LINE, line_term
-from rverror.diagnosis.samples.runs import RunData, highest_order
+from rverror.diagnosis.samples.runs import RunData
 
 _TURN = 2 * np.pi
+#: Cycles a run within which two orders are one, and by which a fitted one may miss a whole one and be told as that.
+SAME_ORDER, TOLD_ORDER = 0.25, 0.05
+MOST_LINES = 12  # that are put in at the end
+_LIKELY = 0.05  # chance at which a maximum of the spectrum is looked at closer
+_PEAKS, _FITTED = 6, 3  # how many of them in each run, and how many are then fitted
 _EVEN = 1e-6  # of a step: samples nearer to even ones are taken as such
 
 
@@ -61,7 +66,7 @@ def best_line(data: RunData, fit: SampleFit) -> SampleFit | None:
     SampleFit or None
         None where no line is significant.
     """
-    highest = highest_order(data)
+    highest = data.highest_order
     orders: list[float] = []
     cells = 1.0
     for at in data.slices:
@@ -71,21 +76,13 @@ def best_line(data: RunData, fit: SampleFit) -> SampleFit | None:
         if order.size < 3:
             continue
         cells = max(cells, order.size / 2)
-        likely = (
-            (power[1:-1] >= power[:-2])
-            & (power[1:-1] > power[2:])
-            & (power[1:-1] > chi_square(data.policy.likely_line, 2))
-        )
+        likely = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (power[1:-1] > chi_square(_LIKELY, 2))
         peaks = np.flatnonzero(likely) + 1
-        orders += [
-            _sharpened(data, fit, float(order[i])) for i in peaks[np.argsort(-power[peaks])][: data.policy.peaks]
-        ]
-    free = [
-        order for order in _distinct(orders, data.policy.same_order / data.turns) if not _is_taken(data, fit, order)
-    ]
+        orders += [_sharpened(data, fit, float(order[i])) for i in peaks[np.argsort(-power[peaks])][:_PEAKS]]
+    free = [order for order in _distinct(orders, SAME_ORDER / data.turns) if not _is_taken(data, fit, order)]
     accepted = data.policy.false_alarm / cells
     telling, _ = screened(data, fit, [line_term(data, order) for order in free])
-    for one in telling[: data.policy.fitted_peaks]:
+    for one in telling[:_FITTED]:
         trial = fitted(data, [*fit.terms, one.term])
         if _is_line(data, trial, accepted) and held_out_gain(data, fit, trial) > 0:
             return trial
@@ -110,7 +107,7 @@ def beats(data: RunData, line: SampleFit, winner: SampleFit) -> bool:
 
 def add_lines(data: RunData, fit: SampleFit) -> SampleFit:
     """Put in the lines that remain, the strongest first."""
-    for _ in range(data.policy.most_lines):
+    for _ in range(MOST_LINES):
         more = best_line(data, fit)
         if more is None:
             return fit

@@ -9,7 +9,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.text import describe
-from rverror.diagnosis.samples.runs import RunData, highest_order, influence_rows
+from rverror.diagnosis.samples.runs import RunData, influence_rows
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE, source
@@ -119,7 +119,7 @@ def candidate_terms(model: Model, runs: Sequence[Run], data: RunData) -> list[Te
         for indices in entry.candidates(unit):
             rows = _effect_rows(runs, data, key, indices)
             orders = tuple(abs(order) for order in entry.orders(unit, indices))
-            if max(orders, default=0.0) < highest_order(data):
+            if max(orders, default=0.0) < data.highest_order:
                 result.append(Term(EFFECT, key, rows, dict(indices), orders))
     # a shaft that the user named goes before the measuring chain where they cannot be told apart
     return sorted(result, key=lambda term: source(term.name).acts == "reading")

@@ -21,8 +21,10 @@ from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, torque_column
+from rverror.runs.spectrum import highest_order
 
 _TURN = 2 * np.pi
+_TORQUE_FLOOR = 1e-6  # of a torque's deviation: white noise that every reading has
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,11 @@ class RunData:
     def turns(self) -> float:
         """Output turns that the longest run covers."""
         return max(float(np.ptp(self.theta[at])) for at in self.slices) / _TURN
+
+    @property
+    def highest_order(self) -> float:
+        """Order up to which candidates and lines are tried, per output turn."""
+        return highest_order([self.theta[at] for at in self.slices])
 
 
 def gather(model: Model, runs: Sequence[Run], *, policy: Policy = POLICY) -> tuple[RunData, list[str]]:
@@ -128,7 +135,7 @@ def gather(model: Model, runs: Sequence[Run], *, policy: Policy = POLICY) -> tup
         signal=signal,
         labels=np.concatenate([part[4] for part in parts]),
         quantity=quantity,
-        floor=policy.floor if quantity == "angle" else policy.torque_floor * float(np.std(signal)),
+        floor=policy.floor if quantity == "angle" else _TORQUE_FLOOR * float(np.std(signal)),
         policy=policy,
     )
     return data, notes
@@ -210,15 +217,3 @@ def _tidy(labels: Labels) -> Labels:
         labels = np.maximum(labels - 1, 0)
     blocks = int(labels.max()) + 1
     return labels * 24 // blocks if blocks > 24 else labels
-
-
-def highest_order(data: RunData) -> float:
-    """Order up to which every run has two samples a wave, also where it turns fastest.
-
-    Returns
-    -------
-    float
-        Per output turn.
-    """
-    steps = [np.abs(np.diff(data.theta[at])) for at in data.slices]
-    return data.policy.sampled * min(np.pi / float(np.quantile(s[s > 0], 0.9)) for s in steps)
