@@ -152,6 +152,7 @@ class Unit:
     more: dict[str, Any] = field(default_factory=dict)  # for truth.json
     memory: float = MEMORY
     loudness: tuple[float, float] = (1.0, 1.0)  # of white and slow noise
+    wandering: float = 0.0  # arcsec, rms of what runs wander by
     first_order: bool = False  # whether what is quadratic in the pins' errors is left out
 
     @property
@@ -163,8 +164,7 @@ class Unit:
     @property
     def noise_rms(self) -> float:
         """arcsec."""
-        white, slow = self._noise_parts()
-        return math.hypot(white, slow)
+        return math.hypot(*self._noise_parts(), self.wandering)
 
     def _noise_parts(self) -> tuple[float, float]:
         slow = INNOVATION / math.sqrt(1 - MEMORY**2)  # its rms stays, whatever its memory
@@ -497,6 +497,18 @@ def gaps(unit: Unit) -> None:
         run.kept = kept
 
 
+def wander(unit: Unit) -> None:
+    """The reading wanders as a random walk does."""
+    unit.what = "a reading that wanders"
+    sometimes(unit, 0.4)
+    both_ways(unit, grid())
+    step = unit.random.uniform(0.005, 0.05)
+    for run in unit.runs:
+        walk = np.cumsum(unit.random.normal(size=run.theta.size)) * step
+        unit.wandering = max(unit.wandering, float(np.std(walk)))
+        run.added = run.added + walk
+
+
 #: Family, and how often it is drawn.
 FAMILIES: dict[str, tuple[Callable[[Unit], None], float]] = {
     "plain": (plain, 2.0),
@@ -516,6 +528,7 @@ FAMILIES: dict[str, tuple[Callable[[Unit], None], float]] = {
     "drift": (drift, 0.7),
     "slip": (slip, 0.5),
     "gaps": (gaps, 0.5),
+    "wander": (wander, 0.5),
 }
 
 

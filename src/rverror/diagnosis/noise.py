@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -23,16 +23,22 @@ _LEAST_BINS = 16  # in a band: a median of fewer says little
 #: Of a model of the noise, each bin over what the last one makes of it: a random walk falls so steeply within a band
 #: that its slowest waves pass for lines at first; more change its order 1 by less than a twentieth.
 _ROUNDS = 4
+_WALKS = 60  # sizes of a random walk that are tried, a factor of 1.2 apart
+_SHOWN = 5.0  # times the wave at which a walk is as large as the noise: beyond it is a twenty-fifth
 _FAR = 8.0  # times the median of noise: above it lies one bin in 256
 _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has an exponential distribution in each bin
 
 
 @dataclass(frozen=True, eq=False)
 class RunNoise:
-    """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], w white of variance 1."""
+    """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], and a random walk beside it.
+
+    w has a variance of 1 + (walk / frequency)^2, the frequency in rad a sample: it is white where there is no walk.
+    """
 
     coefficients: Array
     sigma: float
+    walk: float = 0.0
 
     @property
     def filter(self) -> Array:
@@ -41,7 +47,8 @@ class RunNoise:
 
     def spectrum(self, frequency: Array) -> Array:
         """Variance per unit of `frequency` / 2 pi, rad per sample."""
-        return np.asarray(np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response), dtype=np.float64)
+        plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
+        return np.asarray(plain * (1 + (self.walk / frequency) ** 2) if self.walk else plain, dtype=np.float64)
 
     @cached_property
     def _response(self) -> Array:
@@ -49,7 +56,7 @@ class RunNoise:
 
     @cached_property
     def rms(self) -> float:
-        """Standard deviation of the noise itself."""
+        """Standard deviation of the noise itself, a walk left out, which has none."""
         response = np.abs(np.fft.rfft(self.filter, 4096)) ** -2
         return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
@@ -112,6 +119,29 @@ def lags_told(residual: Array, kept: Flags) -> int:
     """
     n = residual.size
     return likeliest(burg(_filled(residual, kept), min(_MOST_LAGS, n // 20)), n, 1.0).coefficients.size
+
+
+def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
+    """Noise with the random walk beside it that is likeliest in a residual.
+
+    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 + (s/k)^2.
+
+    Parameters
+    ----------
+    noise : RunNoise
+    residual : ndarray, shape (n,)
+    kept : ndarray of bool, shape (n,)
+    """
+    white = np.convolve(_filled(residual, kept), noise.filter, "valid")
+    squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
+    number = np.arange(1, squares.size + 1)
+    most, found = 0.0, 0.0
+    for walk in np.geomspace(0.1, squares.size, _WALKS):
+        excess = (walk / number) ** 2
+        gain = float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
+        if gain > most:
+            most, found = gain, float(walk)
+    return replace(noise, walk=found * math.pi / white.size)
 
 
 def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
@@ -236,7 +266,28 @@ class Whitening:
 
         out = np.empty_like(rows)
         filtered_into(out, np.ascontiguousarray(rows), self.noise.filter)
-        return np.asarray(out[:, self._used])
+        return self._stilled(np.asarray(out[:, self._used]))
+
+    def _stilled(self, white: Array) -> Array:
+        """Waves of a random walk made as large as all others."""
+        if self.noise.walk:
+            waves, excess = self._walk
+            white = white - ((white @ waves.T) * (1 - 1 / np.sqrt(1 + excess))) @ waves
+        return white
+
+    @cached_property
+    def _walk(self) -> tuple[Array, Array]:
+        """Waves of a random walk that show, of unit length, and by how much their variance exceeds 1."""
+        n = self.usable.size
+        number = np.arange(1, min(math.ceil(_SHOWN * self.noise.walk * n / math.pi) + 1, n))
+        waves = math.sqrt(2 / n) * np.cos(math.pi / n * np.outer(number, np.arange(n) + 0.5))
+        return waves, (self.noise.walk * n / math.pi / number) ** 2
+
+    @property
+    def log_variance(self) -> float:
+        """Sum of the logarithms of the variances of all values, given those before."""
+        more = float(np.log1p(self._walk[1]).sum()) if self.noise.walk else 0.0
+        return 2 * self.freedom * math.log(self.noise.sigma) + more
 
     @cached_property
     def _used(self) -> npt.NDArray[np.intp] | slice:

@@ -23,7 +23,7 @@ from rverror.base.threads import each
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
-from rverror.diagnosis.noise import noise_of
+from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.model.catalogue import source
@@ -250,8 +250,7 @@ class Fit:
     @property
     def deviance(self) -> float:
         """Minus twice the logarithm of the likelihood, sizes and noise, with the squares of the priors."""
-        runs = [(r.whiten.freedom, r.noise) for r in self.bench.records]
-        return self.data + self.prior + sum(2 * n * math.log(noise.sigma) for n, noise in runs if noise)
+        return self.data + self.prior + sum(r.whiten.log_variance for r in self.bench.records)
 
     @cached_property
     def weights(self) -> Array:
@@ -539,9 +538,19 @@ def renoised(fit: Fit, *, calm: bool = False, lags: Sequence[int] | None = None)
     lags : sequence of int, optional
         That the noise of each run has then.
     """
+    floor = fit.bench.policy.model_error
     records = [
-        replace(record, noise=noise_of(*left, floor=fit.bench.policy.model_error, calm=calm, lags=count))
+        replace(record, noise=noise_of(*left, floor=floor, calm=calm, lags=count))
         for record, left, count in zip(fit.bench.records, left_as_noise(fit), lags or repeat(None), strict=False)
+    ]
+    return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
+
+
+def with_walks(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
+    """The same sizes under noise of each run, with the random walk beside it that the residual shows."""
+    records = [
+        replace(record, noise=walking(noise, rest, kept) if noise else None)
+        for record, noise, (rest, kept, _) in zip(fit.bench.records, noises, left_as_noise(fit), strict=True)
     ]
     return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
 
