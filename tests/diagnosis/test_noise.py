@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from gear_runs import red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.noise import RunNoise, Whitening, lags_told, noise_of
+from rverror.diagnosis.noise import RunNoise, Whitening, lags_told, noise_of, walking
 
 FLOOR = 1e-3 * ARCSEC
 
@@ -165,6 +165,32 @@ def test_order_1_of_a_random_walk_is_hardly_beyond_its_noise(step: float, most: 
         left, waves = white(walk[None])[0], white(rows)
         taken.append((waves @ left) @ np.linalg.solve(waves @ waves.T, waves @ left))
     assert np.mean(taken) < most
+
+
+def test_of_a_walk_beside_white_noise_its_steps_are_found() -> None:
+    """Its spectrum is (step / frequency)^2 at low frequencies: beside white noise that of their ratio."""
+    n, white, none, found = 4000, RunNoise(np.zeros(0), 0.3), [], []
+    kept = np.ones(n, dtype=np.bool_)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        noise = rng.normal(0, 0.3, n)
+        none.append(walking(white, noise, kept).walk)
+        found.append(walking(white, noise + np.cumsum(rng.normal(0, 0.015, n)), kept).walk)
+    assert np.median(none) < np.pi / n  # by chance a wave or two are larger than others
+    assert np.mean(found) == pytest.approx(0.05, rel=0.1)
+    assert RunNoise(np.zeros(0), 0.3, 0.05).spectrum(np.array([0.05, 0.1])) == pytest.approx([0.18, 0.09 * 1.25])
+
+
+def test_beside_a_walk_rows_are_whitened_by_its_covariance() -> None:
+    """Of a walk whose waves count up to five times the one at which it is as large as the noise."""
+    n, sigma, walk = 300, 0.4, 4 * np.pi / 300
+    white = Whitening(RunNoise(np.zeros(0), sigma, walk), np.ones(n, dtype=np.bool_), (0,), np.zeros((0, n)))
+    number = np.arange(1, 21)
+    waves = np.sqrt(2 / n) * np.cos(np.pi / n * np.outer(number, np.arange(n) + 0.5))
+    covariance = sigma**2 * (np.eye(n) + (waves.T * (4 / number) ** 2) @ waves)
+    root = white(np.eye(n))  # of each sample alone
+    assert root @ root.T == pytest.approx(np.linalg.inv(covariance), rel=1e-9, abs=1e-9)
+    assert white.log_variance == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
 
 
 def test_of_white_noise_hardly_a_lag_is_told_and_of_what_remembers_enough() -> None:
