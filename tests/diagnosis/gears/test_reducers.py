@@ -213,10 +213,7 @@ def test_a_reading_that_settles_is_neither_noise_nor_a_cause() -> None:
     assert sum("drifts and settles by 20" in n or "drifts and settles by 19" in n for n in found.notes) == 2
 
 
-@pytest.mark.parametrize(
-    ("seed", "step", "arcsec"),
-    [(0, 0.05, 0.0), (3, 0.05, 0.0), (21, 0.05, 0.0), (2, 0.01, 0.0), (0, 0.02, 0.0), (0, 0.05, 6.0)],
-)
+@pytest.mark.parametrize(("seed", "step", "arcsec"), [(0, 0.05, 0.0), (2, 0.01, 0.0), (0, 0.05, 6.0)])
 def test_a_reading_that_wanders_makes_no_cause_and_hides_none(seed: int, step: float, arcsec: float) -> None:
     """A random walk over one turn: beside what is left once a drift or order 1 is fitted, each would be a cause.
 

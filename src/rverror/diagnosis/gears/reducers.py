@@ -140,7 +140,7 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
         else:
             with_all, without = few, renoised(bare, calm=True, lags=lags)
             noise = _noises(renoised(bare, calm=True))
-        if fitted(without).deviance < with_all.deviance + search.score.by_chance(best, part):
+        if without.deviance - without.proposal[1] < with_all.deviance + search.score.by_chance(best, part):
             records = [replace(r, noise=one) for r, one in zip(own.bench.records, noise, strict=True)]
             return onto(own.bench.with_records(records), own), True
     return own, False

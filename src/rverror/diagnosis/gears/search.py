@@ -572,8 +572,8 @@ class Search:
         """A set with other causes in one's place that come near: such as close the same gaps, equivalent places, and
         what a linear step or a start puts there.
 
-        Sources of one place in its frame, whose orders it shares, are followed from their starts to their end: another
-        cause of the frame may stand for a runout of which no linear step tells.
+        Sources of one place in its frame, whose orders it shares, are begun at all their starts: another cause of the
+        frame may stand for a runout of which no linear step tells.
         """
         coarse = onto(self.coarse(one), one.fit)
         rest, effect = lifted(coarse, number), coarse.added[number]
@@ -587,7 +587,7 @@ class Search:
         near = self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, _RIVALS))
         alone = [e for e in self._begun_alone(coarse) if source(e.key).frame == source(effect.key).frame]
         models, below = [rest.model.with_effects(e) for e in alone], self._trial(coarse).prospect + _CLOSE
-        near += self._raced(one, rest, models, patient=True, below=below)
+        near += self._raced(one, rest, models, below=below)
         found = dict[object, Hypothesis]()
         for rival in sorted(near, key=lambda h: h.score):
             if rival.names != one.names:
