@@ -10,7 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rverror
-from rverror.runs.spectrum import amplitude, frames_of_order, harmonics, noise_rms, noise_spectrum, revolutions
+from rverror.runs.spectrum import (
+    amplitude,
+    frames_of_order,
+    harmonics,
+    highest_order,
+    noise_rms,
+    noise_spectrum,
+    revolutions,
+)
 
 TURN = 2 * math.pi
 
@@ -310,3 +318,11 @@ def test_a_wider_tolerance_takes_more() -> None:
     unit = rverror.reducer("RV-40E")
     assert frames_of_order(unit, 39.3) == []
     assert frames_of_order(unit, 39.3, tolerance=0.5) == ["housing 39"]
+
+
+def test_the_coarsest_run_where_it_turns_fastest_says_how_high_an_order_is_sampled() -> None:
+    """Half its samples a turn, less a twentieth; a sample read twice is no step."""
+    fine, coarse = even(1000, 2), even(200, 1)
+    coarse = np.insert(coarse, 20, coarse[20])
+    assert highest_order([fine, coarse]) == pytest.approx(0.95 * 100)
+    assert highest_order([fine]) == pytest.approx(0.95 * 500)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -61,9 +60,7 @@ class RunNoise:
         return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
 
-def noise_of(
-    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, lags: int | None = None
-) -> RunNoise:
+def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False) -> RunNoise:
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     Where nothing but noise is left it is `burg`'s.  Else the periodogram is cut where it stands far above the median of
@@ -81,14 +78,12 @@ def noise_of(
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
-    lags : int, optional
-        That it has then.
     """
     n = residual.size
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
-        return burg(rest, min(_MOST_LAGS, n // 20) if lags is None else lags, floor=floor)[-1]
+        return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
     window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
     power = np.abs(np.fft.rfft(rest * window)) ** 2 / float((window**2).sum())
     frequency = 2 * np.pi * np.arange(power.size) / n
@@ -96,9 +91,7 @@ def noise_of(
     count, found = max(min(_MOST_LAGS, n // 64), min(4, n // 20)), RunNoise(np.zeros(0), 1.0)
     for _ in range(_ROUNDS):
         shape = found.spectrum(frequency)
-        clean = without_lines(power / shape) * shape
-        clean[0] = 0.0  # not known: the mean was taken off
-        found = _autoregressive(np.fft.irfft(clean, n), count, floor)
+        found = _autoregressive(np.fft.irfft(without_lines(power / shape) * shape, n), count, floor)
     return found
 
 
@@ -107,18 +100,6 @@ def _filled(residual: Array, kept: Flags) -> Array:
     the spectrum."""
     rest = residual if kept.all() else np.interp(np.arange(residual.size), np.flatnonzero(kept), residual[kept])
     return np.asarray(rest - rest.mean())
-
-
-def lags_told(residual: Array, kept: Flags) -> int:
-    """How many lags of its noise a residual tells, by Akaike's criterion.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-    kept : ndarray of bool, shape (n,)
-    """
-    n = residual.size
-    return likeliest(burg(_filled(residual, kept), min(_MOST_LAGS, n // 20)), n, 1.0).coefficients.size
 
 
 def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
@@ -187,11 +168,6 @@ def burg(residual: Array, most: int, *, floor: float = 0.0) -> list[RunNoise]:
         power *= 1 - reflection**2
         found.append(RunNoise(coefficients, math.sqrt(power)))
     return found
-
-
-def likeliest(found: Sequence[RunNoise], samples: int, cost: float) -> RunNoise:
-    """The noise of most likelihood, its logarithm less a cost for each lag: 1 (Akaike), half of log n (Bayes)."""
-    return min(found, key=lambda one: samples * math.log(one.sigma) + cost * one.coefficients.size)
 
 
 def without_lines(power: Array) -> Array:

@@ -13,7 +13,7 @@ from gear_runs import TURN, UNIT, begin, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated, renoised
-from rverror.diagnosis.gears.spectrum import best_lines, explained, power_of
+from rverror.diagnosis.gears.spectrum import best_lines, explained, leading, power_of
 from rverror.diagnosis.policy import POLICY
 
 MODEL = rverror.Model(UNIT)
@@ -156,3 +156,8 @@ def test_nor_is_a_line_of_the_gears_within_some_percent_of_what_was_added(share:
         assert fit.added
         found = best_lines(fit, POLICY, outside=False, most=3)
         assert [line.order for line in found] == pytest.approx(orders, abs=0.1)
+
+
+def test_orders_of_a_wave_are_its_strongest_in_order() -> None:
+    sizes = np.array([0.0, 5.0, 3.2, 10.0, 2.9, 4.0, 3.1])
+    assert leading(np.arange(7.0), sizes, 10.0) == (3.0, 1.0, 5.0, 2.0)

@@ -229,6 +229,18 @@ def test_a_reading_that_wanders_makes_no_cause_and_hides_none(seed: int, step: f
     assert found.verdict == ("explained" if arcsec else "nothing_missing")
 
 
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_a_small_wave_in_white_noise_does_not_pass_for_a_walk(seed: int) -> None:
+    """A walk that has a tenth of an arcsec of order 1 has waves of other orders too."""
+    rng = np.random.default_rng(seed)
+
+    def read(theta: Array, share: Array) -> Array:
+        return (rng.normal(0, 0.3, theta.size) + 0.1 * np.cos(theta)) * ARCSEC
+
+    found = rverror.diagnose(BARE, runs_of(Model(OTHER), rms=0.0, more=read))
+    assert [a.effect.key for a in found.added] == ["sensor.encoder_eccentricity"]
+
+
 def test_slips_spikes_and_lost_rows_are_told_and_harm_nothing() -> None:
     def bad(theta: Array, share: Array) -> Array:
         count = np.arange(theta.size)

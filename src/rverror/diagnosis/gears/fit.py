@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import repeat
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -527,42 +526,34 @@ def promised(fit: Fit, step: Array) -> float:
     return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
 
 
-def renoised(fit: Fit, *, calm: bool = False, lags: Sequence[int] | None = None) -> Fit:
-    """The same sizes under the noise that their residual shows.
+def renoised(fit: Fit, *, calm: bool = False) -> Fit:
+    """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
+    records, rests = fit.bench.records, _left_as_noise(fit)
+    total, used, floor = float(sum(r.kept.sum() for r in records)), float(fit.free.sum()), fit.bench.policy.model_error
+    shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
+    three = zip(records, rests, shares, strict=True)
+    return _under(fit, [noise_of(rest, r.kept, share, floor=floor, calm=calm) for r, rest, share in three])
 
-    Parameters
-    ----------
-    fit : Fit
-    calm : bool
-        Whether nothing else is left.
-    lags : sequence of int, optional
-        That the noise of each run has then.
-    """
-    floor = fit.bench.policy.model_error
-    records = [
-        replace(record, noise=noise_of(*left, floor=floor, calm=calm, lags=count))
-        for record, left, count in zip(fit.bench.records, left_as_noise(fit), lags or repeat(None), strict=False)
-    ]
+
+def walked(fit: Fit, like: Fit) -> Fit:
+    """The same sizes under the noise of a fit, with the random walk beside it that their residual shows."""
+    three = zip(like.bench.records, fit.bench.records, _left_as_noise(fit), strict=True)
+    return _under(fit, [walking(one.noise, rest, r.kept) for one, r, rest in three if one.noise])
+
+
+def under(fit: Fit, like: Fit) -> Fit:
+    """The same sizes under the noise of another fit."""
+    return _under(fit, [record.noise for record in like.bench.records])
+
+
+def _under(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
+    records = [replace(record, noise=noise) for record, noise in zip(fit.bench.records, noises, strict=True)]
     return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
 
 
-def with_walks(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
-    """The same sizes under noise of each run, with the random walk beside it that the residual shows."""
-    records = [
-        replace(record, noise=walking(noise, rest, kept) if noise else None)
-        for record, noise, (rest, kept, _) in zip(fit.bench.records, noises, left_as_noise(fit), strict=True)
-    ]
-    return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
-
-
-def left_as_noise(fit: Fit) -> list[tuple[Array, Flags, float]]:
-    """Of each run: what is left, less what offset, slips and lines make of it, which samples count, and how many values
-    it was fitted with."""
-    total, used = sum(r.kept.sum() for r in fit.bench.records), float(fit.free.sum())
-    return [
-        (r.without_nuisance(rest), r.kept, used * float(r.kept.sum()) / float(total) + len(r.nuisance))
-        for r, rest in zip(fit.bench.records, fit.residual, strict=True)
-    ]
+def _left_as_noise(fit: Fit) -> list[Array]:
+    """Residual of each run, less what offset, slips and lines make of it."""
+    return [r.without_nuisance(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
 
 
 def begun(bench: RunSet, model: Model, declared: Model) -> Fit:

@@ -24,8 +24,7 @@ from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
 
-#: Samples of a run: the noise of fewer is not told from anything.
-LEAST_ROWS = 48
+_LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anything
 _SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
 _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
 _TURN = 2 * math.pi
@@ -151,9 +150,9 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
         run.check_effects(model, name)
         notes += [f"{name}: {note}" for note in run.notes]
         theta, error = run.nominal_angle(model), run.error(model)
-        if theta.size < LEAST_ROWS:
+        if theta.size < _LEAST_ROWS:
             raise InputError(
-                f"{name}: {theta.size} samples; {LEAST_ROWS} or more are needed to tell noise from error: "
+                f"{name}: {theta.size} samples; {_LEAST_ROWS} or more are needed to tell noise from error: "
                 "measure a longer stretch, or more samples a turn"
             )
         try:

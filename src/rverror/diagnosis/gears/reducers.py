@@ -17,10 +17,10 @@ from rverror.diagnosis.gears.fit import (
     begun,
     evaluated,
     fitted,
-    left_as_noise,
     onto,
     renoised,
-    with_walks,
+    under,
+    walked,
 )
 from rverror.diagnosis.gears.late_faults import nearly_noise, second_look
 from rverror.diagnosis.gears.moves import marked
@@ -29,7 +29,6 @@ from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
-from rverror.diagnosis.noise import RunNoise, lags_told
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.geartrain.kinematics import fundamental_orders
@@ -85,12 +84,12 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
         seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
         parts = [] if changed else search.parts(best)
-        renewed, others = quiet(search, best, seen, parts) if done else (renoised(seen), False)
+        renewed = quiet(search, best, seen, parts) if done else renoised(seen)
         bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
         root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
         search = search.anew(root)
         best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
-        if changed is None and not others and (done or search.spent > policy.budget):
+        if changed is None and (done or search.spent > policy.budget):
             break
     if not done and search.spent > policy.budget:
         notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
@@ -101,12 +100,12 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
 
 
-def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> tuple[Fit, bool]:
+def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> Fit:
     """A complete set under the noise that it leaves, or that a part of it leaves where that is as likely.
 
     A random walk makes order 1 and a drift: once they are fitted, what is left is quieter than it was.  So each cause
-    stands against noise that is estimated without it, of as many lags as the residual tells (Akaike's criterion); what
-    does not repeat with the turns also against a random walk, of which a slope is the largest wave.
+    stands against noise that is estimated without it; what does not repeat with the turns stands against a random walk
+    beside the noise, of which a slope is the largest wave.
 
     Parameters
     ----------
@@ -121,33 +120,19 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
     -------
     Fit
         Of the same sizes.
-    others : bool
-        Whether it is a part's noise.
     """
     own = renoised(seen, calm=True)
-    walked = any(r.noise.walk for r in seen.bench.records if r.noise)
-    if walked:
-        own = with_walks(seen, _noises(own))
     if own.data > own.bound:  # of a run that holds copies: what was noise would be none
-        return seen, False
-    lags = [lags_told(rest, kept) for rest, kept, _ in left_as_noise(seen)]
-    few = renoised(seen, calm=True, lags=lags)
+        return seen
     for part in parts:
         bare = onto(seen.bench.with_records(part.fit.bench.records), part.fit)
-        if walked or _slopes(part) < _slopes(best):
-            with_all, without, noise = with_walks(seen, _noises(few)), with_walks(bare, _noises(few)), _noises(own)
-            noise = _noises(with_walks(bare, noise))
+        if _slopes(part) < _slopes(best):
+            with_all, without = (walked(fit, own) for fit in (seen, bare))
         else:
-            with_all, without = few, renoised(bare, calm=True, lags=lags)
-            noise = _noises(renoised(bare, calm=True))
-        if without.deviance - without.proposal[1] < with_all.deviance + search.score.by_chance(best, part):
-            records = [replace(r, noise=one) for r, one in zip(own.bench.records, noise, strict=True)]
-            return onto(own.bench.with_records(records), own), True
-    return own, False
-
-
-def _noises(fit: Fit) -> list[RunNoise | None]:
-    return [record.noise for record in fit.bench.records]
+            with_all, without = own, renoised(bare, calm=True)
+        if without.deviance < with_all.deviance + search.score.by_chance(best, part):
+            return under(seen, without)
+    return own
 
 
 def _slopes(one: Hypothesis) -> int:

@@ -16,7 +16,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
-from rverror.diagnosis.noise import RunNoise, burg, likeliest, without_lines
+from rverror.diagnosis.noise import RunNoise, burg, without_lines
 
 Labels = npt.NDArray[np.intp]
 
@@ -34,7 +34,8 @@ def noise_of_samples(residual: Array, *, floor: float) -> RunNoise:
         Standard deviation of white noise that is there in any case.
     """
     n = residual.size
-    return likeliest(burg(residual, min(_MOST_LAGS, n // 20), floor=floor), n, math.log(n) / 2)
+    found = burg(residual, min(_MOST_LAGS, n // 20), floor=floor)
+    return min(found, key=lambda one: 2 * n * math.log(one.sigma) + one.coefficients.size * math.log(n))
 
 
 def whiten(row: Array, noise: RunNoise) -> Array:
