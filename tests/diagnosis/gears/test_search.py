@@ -21,7 +21,7 @@ from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
-from rverror.diagnosis.gears.score import Hypothesis, inexact, named, strained
+from rverror.diagnosis.gears.score import Hypothesis, identity, inexact, named, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.journal import Journal
@@ -678,15 +678,14 @@ def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
 
 
 def test_a_runout_is_a_rival_of_a_bore_that_stands_for_it() -> None:
-    """They share a frame; a fit that is only begun at the runout's starts ends in a false minimum."""
-    true = replace(RUNOUT, values=(-2.5e-3, 0.2e-3))
-    fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
-    bore = rverror.effect("coupling.carrier_bore_position", crank=1, radial="3 um", tangential="1 um")
+    """They share a frame; no linear step tells of the runout, so that it is begun at all its starts."""
+    true = replace(RUNOUT, values=(-2.14e-3, 1.66e-3))
+    fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT, seed=10)
+    bore = rverror.effect("coupling.carrier_bore_position", crank=0, radial="3 um", tangential="1 um")
     search = search_of(fit)
     one = search.score.of(beside(fit, bore))
     assert search.complete(one)
-    (rival,) = [other for other in search.rivals(one, 0) if other.names == {named(RUNOUT)}]
-    assert rival.score == pytest.approx(search.score.of(fit).score, abs=1)
+    assert named(RUNOUT) in map(identity, search.as_good(one, 0))
 
 
 def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> None:
@@ -709,10 +708,10 @@ def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> 
 
 
 def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared() -> None:
-    """Over a third of a turn a cam and the stiffness make up for a ground profile, and nothing is left to be seen."""
+    """Over a quarter of a turn a cam and the stiffness make up for a ground profile, and nothing is left to be seen."""
     cam = replace(CAM, uncertainty=3e-3)
     ground = replace(PROFILE, values=(-2e-3, -15e-3))
-    fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), turns=0.3)
+    fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), turns=0.25)
     search = search_of(fit)
     assert search.complete(search.root)
     assert [one.names for one in search.hidden(search.root)] == [{named(PROFILE)}]
