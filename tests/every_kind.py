@@ -13,6 +13,7 @@ import rverror
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
+from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
@@ -182,6 +183,49 @@ def compensation() -> rverror.Compensation:
     )
 
 
+def lot() -> Lot:
+    """A lot by hand with everything that a lot can have: sizes in whole um and arcsec."""
+
+    def size(value: float, unit: float) -> Interval:
+        return Interval(value * unit, (value - 0.2 * abs(value)) * unit, (value + 0.3 * abs(value)) * unit)
+
+    def shifts(value: float, **indices: int) -> tuple[Shift, ...]:
+        return tuple(
+            Shift("crank.eccentricity", indices, name, "length", size(value, 1e-3)) for name in ("radial", "tangential")
+        )
+
+    two, two_waves = ("radial", "tangential"), ("cos", "sin")
+    processes = (
+        MadeBy(
+            "crank.eccentricity", {}, two, "length", size(2.0, 1e-3), True, 0.75, (HOSTILE,), 30, HOSTILE, 1.25, 1.125
+        ),
+        MadeBy("crank.index", {}, ("angle",), "angle", size(4.0, ARCSEC), True, 0.2, (), 50),
+        MadeBy("involute.planet_pitch", {"harmonic": 2}, two_waves, "length", size(1.0, 1e-3), True, 0.05),
+        MadeBy("cycloid.pin_position", {}, ("radial",), "length", size(1.0, 1e-3), False, 0.0),
+        MadeBy("cycloid.pin_radius", {}, ("deviation",), "length", None, False, 0.0),
+    )
+    return Lot(
+        HOSTILE,
+        40,
+        ("forward at 20 N*m", "reverse at 20 N*m"),
+        processes,
+        (shifts(3.0)[0], shifts(5.0, crank=0, disc=1)[1]),
+        {"pin_contact": Interval(1.125, 1.0, 1.25)},
+        (Outsider(HOSTILE, 60.0, 1e-6, shifts(20.0, crank=1, disc=0), (HOSTILE,)),),
+        (Difference("machine", HOSTILE, 20, 1e-4, shifts(6.0)[:1], ("crank.index",)),),
+        (Change(HOSTILE, "step", 1e-3, shifts(-7.0)[1], (HOSTILE,)),),
+        (
+            Predicted("forward at 20 N*m", 30 * ARCSEC, size(50.0, ARCSEC), (31 * ARCSEC, 52 * ARCSEC)),
+            Predicted("reverse at 20 N*m", 32 * ARCSEC, size(54.0, ARCSEC), (33 * ARCSEC, 55 * ARCSEC)),
+        ),
+        0.25,
+        np.array([1, 39, 40]),
+        np.array([[3.0, 1.0, 2.0], [3.5, 1.5, 2.5]]) * ARCSEC,
+        np.array([[2.5, 1.25, 2.0], [3.0, 1.25, 2.0]]) * ARCSEC,
+        (HOSTILE, "second note"),
+    )
+
+
 def _efficiency(theta: Any, drives: str, direction: float) -> rverror.Efficiency:
     return rverror.efficiency(
         MODEL, theta, torque=TORQUE, friction=FRICTION, direction=direction, drives=drives, method="closed"
@@ -258,6 +302,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Allocation": (allocation, {"stack": stack}),
         "Front": (front, {}),
         "Compensation": (compensation(), {}),
+        "Lot": (lot(), {}),
         "Diagnosis": (diagnosis("unexplained"), {}),
         "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
         "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),

@@ -88,6 +88,11 @@ if TYPE_CHECKING:
     from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
     from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
+    # Lots: what the processes made, told from many measured units.
+    from rverror.lots.folder import lot_units
+    from rverror.lots.made import lot
+    from rverror.lots.result import Lot
+
     # Pictures and tables: any result as text, JSON, page, table or plot.
     from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
     from rverror.views.envelope import input_files
@@ -117,6 +122,7 @@ _LATER = {
     "Hysteresis": "statics.friction",
     "Limit": "tolerances.specification",
     "Linearisation": "statics.loaded_state",
+    "Lot": "lots.result",
     "Modes": "dynamics.natural_modes",
     "NotConvergedError": "statics.loaded_state",
     "OrderTable": "runs.order_table",
@@ -164,6 +170,8 @@ _LATER = {
     "load_run": "runs.measurement",
     "load_tolerances": "tolerances.tolerance_file",
     "lost_motion": "statics.rigidity",
+    "lot": "lots.made",
+    "lot_units": "lots.folder",
     "modes": "dynamics.natural_modes",
     "mounting_choices": "tolerances.assembly",
     "new_figure": "views.plots.figure",
@@ -230,6 +238,7 @@ __all__ = [
     "InputError",
     "Limit",
     "Linearisation",
+    "Lot",
     "Model",
     "Modes",
     "NotConvergedError",
@@ -295,6 +304,8 @@ __all__ = [
     "load_run",
     "load_tolerances",
     "lost_motion",
+    "lot",
+    "lot_units",
     "modes",
     "mounting_choices",
     "new_figure",

@@ -23,7 +23,7 @@ PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
-    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Diagnosis", "Diagnosis, nothing missing",
+    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Diagnosis", "Diagnosis, nothing missing",
     "Diagnosis, torque",
 )  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
@@ -126,6 +126,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "ErrorBudget",
         "Allocation",
         "Compensation",
+        "Lot",
         "Diagnosis",
         "Diagnosis, nothing missing",
         "Diagnosis, torque",

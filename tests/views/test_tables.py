@@ -26,7 +26,7 @@ KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
     "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()

@@ -57,6 +57,7 @@ COMMANDS = {
     "compensate_command": ("compensate",),
     "read_command": ("read",),
     "tolerance_commands": ("budget", "allocate"),
+    "lot_command": ("lot",),
     "wear_command": ("wear",),
     "dynamics_commands": ("modes", "speeds"),
     "contact_commands": ("efficiency", "hysteresis", "pressure"),

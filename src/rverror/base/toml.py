@@ -221,3 +221,16 @@ def _split_key(text: str) -> Place:
         if not match[2]:
             break
     return tuple(keys)
+
+
+def quoted(text: str) -> str:
+    r"""Text as TOML writes it, in quotes.
+
+    Examples
+    --------
+    >>> print(quoted('a "b"'))
+    "a \"b\""
+    """
+    escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+    letters = (escapes.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else c) for c in text)
+    return f'"{"".join(letters)}"'

@@ -626,7 +626,7 @@ SOURCES = (
         lengths(50, "radial_cos", "radial_sin", "tangential_cos", "tangential_sin"),
         "housing", pin_wave_orders, "001, table 1", "wave of all pins around the pin circle",
         alike_at_pins=lambda indices: indices["harmonic"] == 0,
-        starts=axes_and_corners(0.1, 4),
+        starts=axes_and_corners(0.1, 4), in_lots=False,
         equation=(
             r"$\delta = (c_r\cos h\gamma_i + s_r\sin h\gamma_i)\, p_i + (c_t\cos h\gamma_i + s_t\sin "
             r"h\gamma_i)\, p_i^\perp$"
@@ -659,7 +659,7 @@ SOURCES = (
         "cycloid.profile_modification", profile_modification, (), lengths(50, "equidistant", "shift"),
         "disc", pin_wave_orders, "000, outlook; 002, e_rrp and e_rp",
         "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
-        starts=around(0.17),
+        starts=around(0.17), in_lots=False,
         equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, p_i$",
     ),
     Source(

@@ -155,6 +155,9 @@ class Source:
     starts : tuple of tuple of float
         Sizes, as shares of what is plausible, from which a fit is begun as well: where contacts that open and close can
         make it look like an error of the opposite sign, or are all that shows it, no linear step tells its size.
+    in_lots : bool
+        Whether its size varies from part to part by itself; not what stands for many parts that have sizes of their
+        own, or for how a whole batch was ground.
     in_tables : bool, optional
         Whether diagnosis tries it in order tables; where left out, as in runs.  A free line of a run says as much as
         some do, and the orders of a table do not show what a damaged lobe does.
@@ -184,6 +187,7 @@ class Source:
     alike_at_pins: Callable[[Indices], bool] = lambda indices: False
     tried: bool = True
     starts: tuple[tuple[float, ...], ...] = ()
+    in_lots: bool = True
     in_tables: bool | None = None
 
     def __post_init__(self) -> None:

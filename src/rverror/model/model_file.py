@@ -13,7 +13,7 @@ from typing import Any
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, split_lines, write_text
-from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
+from rverror.base.toml import EXAMPLES, Place, TomlText, quoted, read_toml
 from rverror.geartrain.mechanism import (
     FRICTION_DIMENSIONS,
     INERTIA_DIMENSIONS,
@@ -145,7 +145,7 @@ def save_model(
     check_model(model)
     comments = [*header, *([] if source is None else [f"source: {source}"])]
     head = [f"# {_clean(line)}".rstrip() for text in comments for line in split_lines(text)]
-    head += [f"name = {_string(model.name)}"] if model.name else []
+    head += [f"name = {quoted(model.name)}"] if model.name else []
     sections = ["\n".join(head)] if head else []
     mechanism = model.mechanism
     sections.append(_drive_text(mechanism) if isinstance(mechanism, Drive) else _reducer_text(mechanism))
@@ -412,20 +412,13 @@ def _example(name: str, dimension: str) -> str:
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-def _string(text: str) -> str:
-    escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-    return (
-        '"' + "".join(escapes.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else c) for c in text) + '"'
-    )
-
-
 def _clean(comment: str) -> str:
     """TOML comments hold no control characters."""
     return "".join(c if (ord(c) >= 32 and ord(c) != 127) or c == "\t" else " " for c in comment)
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
 
 
 def _written(value: float, dimension: str, unit: str | None = None) -> str:
@@ -439,7 +432,7 @@ def _written(value: float, dimension: str, unit: str | None = None) -> str:
             text = f"{value / factor:.{digits}g} {name}"
             near = abs(float(text.split()[0]) * factor - value) <= 1e-15 * abs(value)
             if near and units.parse(text, dimension) == value:
-                return _string(text)
+                return quoted(text)
     raise InputError(f"the value {value!r} {core} cannot be written so that it reads back equal; round it")
 
 
@@ -463,7 +456,7 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
         elif key in COUNTS:
             lines.append(f"{key} = {value}")
         elif key not in _TABLES and (key, value) not in {("name", "custom"), ("output", "carrier")}:
-            lines.append(f"{key} = {_string(value)}")
+            lines.append(f"{key} = {quoted(value)}")
     for key, (kind, keys) in _TABLES.items():
         own, usual = values.get(key, kind()), kind()
         # stiffnesses are written in full: who changes one wants to see the others
@@ -485,7 +478,7 @@ def _table_lines(head: str, values: Mapping[str, float], keys: Mapping[str, tupl
 def _drive_text(drive: Drive) -> str:
     lines = ["[drive]", f"ratio = {float(drive.ratio)!r}"]
     if drive.name != "drive":
-        lines.append(f"name = {_string(drive.name)}")
+        lines.append(f"name = {quoted(drive.name)}")
     if drive.shafts:
         lines += ["", "[drive.shafts]", *(f"{_key(k)} = {float(v)!r}" for k, v in drive.shafts.items())]
     return "\n".join(lines)
@@ -493,14 +486,14 @@ def _drive_text(drive: Drive) -> str:
 
 def _effect_text(item: Effect) -> str:
     entry = source(item.key)
-    lines = ["[[effect]]", f"key = {_string(item.key)}"]
+    lines = ["[[effect]]", f"key = {quoted(item.key)}"]
     for index in entry.indices:
         value = item.indices[index.name]
-        lines.append(f"{index.name} = {value if isinstance(value, int) else _string(value)}")
+        lines.append(f"{index.name} = {value if isinstance(value, int) else quoted(value)}")
     pairs: Iterable[tuple[Parameter, float]] = zip(entry.parameters, item.values, strict=True)
     lines += [f"{parameter.name} = {_written(value, parameter.dimension)}" for parameter, value in pairs]
     if item.uncertainty is not None:
         lines.append(f"uncertainty = {_written(item.uncertainty, entry.parameters[0].dimension)}")
     if item.origin:
-        lines.append(f"origin = {_string(item.origin)}")
+        lines.append(f"origin = {quoted(item.origin)}")
     return "\n".join(lines)

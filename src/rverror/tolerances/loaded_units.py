@@ -120,7 +120,7 @@ class _Closings:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class Turn:
     """Even angles of a turn in one direction, and what the components do there under one torque."""
 
     model: Model
@@ -131,15 +131,17 @@ class _Motion:
     beyond: Array  # (components, n), rad per core unit: what components add there
 
     @classmethod
-    def of(cls, model: Model, stack: Stack, *, angles: int, direction: float, torque: float, reads: bool) -> _Motion:
+    def of(
+        cls, model: Model, every: Sequence[Instance], *, angles: int, direction: float, torque: float, reads: bool
+    ) -> Turn:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=InCore(torque)))
         assert isinstance(where.gears, Contacts)
         assert isinstance(model.mechanism, Reducer)
-        geometry, every = Geometry(where.gears), instances_of(stack)
+        geometry, count = Geometry(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
-        beyond, yielding = np.zeros((len(stack.components), angles)), []
+        beyond, yielding = np.zeros((count, angles)), []
         rows: list[Integers] = []
         columns: list[Integers] = []
         sizes: list[Array] = []
@@ -170,7 +172,7 @@ class _Motion:
                         rows.append(at[some])
                         columns.append(np.full(rows[-1].size, component))
                         sizes.append(size[some])
-        shape = (angles * width, len(stack.components))
+        shape = (angles * width, count)
         place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
         matrix = scipy.sparse.csr_matrix((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
         closings = _Closings(width, matrix.indptr.astype(np.intp), matrix.indices.astype(np.intp), matrix.data)
@@ -193,10 +195,10 @@ def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tupl
 
 
 @dataclass(frozen=True)
-class _State:
+class TurnState:
     """Settled poses of one unit at some angles."""
 
-    line: _Line
+    line: LoadedTurn
     places: Integers
     problem: Problem
     solution: Solution
@@ -209,11 +211,11 @@ class _State:
             x = x + self.problem.load[:, 2] / self.line.reducer.output_turn * self.solution.pose_change[:, 2]
         return np.asarray(self.line.reducer.output_turn * x, dtype=np.float64)
 
-    def some(self, chosen: Integers) -> _State:
+    def some(self, chosen: Integers) -> TurnState:
         """The same at a few of its angles, with changes per unit of output torque."""
         problem = _some(self.problem, chosen)
         solution = solve(problem, given=self.solution.x[chosen], response=True)
-        return _State(self.line, self.places[chosen], problem, solution)
+        return TurnState(self.line, self.places[chosen], problem, solution)
 
     def influence(self) -> Array:
         """Change of the output per core unit of each component, rad, shape (places, components)."""
@@ -238,10 +240,10 @@ class _State:
 
 
 @dataclass(frozen=True)
-class _Line:
+class LoadedTurn:
     """One motion under one torque."""
 
-    motion: _Motion
+    motion: Turn
     torque: float  # N*mm, 0 for a vanishing load
     direction: float
 
@@ -274,7 +276,7 @@ class _Line:
         places = np.arange(0, count, _STEP if count == FINE else 1)
         return places, _some(self.problem, places)
 
-    def state(self, values: Array, places: Integers | None = None, *, near: Array | None = None) -> _State:
+    def state(self, values: Array, places: Integers | None = None, *, near: Array | None = None) -> TurnState:
         """Settled poses of a unit, its components' values in core units; near the poses given, if any.
 
         Raises
@@ -303,7 +305,7 @@ class _Line:
             problem = self._softened(problem, values, at)
         solution = solve(problem, near=near, response=self.idle)
         check_found(solution, self.motion.geometry.motion.theta[at], idle=self.idle)
-        return _State(self, at, problem, solution)
+        return TurnState(self, at, problem, solution)
 
     def _bearings(self, contact: str) -> slice:
         cams = self.reducer.discs * self.reducer.cranks
@@ -318,7 +320,7 @@ class _Line:
             raise NotConvergedError(str(error)) from error
         return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
 
-    def read(self, state: _State, values: Array) -> Array:
+    def read(self, state: TurnState, values: Array) -> Array:
         """Output as it is read, rad, shape (places,)."""
         motion = self.motion
         return state.output + motion.nominal[state.places] + values @ motion.beyond[:, state.places]
@@ -509,15 +511,17 @@ class LoadedUnits:
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
         return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
 
-    def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> _Line:
+    def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
         name = torque, direction, angles
         if name not in self._lines:
-            motion = _Motion.of(self.model, self.stack, angles=angles, direction=direction, torque=torque, reads=reads)
-            self._lines[name] = _Line(motion, torque, direction)
+            motion = Turn.of(
+                self.model, instances_of(self.stack), angles=angles, direction=direction, torque=torque, reads=reads
+            )
+            self._lines[name] = LoadedTurn(motion, torque, direction)
         return self._lines[name]
 
     @cached_property
-    def _lines(self) -> dict[tuple[float, float, int], _Line]:
+    def _lines(self) -> dict[tuple[float, float, int], LoadedTurn]:
         return {}
 
 

@@ -26,6 +26,7 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.lots.result import Lot, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
@@ -42,6 +43,7 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.views.lot_words import process_name, shift_name
 from rverror.views.variables import (
     ANGLE,
     FORCE,
@@ -725,6 +727,98 @@ def _of_compensation(result: Compensation) -> Table:
         "notes": "\n".join(result.notes),
     }
     return Table("Compensation", "order", variables, about)
+
+
+@_table.register
+def _of_lot(result: Lot) -> Table:
+    variables = {
+        **_of_processes(result),
+        **_of_shifts("shift", "shift_", result.shifts),
+        **_of_shifts(
+            "outlier",
+            "outlier_",
+            [cause for one in result.outsiders for cause in one.causes],
+            unit=[one.serial for one in result.outsiders for _ in one.causes],
+        ),
+        **_of_shifts(
+            "group",
+            "group_",
+            [cause for one in result.differences for cause in one.causes],
+            label=[one.label for one in result.differences for _ in one.causes],
+            value=[one.value for one in result.differences for _ in one.causes],
+        ),
+        **_of_shifts(
+            "change",
+            "change_",
+            [one.cause for one in result.changes],
+            since=[one.since for one in result.changes],
+            course=[one.course for one in result.changes],
+        ),
+        **_along(
+            "condition",
+            condition=[one.condition for one in result.predicted],
+            mean=([one.mean for one in result.predicted], ANGLE),
+            p95=([one.quantile.value for one in result.predicted], ANGLE),
+            p95_low=([one.quantile.low for one in result.predicted], ANGLE),
+            p95_high=([one.quantile.high for one in result.predicted], ANGLE),
+            measured_mean=([one.seen[0] for one in result.predicted], ANGLE),
+            measured_p95=([one.seen[1] for one in result.predicted], ANGLE),
+        ),
+        **_along("order", order=(np.asarray(result.orders, dtype=np.float64), NUMBER)),
+        "measured": Variable(("order", "run"), result.amplitudes.T, ANGLE),
+        "made": Variable(("order", "run"), result.made.T, ANGLE),
+    }
+    about = {
+        "model": result.model,
+        "units": result.units,
+        "conditions": "\n".join(result.conditions),
+        "chance": result.chance,
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Lot", "process", variables, about)
+
+
+def _of_processes(result: Lot) -> dict[str, Variable]:
+    made = result.processes
+    own = _each("process_unit", (one.dimension for one in made))
+    none = (math.nan,) * 3
+    sizes = [none if d is None else (d.value, d.low, d.high) for d in (one.deviation for one in made)]
+    return _along(
+        "process",
+        process=[process_name(one) for one in made],
+        key=[one.key for one in made],
+        indices=[_inside(one.indices) for one in made],
+        parameters=[", ".join(one.parameters) for one in made],
+        deviation=([value for value, _, _ in sizes], own),
+        deviation_low=([low for _, low, _ in sizes], own),
+        deviation_high=([high for _, _, high in sizes], own),
+        above_zero=np.array([one.above_zero for one in made], dtype=bool),
+        share=([one.share for one in made], NUMBER),
+        alike=["; ".join(one.alike) for one in made],
+        units_needed=([_or_nan(one.units_needed) for one in made], NUMBER),
+        tolerance=[one.tolerance for one in made],
+        cp=([_or_nan(one.capability) for one in made], NUMBER),
+        cpk=([_or_nan(one.capability_centred) for one in made], NUMBER),
+    )
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _of_shifts(dim: str, prefix: str, shifts: Sequence[Shift], **beside: list[str]) -> dict[str, Variable]:
+    """Systematic errors as rows, behind the columns of what they belong to."""
+    own = _each(f"{prefix}size_unit", (one.dimension for one in shifts))
+    return _along(
+        dim,
+        prefix,
+        **beside,
+        source=[shift_name(one) for one in shifts],
+        parameter=[one.parameter for one in shifts],
+        size=([one.size.value for one in shifts], own),
+        low=([one.size.low for one in shifts], own),
+        high=([one.size.high for one in shifts], own),
+    )
 
 
 @_table.register

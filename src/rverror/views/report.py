@@ -15,6 +15,7 @@ from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
+from rverror.lots.result import Lot
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
@@ -26,6 +27,7 @@ from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
 from rverror.views.kinds import described
+from rverror.views.lot_report import lot_html, lot_json, lot_text
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, has_sheet, sheet
 
@@ -37,12 +39,12 @@ def to_text(result: Any, /, **options: Any) -> str:
     Parameters
     ----------
     result
-        A Diagnosis, Compensation, Budget, ErrorBudget, VirtualUnits, Allocation, Comparison,
+        A Diagnosis, Lot, Compensation, Budget, ErrorBudget, VirtualUnits, Allocation, Comparison,
         Equilibrium, TorsionCurve, Hysteresis, Efficiency, ContactPressure, Wear, Modes, SpeedResponse, RunUp,
         Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
     **options
-        A Diagnosis takes its `files` (see `input_files`), an ErrorBudget the `limit`, rad or with a unit, at
+        A Diagnosis and a Lot take their `files` (see `input_files`), an ErrorBudget the `limit`, rad or with a unit, at
         which its yield is told, a Comparison how many orders are told, `most`.
 
     Returns
@@ -134,7 +136,7 @@ def to_html(result: Any, /, **options: Any) -> str:
     result
         Whatever `to_text` takes.
     **options
-        A Diagnosis takes its `files`; so do an Allocation and an ErrorBudget, which takes its `limit` too, and a
+        A Diagnosis takes its `files`; so do a Lot, an Allocation and an ErrorBudget, which takes its `limit` too, and a
         Compensation, which takes the `table` that was written of it.
 
     Returns
@@ -167,6 +169,7 @@ for _kind, _text, _json in (
     (Budget, budget_text, budget_json),
     (ErrorBudget, budget_text, budget_json),
     (Allocation, allocation_text, allocation_json),
+    (Lot, lot_text, lot_json),
 ):
     to_text.register(_kind, _text)
     to_json.register(_kind, _json)
@@ -174,6 +177,7 @@ to_html.register(Diagnosis, diagnosis_html)
 to_html.register(ErrorBudget, budget_html)
 to_html.register(Allocation, allocation_html)
 to_html.register(Compensation, compensation_html)
+to_html.register(Lot, lot_html)
 to_json.register(Compensation, compensation_json)
 to_json.register(Modes, modes_json)
 to_json.register(SpeedResponse, speeds_json)

@@ -26,6 +26,7 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
+from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -47,6 +48,7 @@ from rverror.views.budget_report import SIZES, limited_by, within, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
 from rverror.views.kinds import described
+from rverror.views.lot_words import clean, not_told_apart, process_name, rivals, shift_name, silent, size_of, verdict
 from rverror.views.variables import NUMBER, columns
 from rverror.views.yield_report import LEVELS
 
@@ -764,6 +766,113 @@ def _of_compensation(thing: Compensation) -> Sheet:
         *(Sentence(_BENCH_REPEATS) for _ in of_rms if thing.worth),
         *_notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_lot(thing: Lot) -> Sheet:
+    said, strong = verdict(thing)
+    unseen, ruled_out = silent(thing), clean(thing)
+    return (
+        *_title("Lot", thing.model, size_of(thing)),
+        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
+        Sentence(said, strong=strong),
+        *_made_by([one for one in thing.processes if one.above_zero]),
+        *_at_most([one for one in thing.processes if not one.above_zero]),
+        *map(Sentence, not_told_apart(thing)),
+        *(_line(unseen) if unseen else ()),
+        *_shifted(("systematic error",), [((), one) for one in thing.shifts]),
+        *_grid(
+            ("stiffness", "times what is stated", "95 % interval"),
+            [(name, one.value, _Interval((one.low, one.high))) for name, one in thing.stiffness.items()],
+        ),
+        *_shifted(
+            ("unit that is no member", "chance", "cause"),
+            [((one.serial, one.chance), cause) for one in thing.outsiders for cause in one.causes],
+        ),
+        *_shifted(
+            ("group that differs", "units", "chance", "cause"),
+            [
+                ((f"{one.label} {one.value}", one.units, one.chance), cause)
+                for one in thing.differences
+                for cause in one.causes
+            ],
+        ),
+        *_shifted(
+            ("change since", "course", "chance", "cause"),
+            [((one.since, one.course, one.chance), one.cause) for one in thing.changes],
+        ),
+        *map(Sentence, rivals(thing)),
+        *(_line(ruled_out) if ruled_out else ()),
+        *_beside(_foretold(thing)),
+        *_notes(thing.notes),
+    )
+
+
+def _made_by(processes: Sequence[MadeBy]) -> Sheet:
+    """Processes that are told from none, with their capability where there are tolerances."""
+    shown: dict[str, list[Any]] = {
+        "process": [process_name(one) for one in processes],
+        **_sizes_of([(one.deviation, one.dimension) for one in processes], "standard deviation"),
+        "share of variance, %": [100 * one.share for one in processes],
+    }
+    if any(one.capability is not None for one in processes):
+        shown["Cp"] = [_or_nan(one.capability) for one in processes]
+        shown["Cpk"] = [_or_nan(one.capability_centred) for one in processes]
+    shown["units for ± 25 %"] = [_or_nan(one.units_needed) for one in processes]
+    return _beside(shown)
+
+
+def _at_most(processes: Sequence[MadeBy]) -> Sheet:
+    """Processes that are not told from none, and what they are below."""
+    told = [(one, one.deviation) for one in processes if one.deviation is not None]
+    return _grid(
+        ("not above zero", "standard deviation below", "unit"),
+        [
+            (process_name(one), units.to_display(size.high, one.dimension), units.DISPLAY_UNITS[one.dimension])
+            for one, size in told
+        ],
+    )
+
+
+def _shifted(heads: Sequence[str], rows: Sequence[tuple[tuple[Any, ...], Shift]]) -> Sheet:
+    """Systematic errors in the rows of a table, what stands before them under its own heads."""
+    shifts = [shift for _, shift in rows]
+    found = {
+        **{head: [before[at] for before, _ in rows] for at, head in enumerate(heads[:-1])},
+        heads[-1]: [shift_name(shift) for shift in shifts],
+        "parameter": [shift.parameter for shift in shifts],
+        **_sizes_of([(shift.size, shift.dimension) for shift in shifts], "size"),
+    }
+    return _beside(found)
+
+
+def _sizes_of(sizes: Iterable[tuple[Interval | None, str]], name: str) -> dict[str, list[Any]]:
+    """Columns of sizes with their intervals, each in the unit of its dimension."""
+    found: dict[str, list[Any]] = {name: [], "95 % interval": [], "unit": []}
+    for size, dimension in sizes:
+        each = (math.nan,) * 3 if size is None else (size.value, size.low, size.high)
+        value, low, high = (units.to_display(one, dimension) for one in each)
+        found[name].append(value)
+        found["95 % interval"].append(_Interval((low, high)))
+        found["unit"].append(units.DISPLAY_UNITS[dimension])
+    return found
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _foretold(thing: Lot) -> dict[str, list[Any]]:
+    """Peak-to-peak error of the units to come, beside that of those that were measured."""
+    found = thing.predicted
+    return {
+        "peak-to-peak, arcsec": [one.condition for one in found],
+        "mean, to come": [one.mean / ARCSEC for one in found],
+        "P95, to come": [one.quantile.value / ARCSEC for one in found],
+        "95 % interval": [_Interval((one.quantile.low / ARCSEC, one.quantile.high / ARCSEC)) for one in found],
+        "mean, measured": [one.seen[0] / ARCSEC for one in found],
+        "P95, measured": [one.seen[1] / ARCSEC for one in found],
+    }
 
 
 def _contributions(thing: Budget | ErrorBudget) -> Sheet:

@@ -1,0 +1,244 @@
+"""Units of a lot as amplitudes of orders, condition by condition: all that is kept of their runs.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+
+#: Orders that are kept at most: the third harmonic of the pins' meshing with both discs, four times an RV-40E's pins.
+HIGHEST = 200
+_WHOLE = 0.995  # of a turn that a run has to cover: a turn of 200 samples and more without its last
+_TURN = 2 * math.pi
+_QUARTER = 0.25  # of the orders about one: an RV-40E's parts make 7 of 38 about order 40, 3 of 17 about order 1
+_WIDE, _LEAST_WIDE = 1.6, 16  # range about an order: that many times it, and so many orders at least
+
+
+@dataclass(frozen=True)
+class LotUnit:
+    """A finished unit and its measurement.
+
+    Attributes
+    ----------
+    serial : str
+    runs : tuple of Run
+        One for each condition.
+    labels : mapping of str to str
+        Machine, supplier, shift and the like.
+    """
+
+    serial: str
+    runs: tuple[Run, ...]
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Direction and torque of a run."""
+
+    direction: float  #: +1 forward, -1 reverse
+    torque: float  #: N*mm, without a sign
+
+    def __str__(self) -> str:
+        """For people."""
+        return f"{'forward' if self.direction > 0 else 'reverse'} at {self.torque / 1e3:.4g} N*m"
+
+
+@dataclass(frozen=True)
+class Amplitudes:
+    """Units as amplitudes of integer orders: cosines, then sines, of one condition after another.
+
+    An amplitude is divided by the root of two, so that squares add up to the mean square of the error.
+
+    Attributes
+    ----------
+    serials : tuple of str
+    labels : mapping of str to tuple of str
+        Of each unit, by name; empty where a unit has none.
+    conditions : tuple of Condition
+    orders : ndarray of int, shape (k,)
+        Waves per output turn.
+    values : ndarray, shape (units, conditions * 2 * k)
+        rad.
+    noise : ndarray, shape (conditions * 2 * k,)
+        Variance of each that a unit's noise makes, rad^2.
+    samples : int
+        Of a turn.  What is above half of that order folds back, in units that are solved as in those that are measured.
+    notes : tuple of str
+        What was left out.
+    """
+
+    serials: tuple[str, ...]
+    labels: Mapping[str, tuple[str, ...]]
+    conditions: tuple[Condition, ...]
+    orders: npt.NDArray[np.intp]
+    values: Array
+    noise: Array
+    samples: int
+    notes: tuple[str, ...] = ()
+
+    def of_orders(self, kept: npt.NDArray[np.bool_]) -> Amplitudes:
+        """The same with some of the orders."""
+        chosen = np.tile(kept, 2 * len(self.conditions))
+        return replace(self, orders=self.orders[kept], values=self.values[:, chosen], noise=self.noise[chosen])
+
+    def of_waves(self, waves: Array) -> Array:
+        """Amplitudes of waves over even angles of a turn, shape (..., n) to (..., 2 k), of one condition."""
+        found = np.fft.rfft(waves, axis=-1)[..., self.orders] * (math.sqrt(2) / waves.shape[-1])
+        return np.concatenate([found.real, -found.imag], axis=-1)
+
+
+def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
+    """Amplitudes of the error that the model leaves of each unit's runs.
+
+    Parameters
+    ----------
+    model : Model
+    units : sequence of LotUnit
+
+    Returns
+    -------
+    Amplitudes
+
+    Raises
+    ------
+    InputError
+        If fewer than three units are left, a serial number stands twice, or runs do not fit the model.
+    """
+    _check_serials(units)
+    read = [_Read.of(model, unit) for unit in units]
+    conditions = _common(read)
+    whole = [one for one in read if all(c in one.runs for c in conditions)]
+    lacking = [one.serial for one in read if one not in whole]
+    notes = [note for one in read for note in one.notes]
+    if lacking:
+        wanted = ", ".join(map(str, conditions))
+        notes.append(f"left out: {count_of(len(lacking), 'unit')} without a run of {wanted} ({_some(lacking)})")
+    if len(whole) < _LEAST:
+        wanted = ", ".join(map(str, conditions)) or "of one condition"
+        raise InputError(
+            f"{count_of(len(whole), 'unit')} with a run {wanted}: a spread takes {_LEAST} or more; measure more units"
+        )
+    count = min(HIGHEST, *(one.samples // 2 - 1 for one in whole))
+    rows = np.array([one.amplitudes(conditions, count) for one in whole])
+    names = sorted({name for unit in units for name in unit.labels})
+    of = {unit.serial: unit.labels for unit in units}
+    labels = {name: tuple(of[one.serial].get(name, "") for one in whole) for name in names}
+    return Amplitudes(
+        tuple(one.serial for one in whole), labels, conditions, np.arange(1, count + 1), rows,
+        _noise(rows, len(conditions)), min(one.samples for one in whole), tuple(notes),
+    )  # fmt: skip
+
+
+_LEAST = 3  # units: of two that differ nobody can say which is the other's
+
+
+def _check_serials(units: Sequence[LotUnit]) -> None:
+    twice = [serial for serial, count in Counter(unit.serial for unit in units).items() if count > 1]
+    if twice:
+        raise InputError(f"serial {twice[0]!r} stands for {count_of(2, 'unit')}; give each unit a serial of its own")
+
+
+def _some(serials: Sequence[str]) -> str:
+    return ", ".join(serials[:5]) + (" ..." if len(serials) > 5 else "")
+
+
+@dataclass(frozen=True)
+class _Read:
+    """One unit's errors at their angles, by condition."""
+
+    serial: str
+    runs: Mapping[Condition, tuple[Array, Array]]  # angle of the output, error, rad
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, model: Model, unit: LotUnit) -> _Read:
+        found, notes = dict[Condition, tuple[Array, Array]](), list[str]()
+        for run in unit.runs:
+            name = f"unit {unit.serial}"
+            run.check_effects(model, name)
+            senses = set(run.direction.tolist())
+            if len(senses) > 1:
+                raise InputError(f"{name}: a run turns both ways; give one file for each direction")
+            if not run.torque:
+                raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
+            if run.index == "unknown":
+                raise InputError(
+                    f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); a lot needs "
+                    "aligned zeros: turn each unit to its marks"
+                )
+            condition = Condition(senses.pop(), abs(float(run.torque)))
+            theta, error = run.nominal_angle(model), run.error(model)
+            if np.ptp(theta) < _WHOLE * _TURN * (1 - 1 / theta.size):
+                raise InputError(
+                    f"{name}: a run covers {np.ptp(theta) / _TURN:.2f} turns of the output; a lot needs a whole turn"
+                )
+            if condition in found:
+                notes.append(f"{name}: a second run {condition} is left out")
+                continue
+            found[condition] = theta, error
+        return cls(unit.serial, found, tuple(notes))
+
+    @property
+    def samples(self) -> int:
+        """Of a turn, of the run that has the fewest."""
+        return min(
+            round(theta.size * _TURN / (np.ptp(theta) * (1 + 1 / theta.size))) for theta, _ in self.runs.values()
+        )
+
+    def amplitudes(self, conditions: Sequence[Condition], count: int) -> Array:
+        """Amplitudes of orders 1 to count of all conditions."""
+        return np.concatenate([_fitted(*self.runs[c], count) for c in conditions])
+
+
+def _fitted(theta: Array, error: Array, count: int) -> Array:
+    """Amplitudes by least squares over whole turns, beside an offset."""
+    turns = max(1.0, math.floor(np.ptp(theta) / _TURN + (1 - _WHOLE)))
+    kept = abs(theta - theta[0]) < turns * _TURN * (1 - 1e-9)
+    return _solver(tuple(theta[kept]), count)(error[kept])
+
+
+@lru_cache(maxsize=4)
+def _solver(theta: tuple[float, ...], count: int) -> Callable[[Array], Array]:
+    """Least squares over some angles: benches measure unit after unit at the same."""
+    waves = np.exp(1j * np.arange(1, count + 1) * np.array(theta)[:, None])
+    columns = np.concatenate([np.ones((len(theta), 1)), waves.real, waves.imag], axis=1)
+    triangle = np.linalg.cholesky(columns.T @ columns)
+    return lambda error: scipy.linalg.cho_solve((triangle, True), columns.T @ error)[1:] / math.sqrt(2)
+
+
+def _noise(values: Array, conditions: int) -> Array:
+    """Variance of each amplitude that noise makes: about an order, what a quarter of the orders there stay below.
+
+    UnitParts make few of the orders of a range; over all units a noise of the bench makes them alike.
+    """
+    power = values.var(axis=0, ddof=1).reshape(conditions, 2, -1).mean(axis=1)
+    freedom = 2 * (len(values) - 1)
+    below = float(scipy.stats.chi2.ppf(_QUARTER, freedom)) / freedom
+    order, found = np.arange(1, power.shape[1] + 1), np.empty_like(power)
+    for at, k in enumerate(order):
+        near = (order >= min(k / _WIDE, k - _LEAST_WIDE)) & (order <= max(k * _WIDE, k + _LEAST_WIDE))
+        found[:, at] = np.quantile(power[:, near], _QUARTER, axis=1) / below
+    return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
+
+
+def _common(read: Sequence[_Read]) -> tuple[Condition, ...]:
+    """Conditions that most of the units have."""
+    counts = Counter(condition for one in read for condition in one.runs)
+    most = [c for c, count in counts.items() if 2 * count > len(read)]
+    return tuple(sorted(most, key=lambda c: (c.torque, -c.direction)))

@@ -1,0 +1,456 @@
+"""Groups of a lot that differ, and means that change over its serial numbers: which parts' shift does it.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.chance import student
+from rverror.base.text import describe
+from rverror.geartrain.source import IndexValue
+from rverror.lots.processes import UnitParts
+from rverror.lots.result import Change, Difference, Interval, Shift
+
+_INSTANCES = 12  # of a process that are told apart: one fixture for a single pin of forty is not what a workshop has
+_SILENT = 1e-3  # of the noise that a workshop's spread makes: a thousand units would show a hundred spreads at best
+_APART = 1e-6  # of two columns' information, in the direction that both leave: less is rounding
+_ASYMPTOTIC = 500.0  # chi-square from which on the tail's first term is right to a part in 200; its own underflows
+_VECTOR = 6.6  # chi-square of one parameter that chance exceeds in 1 %: a second parameter has to be worth it
+RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
+_VALUES = (2, 20)  # of a label: one tells nothing, and more are serial numbers under another name
+_LEAST = 5  # units of a value, and of the others: a mean of fewer is that of one odd unit
+_SHUFFLES, _COURSE_SHUFFLES = 499, 199  # the tail is fitted to a fifth of them: a hundred and forty
+_TAIL = 0.2  # of what chance makes, to which its tail is fitted
+_DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
+_EDGE, _POSITIONS = 0.05, 60  # of the units at either end, where a mean is that of few; and positions between
+
+
+@dataclass(frozen=True)
+class ShiftSource:
+    """A source of a shift: parts that move alike, in one parameter or in all of them.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping of str to int or str
+        What its parts have in common.
+    parameters : tuple of str
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    columns : ndarray, shape (d, parameters)
+        Change of a unit's whitened amplitudes per core unit.
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    parameters: tuple[str, ...]
+    dimension: str
+    columns: Array
+
+    @property
+    def label(self) -> str:
+        """Its name for people."""
+        return describe(self.key, self.indices)
+
+    def shifts(self, sizes: Array, errors: Array, times: float) -> tuple[Shift, ...]:
+        """A shift for each parameter, with intervals of so many standard errors to either side."""
+        return tuple(
+            Shift(
+                self.key, self.indices, name, self.dimension, Interval(size, size - times * error, size + times * error)
+            )
+            for name, size, error in zip(self.parameters, sizes.tolist(), errors.tolist(), strict=True)
+        )
+
+
+def candidates_of(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
+    """Sources of shifts: of each process the parts that share some of their indices, and all parts.
+
+    A process of many parts has all of them alike only.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (d, components)
+        Change of a unit's whitened amplitudes per core unit of each component.
+    parts : UnitParts
+
+    Returns
+    -------
+    tuple of ShiftSource
+        Of what shows; each parameter by itself, and then all of them.
+    """
+    found, first = list[ShiftSource](), 0
+    for at, process in enumerate(parts.processes):
+        effects = range(first, first + len(process.instances))
+        first = effects.stop
+        for some in _alike(process.instances):
+            chosen = [effects[number] for number in some]
+            common = _common([process.instances[number] for number in some])
+            names = [p.name for p in process.parameters]
+            columns = sum(influence[:, parts.effect == effect] for effect in chosen)
+            found += directions(
+                ShiftSource(process.key, common, tuple(names), process.parameters[0].dimension, np.asarray(columns)),
+                parts.processes[at].plausible,
+            )
+    return tuple(found)
+
+
+def single_parts(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
+    """Sources of one unit's error: every part by itself, as `candidates_of`.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (d, components)
+    parts : UnitParts
+
+    Returns
+    -------
+    tuple of ShiftSource
+    """
+    found = list[ShiftSource]()
+    for number, effect in enumerate(parts.effects):
+        own = np.flatnonzero(parts.effect == number)
+        some = [parts.parameters[i] for i in own]
+        whole = ShiftSource(
+            effect.key, effect.indices, tuple(p.name for p in some), some[0].dimension, influence[:, own]
+        )  # fmt: skip
+        found += directions(whole, float(parts.plausible[own[0]]))
+    return tuple(found)
+
+
+def directions(whole: ShiftSource, plausible: float) -> list[ShiftSource]:
+    """Each parameter of a candidate by itself, then all of them; those that show where a workshop's spread does."""
+    shown = np.flatnonzero(np.linalg.norm(whole.columns, axis=0) * plausible > _SILENT)
+    kept = [*([k] for k in shown), *([list(shown)] if len(shown) > 1 else [])]
+    return [
+        ShiftSource(
+            whole.key, whole.indices, tuple(whole.parameters[k] for k in some), whole.dimension, whole.columns[:, some]
+        )
+        for some in kept
+    ]
+
+
+def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...]]:
+    """Sets of instances that share what some of their indices are, each set once; all together first."""
+    everyone = tuple(range(len(instances)))
+    if len(instances) > _INSTANCES:
+        return [everyone]
+    names = [name for name in instances[0] if name != "harmonic"]
+    found = {everyone: None}
+    for count in range(1, len(names) + 1):
+        for chosen in combinations(names, count):
+            sets = dict[tuple[IndexValue, ...], list[int]]()
+            for number, one in enumerate(instances):
+                sets.setdefault(tuple(one[name] for name in chosen), []).append(number)
+            found.update({tuple(some): None for some in sets.values()})
+    return list(found)
+
+
+def _common(instances: Sequence[Mapping[str, IndexValue]]) -> dict[str, IndexValue]:
+    first = instances[0]
+    return {name: value for name, value in first.items() if all(one[name] == value for one in instances)}
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Candidates, and what of a unit's amplitudes each of them explains.
+
+    Attributes
+    ----------
+    candidates : tuple of ShiftSource
+        Those whose parameters are told apart.
+    freedom : ndarray of int, shape (candidates,)
+        Parameters of each.
+    basis : ndarray, shape (d, sum of freedom)
+        Amplitudes times it are independent and of unit variance, as many of them for a candidate as it has parameters.
+    sizing : tuple of ndarray, shape (d, parameters)
+        Amplitudes times it are the candidate's sizes.
+    """
+
+    candidates: tuple[ShiftSource, ...]
+    freedom: npt.NDArray[np.intp]
+    basis: Array
+    sizing: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, candidates: Iterable[ShiftSource], weight: Array) -> Fits:
+        """Of candidates, where the inverse covariance of a unit's amplitudes is known."""
+        kept, basis, sizing = list[ShiftSource](), list[Array]([np.empty((len(weight), 0))]), list[Array]()
+        for one in candidates:
+            pressed = weight @ one.columns
+            gram = one.columns.T @ pressed
+            size = np.sqrt(np.diag(gram))
+            if np.linalg.eigvalsh(gram / np.outer(size, size))[0] < _APART:
+                continue
+            kept.append(one)
+            basis.append(np.asarray(np.linalg.solve(np.linalg.cholesky(gram), pressed.T).T))
+            sizing.append(np.asarray(np.linalg.solve(gram, pressed.T).T))
+        freedom = np.array([len(one.parameters) for one in kept], dtype=np.intp)
+        return cls(tuple(kept), freedom, np.concatenate(basis, axis=1), tuple(sizing))
+
+    def chi_squares(self, projected: Array) -> Array:
+        """Chi-square of each candidate, of amplitudes times the basis, shape (..., basis) to (..., candidates)."""
+        starts = np.cumsum(self.freedom) - self.freedom
+        return np.asarray(np.add.reduceat(projected**2, starts, axis=-1))
+
+    def surprise(self, chi: Array) -> Array:
+        """Largest `surprise` of a candidate, of chi-squares of all, shape (..., candidates) to (...)."""
+        of_each = [surprise(chi[..., self.freedom == q].max(axis=-1), q) for q in np.unique(self.freedom)]
+        return np.asarray(np.max(of_each, axis=0))
+
+    def best(self, chi: Array) -> int:
+        """Number of the candidate that explains most; all parameters of its parts only where one does not do."""
+        found = int(np.argmax([surprise(np.array(t), q) for t, q in zip(chi, self.freedom, strict=True)]))
+        own = [number for number in range(len(chi)) if self._same(number, found)]
+        whole = max(own, key=lambda number: (self.freedom[number], chi[number]))
+        single = max(own, key=lambda number: (-self.freedom[number], chi[number]))
+        return whole if chi[whole] - chi[single] >= _VECTOR else single
+
+    def rivals(self, chi: Array, best: int) -> tuple[str, ...]:
+        """Other parts that do it nearly as well, the nearest first."""
+        near = [n for n in np.argsort(-chi) if chi[n] > chi[best] - RIVAL and not self._same(int(n), best)]
+        return tuple(dict.fromkeys(self.candidates[n].label for n in near))
+
+    def _same(self, one: int, other: int) -> bool:
+        """Whether two candidates are about the same parts."""
+        a, b = self.candidates[one], self.candidates[other]
+        return a.key == b.key and a.indices == b.indices
+
+
+def surprise(chi: Array, freedom: float) -> Array:
+    """Minus the logarithm of how often chance exceeds a chi-square.
+
+    Parameters
+    ----------
+    chi : ndarray
+    freedom : float
+
+    Returns
+    -------
+    ndarray
+
+    Examples
+    --------
+    >>> np.round(surprise(np.array([2.0, 6.6, 2000.0]), 2), 6)  # half of it, of two parameters
+    array([   1. ,    3.3, 1000. ])
+    """
+    near = -np.log(scipy.special.chdtrc(freedom, np.minimum(chi, _ASYMPTOTIC)))
+    half = np.maximum(chi, _ASYMPTOTIC) / 2
+    far = half - (freedom / 2 - 1) * np.log(half) + scipy.special.gammaln(freedom / 2)
+    return np.asarray(np.where(chi < _ASYMPTOTIC, near, far))
+
+
+@dataclass(frozen=True)
+class Tail:
+    """How often chance exceeds a value: counted, and beyond what was seen an exponential fitted to the largest.
+
+    Attributes
+    ----------
+    seen : ndarray
+        What chance made.
+    share : float
+        Of them that the exponential is fitted to.
+    """
+
+    seen: Array
+    share: float = _TAIL
+
+    def chance(self, value: float) -> float:
+        """Chance of a value, with what the fit does not know of the exponential's mean."""
+        start = float(np.quantile(self.seen, 1 - self.share))
+        if value <= start:
+            return float((1 + np.sum(self.seen >= value)) / (1 + len(self.seen)))
+        beyond = self.seen[self.seen > start] - start
+        total = max(float(beyond.sum()), 1e-9)  # where all are the same, whatever is beyond is no chance
+        return float(self.share * (1 + (value - start) / total) ** -len(beyond))
+
+
+# --- groups -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Units with a value of a label, against those with others."""
+
+    label: str
+    value: str
+    inside: npt.NDArray[np.bool_]
+    outside: npt.NDArray[np.bool_]
+
+    @property
+    def contrast(self) -> Array:
+        """Weights of units whose sum is of unit variance: the difference of the means over its standard deviation."""
+        n, m = self.inside.sum(), self.outside.sum()
+        return np.asarray((self.inside / n - self.outside / m) * math.sqrt(n * m / (n + m)))
+
+
+def group_differences(
+    values: Array,
+    labels: Mapping[str, tuple[str, ...]],
+    weight: Array,
+    candidates: Sequence[ShiftSource],
+    *,
+    level: float = 0.01,
+    seed: int = 0,
+) -> tuple[Difference, ...]:
+    """Values of labels whose units differ from those of the other values, and the parts that make it so.
+
+    Of each candidate the chi-square of its fit to the difference of the means; the most surprising over labels, values
+    and candidates is compared with what units make that are shuffled against their labels.  What is found is removed,
+    and the rest searched again.
+
+    Parameters
+    ----------
+    values : ndarray, shape (units, d)
+        Whitened amplitudes.
+    labels : mapping of str to tuple of str
+        Of each unit, by name; empty where a unit has none.
+    weight : ndarray, shape (d, d)
+        Inverse covariance of a unit's amplitudes.
+    candidates : sequence of ShiftSource
+    level : float
+        Chance of a difference where there is none, over all of them.
+    seed : int
+
+    Returns
+    -------
+    tuple of Difference
+        The clearest first.
+    """
+    fits, groups = Fits.of(candidates, weight), _groups(labels)
+    if not groups or not fits.candidates:
+        return ()
+    contrasts = np.array([group.contrast for group in groups])
+    rng, left, found = np.random.default_rng(seed), np.array(values, dtype=np.float64), list[Difference]()
+    while len(found) < _DIFFERENCES:
+        projected = left @ fits.basis
+        chi = fits.chi_squares(contrasts @ projected)
+        surprises = fits.surprise(chi)
+        chance = _shuffled(lambda p: fits.surprise(fits.chi_squares(contrasts @ p)), projected, _SHUFFLES, rng).chance(
+            float(surprises.max())
+        )
+        if chance >= level:
+            break
+        at = int(np.argmax(surprises))
+        best, group = fits.best(chi[at]), groups[at]
+        one = fits.candidates[best]
+        sizes, errors, times = _difference(left @ fits.sizing[best], group)
+        causes, rivals = one.shifts(sizes, errors, times), fits.rivals(chi[at], best)
+        found.append(Difference(group.label, group.value, int(group.inside.sum()), chance, causes, rivals))
+        left[group.inside] -= one.columns @ sizes
+    return tuple(found)
+
+
+def _groups(labels: Mapping[str, tuple[str, ...]]) -> list[_Group]:
+    """Values of labels that have enough units; of two values the later one, for the other differs as much."""
+    found = []
+    for label, of_units in labels.items():
+        counts = Counter(value for value in of_units if value)
+        if not _VALUES[0] <= len(counts) <= _VALUES[1]:
+            continue
+        has = np.array(of_units)
+        for value in sorted(counts)[1 if len(counts) == _VALUES[0] else 0 :]:
+            inside, outside = has == value, (has != value) & (has != "")
+            if min(inside.sum(), outside.sum()) >= _LEAST:
+                found.append(_Group(label, value, inside, outside))
+    return found
+
+
+def _difference(sized: Array, group: _Group) -> tuple[Array, Array, float]:
+    """Sizes, their standard errors by the spread within each side, and how many of these make 95 %."""
+    inside, outside = sized[group.inside], sized[group.outside]
+    own, others = (side.var(axis=0, ddof=1) / len(side) for side in (inside, outside))
+    freedom = float(np.min((own + others) ** 2 / (own**2 / (len(inside) - 1) + others**2 / (len(outside) - 1))))
+    return inside.mean(axis=0) - outside.mean(axis=0), np.sqrt(own + others), student(0.025, freedom)
+
+
+def _shuffled(largest: Callable[[Array], Array], projected: Array, times: int, rng: np.random.Generator) -> Tail:
+    """What chance makes: the largest surprise of units in any order."""
+    return Tail(np.array([largest(rng.permutation(projected)).max() for _ in range(times)]))
+
+
+# --- changes ----------------------------------------------------------------------------------------------------------
+
+
+def changes_over_serial(
+    values: Array,
+    serials: Sequence[str],
+    weight: Array,
+    candidates: Sequence[ShiftSource],
+    *,
+    level: float = 0.01,
+    seed: int = 0,
+) -> tuple[Change, ...]:
+    """Steps and ramps of a mean over the serial numbers, and the parts that make them.
+
+    Candidates of one parameter count.  The most surprising over candidates, courses and beginnings is compared with
+    what units in any order make; what is found is removed, and the rest searched again.
+
+    Parameters
+    ----------
+    values : ndarray, shape (units, d)
+        Whitened amplitudes, in the order of the serial numbers.
+    serials : sequence of str
+    weight : ndarray, shape (d, d)
+        Inverse covariance of a unit's amplitudes.
+    candidates : sequence of ShiftSource
+    level : float
+        Chance of a change where there is none, over all of them.
+    seed : int
+
+    Returns
+    -------
+    tuple of Change
+        The clearest first.
+    """
+    fits = Fits.of([one for one in candidates if len(one.parameters) == 1], weight)
+    if len(values) < 2 * _LEAST or not fits.candidates:
+        return ()
+    beginnings, courses = _courses(len(values))
+    contrasts = courses - courses.mean(axis=1, keepdims=True)
+    contrasts /= np.linalg.norm(contrasts, axis=1, keepdims=True)
+    rng, left, found = np.random.default_rng(seed), np.array(values, dtype=np.float64), list[Change]()
+    while len(found) < _CHANGES:
+        projected = left @ fits.basis
+        chi = (contrasts @ projected) ** 2
+        tail = _shuffled(lambda p: surprise(np.max((contrasts @ p) ** 2), 1), projected, _COURSE_SHUFFLES, rng)
+        chance = tail.chance(float(surprise(chi.max(), 1)))
+        if chance >= level:
+            break
+        at, best = (int(number) for number in np.unravel_index(np.argmax(chi), chi.shape))
+        one = fits.candidates[best]
+        size, error = _slope((left @ fits.sizing[best])[:, 0], courses[at])
+        cause = one.shifts(np.array([size]), np.array([error]), student(0.025, len(values) - 2))[0]
+        kind = "step" if at < len(beginnings) else "ramp"
+        since = serials[beginnings[at % len(beginnings)]]
+        found.append(Change(since, kind, chance, cause, fits.rivals(chi.max(axis=0), best)))
+        left -= np.outer(courses[at] * size, one.columns[:, 0])
+    return tuple(found)
+
+
+def _courses(units: int) -> tuple[npt.NDArray[np.intp], Array]:
+    """First changed units; and steps, then ramps from them on, shape (2 * beginnings, units), 1 at the last unit."""
+    ends = max(1, math.ceil(_EDGE * units)), min(units - 1, math.floor((1 - _EDGE) * units))
+    first = np.unique(np.linspace(*ends, _POSITIONS).round().astype(np.intp))
+    since = np.arange(1, units + 1) - first[:, None]
+    return first, np.concatenate([since > 0, np.maximum(since, 0) / (units - first[:, None])])
+
+
+def _slope(sized: Array, course: Array) -> tuple[float, float]:
+    """Size of a course and its standard error, by the spread about it."""
+    about = course - course.mean()
+    squares = float(about @ about)
+    size = float(about @ sized) / squares
+    rest = sized - sized.mean() - size * about
+    return size, math.sqrt(float(about**2 @ rest**2) * len(sized) / (len(sized) - 2)) / squares

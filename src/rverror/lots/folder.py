@@ -1,0 +1,182 @@
+"""A folder of units: a subfolder with runs for each, and beside them a table of labels that may be left out."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
+from rverror.base.text import PathLike, check_name, check_path, did_you_mean, read_text, shown, split_lines
+from rverror.lots.amplitudes import LotUnit
+from rverror.model.effects import Model, check_model
+from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.measurement import read_run
+
+#: Table of the units beside their folders, and its column of their names.
+TABLE, SERIAL = "units.csv", "serial"
+
+_SOME = 5  # names in a note
+_EXAMPLE = "write a first line such as 'serial,date,machine'"
+
+
+def lot_units(
+    folder: PathLike, model: Model, mapping: PathLike | BenchMapping | None = None
+) -> tuple[tuple[LotUnit, ...], tuple[str, ...]]:
+    """Read the units of a lot from a folder.
+
+    A unit is a subfolder with runs, ``FOLDER/<serial>/*.csv``; with a mapping, runs of any format that `load_run`
+    reads, by the ending of their name.  Hidden files and folders are left out.  ``FOLDER/units.csv``, where it is
+    there, has a first line of names, one of them ``serial``, and a row for each unit: its labels, and by the order of
+    the rows the order in which they were made.
+
+    Parameters
+    ----------
+    folder : str or path-like
+    model : Model
+        Whose units they are.
+    mapping : str, path-like or BenchMapping, optional
+        How the bench names its columns.
+
+    Returns
+    -------
+    units : tuple of LotUnit
+        In the order of the table, then in that of their names, in which digits count as numbers.
+    notes : tuple of str
+        Units that the table or the folder alone has.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no runs, or a run or the table cannot be used; one line that names the file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from importlib import resources
+    >>> import rverror
+    >>> demo = resources.files("rverror") / "data" / "demo"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     unit = Path(folder, "A-17")
+    ...     unit.mkdir()
+    ...     size = (unit / "up.csv").write_text((demo / "forward.csv").read_text())
+    ...     units, notes = lot_units(folder, rverror.load_model(demo / "model.toml"))
+    >>> units[0].serial, len(units[0].runs), notes
+    ('A-17', 1, ())
+    """
+    check_path(folder)
+    check_model(model)
+    root = Path(folder)
+    if mapping is not None and not isinstance(mapping, BenchMapping):
+        mapping = load_mapping(mapping)
+    found = _runs(root, ".csv" if mapping is None else RUN_SUFFIXES)
+    table = root / TABLE
+    labels = _labels(table) if table.is_file() else {}
+    order = [serial for serial in labels if serial in found]
+    others = sorted(set(found) - set(order), key=_natural)
+    notes = (
+        _note("left out", [serial for serial in labels if serial not in found], f"in {table} without a folder of runs"),
+        _note("without labels", others if labels else (), f"not in {table}; they stand last"),
+    )
+    units = tuple(
+        LotUnit(serial, tuple(read_run(path, model, mapping) for path in found[serial]), labels.get(serial, {}))
+        for serial in (*order, *others)
+    )
+    return units, tuple(note for note in notes if note)
+
+
+def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[Path, ...]]:
+    """Runs of each subfolder that has any."""
+    found = {}
+    try:
+        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
+        for path in folders:
+            files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+            if runs := tuple(p for p in files if p.name.lower().endswith(suffixes)):
+                found[path.name] = runs
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+    if not found:
+        endings = ", ".join([suffixes] if isinstance(suffixes, str) else suffixes)
+        raise InputError(
+            f"{root}: no subfolder holds a run ({endings}); give a folder with one subfolder for each unit"
+        )
+    for path in (path for runs in found.values() for path in runs):
+        check_name(path)
+    return found
+
+
+def _labels(path: Path) -> dict[str, Mapping[str, str]]:
+    """Labels of each unit by its serial, in the order of the rows; cells without text are left out."""
+    rows = _rows(path)
+    if not rows:
+        raise InputError(f"{path}: the table is empty; {_EXAMPLE}")
+    line, heads = rows[0]
+    place = _serial_place(path, line, heads)
+    found: dict[str, Mapping[str, str]] = {}
+    lines: dict[str, int] = {}
+    for number, cells in rows[1:]:
+        if len(cells) > len(heads):
+            raise InputError(
+                f"{path}, line {number}: {len(cells)} cells for {count_of(len(heads), 'column')}; correct the row"
+            )
+        serial = cells[place] if place < len(cells) else ""
+        if not serial:
+            raise InputError(f"{path}, line {number}: no {SERIAL}; give the name of the unit's folder, or no row")
+        if serial in found:
+            raise InputError(
+                f"{path}, line {number}: serial {shown(serial)} stands in line {lines[serial]} too; "
+                "give each unit one row"
+            )
+        named = zip(heads, cells, strict=False)
+        found[serial] = {head: cell for at, (head, cell) in enumerate(named) if at != place and head and cell}
+        lines[serial] = number
+    return found
+
+
+def _serial_place(path: Path, line: int, heads: Sequence[str]) -> int:
+    """Column of the serials, once it is sure that no two columns share a name."""
+    names = [head.lower() for head in heads]
+    if SERIAL not in names:
+        hint = did_you_mean(SERIAL, [name for name in names if name])
+        raise InputError(f"{path}, line {line}: no column {SERIAL!r};{hint} {_EXAMPLE}")
+    twice = [head for at, head in enumerate(heads) if head and head.lower() in names[:at]]
+    if twice:
+        raise InputError(f"{path}, line {line}: two columns {shown(twice[0])}; give each its own name")
+    return names.index(SERIAL)
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Rows with text and the number of their line; comments begin with #, spreadsheets may part cells by semicolons."""
+    lines = [
+        (number, line)
+        for number, line in enumerate(split_lines(read_text(path)), 1)
+        if not line.lstrip().startswith("#")
+    ]
+    head = next((line for _, line in lines if line.strip()), "")
+    separator = ";" if head.count(";") > head.count(",") else ","
+    rows = []
+    for number, line in lines:
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True), [])]
+        except csv.Error as error:
+            raise InputError(f"{path}, line {number}: no row of a table ({error}); correct the quotes") from error
+        if any(cells):
+            rows.append((number, cells))
+    return rows
+
+
+def _natural(name: str) -> tuple[list[tuple[int, str]], str]:
+    """Key to sort names by, digits as numbers."""
+    parts = re.split(r"([0-9]+)", name.lower())
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], name
+
+
+def _note(what: str, serials: Iterable[str], why: str) -> str:
+    listed = list(serials)
+    more = ", ..." if len(listed) > _SOME else ""
+    return f"{what}: {count_of(len(listed), 'unit')} {why} ({', '.join(listed[:_SOME])}{more})" if listed else ""

@@ -1,0 +1,354 @@
+"""The lot: from the runs of many finished units to the processes that made them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError, check_each
+from rverror.base.numbers import count_of
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
+from rverror.lots.differences import ShiftSource, candidates_of, changes_over_serial, group_differences
+from rverror.lots.identifiable import Question, question_of
+from rverror.lots.members import outsiders
+from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
+from rverror.lots.processes import Process, processes_of
+from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
+from rverror.lots.simulated import COMPLIANCES, Simulator, State
+from rverror.model.effects import Model
+from rverror.statics.loaded_state import SOFTENING, reducer_of
+from rverror.tolerances.distribution import OUTSIDE
+from rverror.tolerances.stacking import Tolerance
+
+#: False alarms of groups, changes and outsiders: in so many of all lots that have none, each.
+LEVEL = 0.01
+#: A lot that is less likely than this is none of the model's.
+DOUBTED = 1e-3
+_DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
+_MEMBERS = 400  # units that show what a member may be
+_PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
+_ABOVE = 1.645  # standard errors: 5 % of what is none is above
+_FEW = 12  # instances of a process, up to which each is told by itself
+_SETS, _EACH = 12, 60  # states within the errors, and units of each, that tell how far the prediction is off
+_PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
+
+
+@dataclass(frozen=True)
+class _Cleaned:
+    """What was told of single units and groups, and the amplitudes without it."""
+
+    values: Array
+    kept: npt.NDArray[np.bool_]
+    outsiders: tuple[Outsider, ...] = ()
+    differences: tuple[Difference, ...] = ()
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def same(self) -> tuple[object, ...]:
+        """What decides whether it has changed."""
+        return (
+            tuple(self.kept),
+            tuple((d.label, d.value, d.causes[0].key) for d in self.differences),
+            tuple((c.since, c.cause.key) for c in self.changes),
+        )
+
+
+def lot(
+    model: Model,
+    units: Sequence[LotUnit],
+    *,
+    tolerances: Sequence[Tolerance] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Lot:
+    """Tell from the runs of many finished units what each process makes.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer, with what all units share; stiffnesses need not be known better than to a fifth.
+    units : sequence of LotUnit
+        Each with a run for each condition, over a turn of the output or more; in the order in which they were made.
+    tolerances : sequence of Tolerance, optional
+        The drawing: which parts vary.  All sources of the catalogue where left out.
+    seed : int
+        Of the drawn units.
+    progress : callable, optional
+        Called with a line of text.
+
+    Returns
+    -------
+    Lot
+
+    Raises
+    ------
+    InputError
+        If runs do not fit the model or one another, or the units are too few.
+
+    Notes
+    -----
+    Page ``theory/lots.md``.  Each unit's error is split into orders.  Units are drawn from the processes and solved
+    at the load until the covariance of their orders is that of the lot's: the method of simulated moments.
+    """
+    reducer_of(model.mechanism, "a lot")
+    check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
+    if not units:
+        raise InputError("units: there is none; give three or more")
+    tell = progress or (lambda text: None)
+    amplitudes = amplitudes_of(model, units)
+    tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
+    question = question_of(model, amplitudes, processes_of(model, units[0].runs[0], tolerances), seed)
+    notes = list(amplitudes.notes)
+    if not question.simulator.parts.processes:
+        raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
+    simulator = question.simulator
+    values = simulator.amplitudes.values * simulator.scale
+    cleaned = _Cleaned(values, np.ones(len(values), np.bool_))
+    estimate: LotEstimate | None = None
+    for _ in range(3):
+        matching = _matching(simulator, question, cleaned, seed, tell)
+        estimate = matching.estimate(question.start if estimate is None else estimate.state, again=estimate is not None)
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed)
+        if cleaned.same == before.same:
+            break
+        tell("units or groups that differ are taken out")
+    assert estimate is not None
+    predicted = _predicted(simulator, amplitudes, estimate, cleaned, seed)
+    chance = float(scipy.stats.chi2.sf(estimate.objective, estimate.freedom))
+    if chance < DOUBTED:
+        notes.append(
+            f"the model does not describe the lot (chi-square {estimate.objective:.0f} of {estimate.freedom}), and all "
+            "intervals are wider for it; measure at a greater torque, or declare what all units share"
+        )
+    orders = simulator.amplitudes.orders
+    return Lot(
+        model.mechanism.name,
+        int(cleaned.kept.sum()),
+        tuple(map(str, amplitudes.conditions)),
+        _processes(question, estimate, tolerances is not None),
+        _shifts(simulator, estimate, cleaned),
+        _stiffness(estimate),
+        cleaned.outsiders,
+        cleaned.differences,
+        cleaned.changes,
+        predicted,
+        chance,
+        orders.astype(np.float64),
+        _rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
+        _rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
+        tuple(notes),
+    )
+
+
+def _matching(
+    simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Callable[[str], None]
+) -> MomentMatching:
+    """The method for units that belong together, with the same draws each time."""
+    rng = np.random.default_rng(seed)
+    count = len(simulator.parts.process)
+    standard = rng.standard_normal((_DRAWN, count))
+    fresh = rng.standard_normal((3 * simulator.scale.size, count))
+    sample = sample_of(cleaned.values[cleaned.kept])
+    return MomentMatching(simulator, sample, standard - standard.mean(axis=0), fresh, question.least, tell)
+
+
+def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int) -> _Cleaned:
+    """Find units that are no members, groups that differ and means that change, and take them off."""
+    amplitudes, parts = simulator.amplitudes, simulator.parts
+    rng = np.random.default_rng(seed + 1)
+    drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(parts.process))))
+    members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    middle, weight = np.median(values, axis=0), estimate.weight
+    influence = estimate.draws.influence
+    odd = outsiders(values - middle, amplitudes.serials, members, weight, influence, parts, level=LEVEL)
+    kept = ~np.isin(amplitudes.serials, [one.serial for one in odd])
+    about = values[kept] - values[kept].mean(axis=0)
+    candidates = candidates_of(influence, parts)
+    serials = tuple(np.array(amplitudes.serials)[kept])
+    labels = {name: tuple(np.array(given)[kept]) for name, given in amplitudes.labels.items()}
+    groups = group_differences(about, labels, weight, candidates, level=LEVEL / 2, seed=seed)
+    left = values.copy()
+    for group in groups:
+        of = np.array([value == group.value for value in amplitudes.labels[group.label]])
+        left[of] -= _effect(candidates, group.causes)
+    changes = changes_over_serial(
+        left[kept] - left[kept].mean(axis=0), serials, weight, candidates, level=LEVEL / 2, seed=seed
+    )
+    for change in changes:
+        left[kept] -= np.outer(_course(change, serials), _effect(candidates, (change.cause,)))
+    return _Cleaned(left, kept, odd, groups, changes)
+
+
+def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
+    """What shifts change of a unit's amplitudes."""
+    columns = {
+        (c.key, tuple(c.indices.items()), c.parameters[0]): c.columns for c in candidates if len(c.parameters) == 1
+    }
+    return np.asarray(
+        sum(columns[one.key, tuple(one.indices.items()), one.parameter][:, 0] * one.size.value for one in causes)
+    )
+
+
+def _course(change: Change, serials: Sequence[str]) -> Array:
+    """Share of a change that each unit has: none before it, all of a step, a ramp up to the last unit."""
+    since = np.arange(1, len(serials) + 1) - serials.index(change.since)
+    return np.asarray((since > 0) * 1.0 if change.course == "step" else np.maximum(since, 0) / since[-1])
+
+
+# --- what is said of it -----------------------------------------------------------------------------------------------
+
+
+def _processes(question: Question, estimate: LotEstimate, drawing: bool) -> tuple[MadeBy, ...]:
+    """Processes with their intervals, the largest share first."""
+    simulator, state = question.simulator, estimate.state
+    units = simulator.amplitudes.values.shape[0]
+    noise = simulator.amplitudes.noise
+    power = np.einsum("cdd,d->c", estimate.draws.squares, noise) * state.deviation**2
+    found = []
+    for number, process in enumerate(simulator.parts.processes):
+        variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
+        above = variance > _ABOVE * error
+        size = Interval(math.sqrt(variance), *interval(variance, error))
+        needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None
+        found.append(
+            _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed)
+        )  # fmt: skip
+    found.sort(key=lambda one: -one.share)
+    silent = [_made(process, None, False, 0.0, (), None) for process in question.silent]
+    return (*found, *silent)
+
+
+def _made(
+    process: Process,
+    size: Interval | None,
+    above: bool,
+    share: float,
+    alike: Sequence[Process],
+    needed: int | None,
+) -> MadeBy:
+    tolerance = process.tolerance
+    capable = centred = None
+    if tolerance is not None and size is not None and above:
+        reach = 3.0 if len(process.parameters) < 2 or not tolerance.in_vectors else math.sqrt(-2 * math.log(OUTSIDE))
+        capable = centred = tolerance.width / (reach * size.value)
+    return MadeBy(
+        process.key,
+        process.indices,
+        tuple(parameter.name for parameter in process.parameters),
+        process.parameters[0].dimension,
+        size,
+        above,
+        share,
+        tuple(one.label for one in alike),
+        needed,
+        "" if tolerance is None else tolerance.label,
+        capable,
+        centred,
+    )
+
+
+def _shifts(simulator: Simulator, estimate: LotEstimate, cleaned: _Cleaned) -> tuple[Shift, ...]:
+    """Systematic errors that are told from none, at 5 % of all of them together."""
+    parts = simulator.parts
+    names, rows = list[tuple[Process, dict[str, int | str], int]](), list[Array]()
+    for number, process in enumerate(parts.processes):
+        members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
+        for k in range(members.shape[1]):
+            if len(members) > 1:
+                rows.append(np.bincount(members[:, k], minlength=len(parts.process)) / len(members))
+                names.append((process, dict(process.indices), k))
+            for instance, row in zip(process.instances, members, strict=True) if len(members) <= _FEW else ():
+                rows.append(np.eye(1, len(parts.process), row[k])[0])
+                names.append((process, dict(instance), k))
+    sizes, errors = estimate.means(
+        np.array(rows), simulator, cleaned.values[cleaned.kept].mean(axis=0), cleaned.kept.sum()
+    )
+    far = float(scipy.stats.norm.isf(0.025 / len(rows)))
+    return tuple(
+        Shift(
+            process.key, indices, process.parameters[k].name, process.parameters[k].dimension,
+            Interval(float(size), float(size - 1.96 * error), float(size + 1.96 * error)),
+        )
+        for (process, indices, k), size, error in zip(names, sizes, errors, strict=True)
+        if abs(size) > far * error
+    )  # fmt: skip
+
+
+def _stiffness(estimate: LotEstimate) -> dict[str, Interval]:
+    """Stiffnesses that the lot tells better than their prior, over the model's."""
+    errors = np.sqrt(np.diag(estimate.covariance)[-COMPLIANCES:])
+    return {
+        name: Interval(math.exp(-value), math.exp(-value - 1.96 * error), math.exp(-value + 1.96 * error))
+        for name, value, error in zip(SOFTENING, estimate.state.compliance, errors, strict=False)
+        if error < 0.75 * STIFFNESS
+    }
+
+
+def _rms(amplitudes: Amplitudes, values: Array, noise: float = 0.0) -> Array:
+    """Root mean square of each order about the units' mean, rad, shape (conditions, orders)."""
+    power = (values.var(axis=0, ddof=1) + noise) * amplitudes.noise
+    return np.asarray(np.sqrt(power.reshape(len(amplitudes.conditions), 2, -1).sum(axis=1)))
+
+
+def _predicted(
+    simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, cleaned: _Cleaned, seed: int
+) -> tuple[Predicted, ...]:
+    """Peak-to-peak of units to come, what is systematic as the measured units have it."""
+    rng = np.random.default_rng(seed + 2)
+    parts = simulator.parts
+    lifted = cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean
+    drawn = rng.standard_normal((_PREDICTED, len(parts.process)))
+    waves = simulator.waveforms(estimate.state, drawn)
+    common = _waves(simulator.amplitudes, lifted[None] / simulator.scale, waves.shape[-1])[0]
+    sizes = np.ptp(waves + common, axis=2)
+    means = []
+    for state in _within_errors(estimate, rng):
+        means.append(np.ptp(simulator.waveforms(state, drawn[:_EACH]) + common, axis=2).mean(axis=0))
+    spread = np.std(means, axis=0, ddof=1) / np.mean(means, axis=0)
+    seen = np.ptp(_waves(amplitudes, amplitudes.values[cleaned.kept], waves.shape[-1]), axis=2)
+    found = []
+    for number, condition in enumerate(amplitudes.conditions):
+        own = np.sort(sizes[:, number])
+        value = float(np.quantile(own, 0.95))
+        low, high = own[[math.floor(len(own) * 0.95 - 1.96 * _SIDE), math.ceil(len(own) * 0.95 + 1.96 * _SIDE)]]
+        more = 1.96 * value * float(spread[number])
+        found.append(
+            Predicted(
+                str(condition),
+                float(own.mean()),
+                Interval(value, value - math.hypot(more, value - low), value + math.hypot(more, high - value)),
+                (float(seen[:, number].mean()), float(np.quantile(seen[:, number], 0.95))),
+            )
+        )
+    return tuple(found)
+
+
+_SIDE = math.sqrt(_PREDICTED * 0.95 * 0.05)  # places that the 95 % quantile of so many is off
+
+
+def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> list[State]:
+    """States that the lot does not tell from the estimate."""
+    count = len(estimate.state.deviation)
+    root = np.linalg.cholesky(estimate.covariance + 1e-12 * np.diag(np.diag(estimate.covariance)))
+    found = []
+    for _ in range(_SETS):
+        change = root @ rng.standard_normal(len(root))
+        variance = np.maximum(estimate.state.deviation**2 + change[:count], 0.0)
+        found.append(
+            replace(estimate.state, deviation=np.sqrt(variance), compliance=estimate.state.compliance + change[count:])
+        )
+    return found
+
+
+def _waves(amplitudes: Amplitudes, values: Array, angles: int) -> Array:
+    """Waves over a turn of some amplitudes, rad, shape (units, conditions, angles)."""
+    parts = values.reshape(len(values), len(amplitudes.conditions), 2, -1)
+    spectrum = np.zeros((*parts.shape[:2], angles // 2 + 1), dtype=np.complex128)
+    spectrum[..., amplitudes.orders] = (parts[:, :, 0] - 1j * parts[:, :, 1]) * (angles / math.sqrt(2))
+    return np.asarray(np.fft.irfft(spectrum, angles, axis=-1), dtype=np.float64)

@@ -1,0 +1,168 @@
+"""Units that are no members of their lot, and the parts that make them so.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.lots.differences import Fits, single_parts, surprise
+from rverror.lots.processes import UnitParts
+from rverror.lots.result import Outsider, Shift
+
+_TAIL = 0.25  # of the members, to which a tail is fitted: of 150 units 38
+_RATE = 1.0  # at most of a tail, for the largest of many chi-squares has it; contacts that open make tails longer
+_SHAPES = np.linspace(0.0, 1.0, 21)  # of a tail: none is an exponential, a half has no variance
+_ALONG, _ALL_OVER = 0.1, 0.3  # mean shape beforehand: what is off all over is lessened along parts, not all in all
+_SCALES = np.exp(np.linspace(-1.2, 1.0, 45))  # of a tail, over its mean: a fifth of 38 units' is their error
+_NORMAL = 1.96  # standard errors to either side of 95 %
+_WAYS = 2  # in which a unit is searched: along its parts, and all in all
+
+
+@dataclass(frozen=True)
+class MembersTail:
+    """How often a member exceeds a value: a generalised Pareto tail, over all that the members leave possible.
+
+    Its shape is no less than an exponential's, its rate no more than that of the largest of many chi-squares.
+
+    Attributes
+    ----------
+    seen : ndarray
+        What members make, as minus the logarithm of a chance.
+    usual_shape : float
+        Mean of the shapes that are likely beforehand, none the most.
+    """
+
+    seen: Array
+    usual_shape: float = _ALONG
+
+    @cached_property
+    def start(self) -> float:
+        """Where the tail begins."""
+        return float(np.quantile(self.seen, 1 - _TAIL))
+
+    @cached_property
+    def _likely(self) -> tuple[Array, Array]:
+        """Scales, and how likely each of them is with each shape, (shapes, scales)."""
+        beyond = self.seen[self.seen > self.start] - self.start
+        scales = max(float(beyond.mean()) if beyond.size else 0.0, 1e-9) * _SCALES
+        exponent = _exponent(beyond, scales)
+        density = -(exponent * (1 + _SHAPES[:, None, None])).sum(axis=-1) - beyond.size * np.log(scales)
+        logarithm = density - _SHAPES[:, None] / self.usual_shape
+        likely = np.exp(logarithm - logarithm.max())
+        return np.maximum(scales, 1 / _RATE), likely / likely.sum()
+
+    def chance(self, value: float) -> float:
+        """Chance that one member exceeds a value."""
+        if value <= self.start:
+            return float((1 + np.sum(self.seen >= value)) / (1 + len(self.seen)))
+        scales, likely = self._likely
+        beyond = np.exp(-_exponent(np.array([value - self.start]), scales)[..., 0])
+        return float(_TAIL * np.sum(likely * beyond))
+
+
+def _exponent(beyond: Array, scales: Array) -> Array:
+    """Minus the logarithm of the chance of what is so far beyond a start, shape (shapes, scales, beyond)."""
+    ratio, shape = beyond / scales[:, None], _SHAPES[:, None, None]
+    return np.asarray(np.where(shape > 0, np.log1p(shape * ratio) / np.where(shape > 0, shape, 1.0), ratio))
+
+
+def outsiders(
+    values: Array,
+    serials: Sequence[str],
+    members: Array,
+    weight: Array,
+    influence: Array,
+    parts: UnitParts,
+    *,
+    level: float = 0.01,
+) -> tuple[Outsider, ...]:
+    """Units that no member of the lot is like, and for each the part whose error makes it so.
+
+    Of each part the chi-square of its fit to a unit, over what members make of it; the most surprising part's, and the
+    unit's distance all in all, are compared with those of members.
+
+    Parameters
+    ----------
+    values : ndarray, shape (units, d)
+        Whitened amplitudes about the lot's mean.
+    serials : sequence of str
+    members : ndarray, shape (n, d)
+        The same of simulated units, with noise.
+    weight : ndarray, shape (d, d)
+        Inverse covariance of a unit's amplitudes.
+    influence : ndarray, shape (d, components)
+        Change of the amplitudes per core unit of each component.
+    parts : UnitParts
+    level : float
+        Chance of an outsider in a lot without any.
+
+    Returns
+    -------
+    tuple of Outsider
+        The least likely first; without causes where only its whole distance is too large.
+    """
+    fits = Fits.of(single_parts(influence, parts), weight)
+    chi, along, tail = _along(fits, weight, values, members)
+    total, far, whole = _all_in_all(weight, values, members)
+    found = []
+    for unit, serial in enumerate(serials):
+        chances = [_WAYS * len(serials) * t.chance(float(x[unit])) for t, x in ((tail, along), (whole, far))]
+        chance = min(chances)
+        if chances[0] < level:
+            best = fits.best(chi[unit])
+            causes = _causes(fits, best, values[unit], members)
+            rivals = fits.rivals(chi[unit], best)
+            found.append(Outsider(serial, float(chi[unit, best]), chance, causes, rivals))
+        elif chance < level:
+            found.append(Outsider(serial, float(total[unit]), chance, ()))
+    return tuple(sorted(found, key=lambda one: one.chance))
+
+
+def _along(fits: Fits, weight: Array, values: Array, members: Array) -> tuple[Array, Array, MembersTail]:
+    """Chi-squares of parts as members make them, (units, candidates); the largest surprise of each unit; members'."""
+    usual = _left(fits, weight, members)[1].mean(axis=0)
+    chi, theirs = (_lessened(*_left(fits, weight, some), usual) for some in (values, members))
+    label = np.array([one.label for one in fits.candidates])
+    alike = label[:, None] == label  # parameters of a part are compared with one another: one scale for all of them
+    of_part = alike / (alike @ fits.freedom)
+    chi = chi / (theirs.mean(axis=0) @ of_part)
+    # a member is no better known than a unit: its own chi-square is not in what it is compared with
+    without = (theirs.sum(axis=0) - theirs) / (len(members) - 1) @ of_part
+    return chi, fits.surprise(chi), MembersTail(fits.surprise(theirs / without))
+
+
+def _left(fits: Fits, weight: Array, some: Array) -> tuple[Array, Array]:
+    """Chi-square of each candidate's fit to units, and of what it leaves, (units, candidates) each."""
+    chi = fits.chi_squares(some @ fits.basis)
+    return chi, _distances(weight, some)[:, None] - chi
+
+
+def _lessened(chi: Array, left: Array, usual: Array) -> Array:
+    """Chi-squares over those of what is left, where this is more than usual: who is off all over has no one cause."""
+    return np.asarray(chi / np.maximum(left / usual, 1.0))
+
+
+def _distances(weight: Array, some: Array) -> Array:
+    return np.asarray(np.einsum("ud,ud->u", some @ weight, some))
+
+
+def _all_in_all(weight: Array, values: Array, members: Array) -> tuple[Array, Array, MembersTail]:
+    """Squared distance of each unit, its surprise as a scaled chi-square with members' mean and variance; members'."""
+    distance, theirs = (_distances(weight, some) for some in (values, members))
+    mean, variance = float(theirs.mean()), float(theirs.var(ddof=1))
+    scale, freedom = variance / (2 * mean), 2 * mean**2 / variance
+    return distance, surprise(distance / scale, freedom), MembersTail(surprise(theirs / scale, freedom), _ALL_OVER)
+
+
+def _causes(fits: Fits, best: int, unit: Array, members: Array) -> tuple[Shift, ...]:
+    """Sizes of a candidate, with the errors that a member's have."""
+    sizing = fits.sizing[best]
+    errors = np.sqrt(np.mean((members @ sizing) ** 2, axis=0))
+    return fits.candidates[best].shifts(unit @ sizing, errors, _NORMAL)

@@ -1,0 +1,378 @@
+"""Standard deviations of processes from the covariance of a lot's amplitudes, matched with units drawn and solved.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
+
+Progress = Callable[[str], None]
+
+#: Spread of the logarithm of a stiffness about what a model states, where it states none.
+STIFFNESS = 0.2
+_SMALL = 4.0  # times the least: below it the slope is that of a vanishing size, above it that of the drawn units
+_ROUNDS = (4, 8)  # with weights that follow the state; and steps at most with weights that are kept
+_RENEWALS = 2  # of the weights, until the state stays
+_SETTLED = 0.1  # fall of the objective, a chi-square
+_STEP = 4.0  # times which a variance changes in one step
+_EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
+_STARTS = 2
+_SHARE = 0.3  # of the drawn covariance that is taken block by block: as many units are drawn as three times its size
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What a lot says: mean and covariance of its units' whitened amplitudes.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (d,)
+    covariance : ndarray, shape (d, d)
+    units : int
+    freedom : int
+        Degrees of freedom of the covariance.
+    """
+
+    mean: Array
+    covariance: Array
+    units: int
+    freedom: int
+
+
+@dataclass(frozen=True)
+class LotEstimate:
+    """A lot's processes.
+
+    Attributes
+    ----------
+    state : State
+    variance_error : ndarray, shape (processes,)
+        Standard errors of the variances.
+    covariance : ndarray, shape (processes + 6, processes + 6)
+        Of variances and compliances.
+    objective : float
+        Chi-square of what is left.
+    freedom : int
+    draws : Draws
+        Units of the state.
+    weight : ndarray, shape (d, d)
+        Inverse covariance of the amplitudes of one unit.
+    """
+
+    state: State
+    variance_error: Array
+    covariance: Array = field(repr=False)
+    objective: float
+    freedom: int
+    draws: Draws = field(repr=False)
+    weight: Array = field(repr=False)
+
+    def means(self, rows: Array, simulator: Simulator, mean: Array, units: int) -> tuple[Array, Array]:
+        """Systematic errors that a lot's mean shows beside what is drawn, and their standard errors.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (r, components)
+            Of each the combination of components' means.
+        simulator : Simulator
+        mean : ndarray, shape (d,)
+            Of the lot's whitened amplitudes.
+        units : int
+
+        Returns
+        -------
+        sizes, errors : ndarray, shape (r,)
+            Core units.  What the mean does not tell is as a workshop makes it: about none.
+        """
+        prior, draws = simulator.parts.plausible, self.draws
+        of, soft = draws.influence * prior, draws.by_compliance.mean(axis=0).T * STIFFNESS
+        noisy = np.cov(draws.values.T) + np.eye(draws.values.shape[1])
+        whole = noisy * (1 / units + 1 / len(draws.values)) + of @ of.T + soft @ soft.T
+        scaled = rows * prior
+        gain = np.linalg.solve(whole, of @ scaled.T).T
+        variance = np.einsum("rp,rp->r", scaled, scaled) - np.einsum("rd,dr->r", gain, of @ scaled.T)
+        return gain @ (mean - draws.mean), np.sqrt(np.maximum(variance, 0.0))
+
+
+class _Weights(NamedTuple):
+    """How statistics are made of amplitudes, and their inverse covariance."""
+
+    forms: Array  # (a, d, d): quadratic ones
+    of_mean: Array  # (6, d): linear ones
+    inverse: Array  # (a + 6, a + 6)
+
+
+class _Distance(NamedTuple):
+    """How far the statistics of a state are from those of a lot."""
+
+    objective: float
+    away: Array
+    slope: Array  # (statistics, variances and compliances)
+
+
+@dataclass(frozen=True)
+class MomentMatching:
+    """The method of simulated moments for one lot.
+
+    Attributes
+    ----------
+    simulator : Simulator
+    sample : Sample
+    standard : ndarray, shape (n, components)
+        Standard normal draws of the parts, the same throughout.
+    fresh : ndarray, shape (m, components)
+        Others, of which weights are made.
+    least : ndarray, shape (processes,)
+        Standard deviations that no lot tells from none; what is less is drawn with these, as none has no slope.
+    tell : callable
+    """
+
+    simulator: Simulator
+    sample: Sample
+    standard: Array
+    fresh: Array
+    least: Array
+    tell: Progress
+
+    def estimate(self, state: State, *, again: bool = False) -> LotEstimate:
+        """Processes that make a lot like the sample, from a state onwards, `again` where it is near.
+
+        Parameters
+        ----------
+        state : State
+        again : bool
+            Whether the rounds with rough weights are left out.
+
+        Returns
+        -------
+        LotEstimate
+        """
+        for number in range(0 if again else _ROUNDS[0]):
+            draws = self.simulator.draws(state, self.standard)
+            weights = self._weights(draws, self._coarse(draws, state))
+            distance = self._distance(draws, state, weights)
+            self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
+            state = self._stepped(state, distance, weights, 0.3)
+        for renewal in range(_RENEWALS if again else 1):
+            before, weight = state, self._weight(state)
+            draws = self.simulator.draws(state, self.standard)
+            weights = self._weights(draws, weight, both=True)
+            state, draws, distance = self._settled(state, draws, weights)
+            if again and not renewal and distance.objective > chi_square(0.95, self._freedom(weights)):
+                state, draws, distance = self._elsewhere(state, draws, distance, weights)
+            if self._near(before, state, distance, weights):
+                break
+        return self._told(state, draws, distance, weights, weight)
+
+    def _settled(self, state: State, draws: Draws, weights: _Weights) -> tuple[State, Draws, _Distance]:
+        """Damped steps until the objective stays."""
+        distance, damping = self._distance(draws, state, weights), 0.1
+        for number in range(_ROUNDS[1]):
+            trial = self._stepped(state, distance, weights, damping)
+            solved = self.simulator.draws(trial, self.standard)
+            there = self._distance(solved, trial, weights)
+            fallen = distance.objective - there.objective
+            if fallen > 0:
+                state, draws, distance, damping = trial, solved, there, damping / 4
+                self.tell(f"step {number + 1}: chi-square {distance.objective:.3g}")
+            else:
+                damping *= 10
+            if abs(fallen) < _SETTLED or damping > 10:
+                break
+        return state, draws, distance
+
+    def _elsewhere(
+        self, state: State, draws: Draws, distance: _Distance, weights: _Weights
+    ) -> tuple[State, Draws, _Distance]:
+        """The best of some starts, where a fit is poor: of two processes that do nearly the same one makes all."""
+        best = state, draws, distance
+        for number, start in enumerate(self._exchanged(state, draws, weights)):
+            try:
+                found = self._settled(start, self.simulator.draws(start, self.standard), weights)
+            except np.linalg.LinAlgError:
+                continue
+            self.tell(f"start {number + 1}: chi-square {found[2].objective:.3g}")
+            if found[2].objective < best[2].objective - _SETTLED:
+                best = found
+        return best
+
+    def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
+        """States in which one of two processes that are hard to tell apart makes what both did."""
+        found = []
+        shown = np.einsum("ade,cde->ca", weights.forms, draws.squares)
+        size = np.linalg.norm(shown, axis=1)
+        alike = shown @ shown.T / np.outer(size, size)
+        variance = state.deviation**2
+        for kept, emptied in zip(*np.nonzero(alike > _EXCHANGED), strict=True):
+            if kept == emptied or variance[emptied] * size[emptied] < _SHARED * variance[kept] * size[kept]:
+                continue
+            deviation = state.deviation.copy()
+            deviation[kept] = math.sqrt(variance[kept] + variance[emptied] * size[emptied] / size[kept])
+            deviation[emptied] = self.least[emptied]
+            found.append(replace(state, deviation=deviation))
+        return found[:_STARTS]
+
+    @staticmethod
+    def _freedom(weights: _Weights) -> int:
+        """Statistics less what is estimated: half of the forms, as each process has two."""
+        return max(len(weights.forms) // 2, 1)
+
+    # --- statistics ---------------------------------------------------------------------------------------------------
+
+    def _coarse(self, draws: Draws, state: State) -> Array:
+        """Inverse of a covariance that no contact which opens makes smaller: sum of variances times mean J J'."""
+        whole = np.einsum("c,cde->de", state.deviation**2, draws.squares) + np.eye(draws.values.shape[1])
+        return np.asarray(np.linalg.inv(whole))
+
+    def _weight(self, state: State) -> Array:
+        """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
+        values = self.simulator.values(state, self.fresh)
+        made = np.cov(values.T)
+        order = np.tile(np.arange(len(self.simulator.amplitudes.orders)), 2 * len(self.simulator.amplitudes.conditions))
+        alike = order[:, None] == order
+        return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~alike) + np.eye(len(made))))
+
+    def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
+        """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""
+        of, units = self.simulator.parts.process, self.sample.units
+        kinds = list(draws.squares)
+        if both:
+            kinds += [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
+        forms = np.array([weight @ kind @ weight for kind in kinds])
+        forms /= np.sqrt(np.einsum("ade,ade->a", forms, forms))[:, None, None]
+        noisy = draws.about_mean + np.random.default_rng(1).standard_normal(draws.values.shape)
+        spread = np.cov(np.array([np.einsum("ud,ud->u", noisy @ form, noisy) for form in forms]))
+        drawn = 1 / len(draws.values)
+        count, prior = len(forms), self.simulator.parts.plausible
+        shifted = draws.influence * prior
+        whole = np.cov(noisy.T) * (1 / units + drawn) + shifted @ shifted.T
+        of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T
+        inverse = np.zeros((count + COMPLIANCES, count + COMPLIANCES))
+        inverse[:count, :count] = _inverse(spread * (1 / self.sample.freedom + drawn))
+        inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
+        return _Weights(forms, of_mean, inverse)
+
+    def _distance(self, draws: Draws, state: State, weights: _Weights) -> _Distance:
+        """Statistics of the sample less those of the drawn units, and how these change with the state."""
+        forms, about, count = weights.forms, draws.about_mean, len(draws.values)
+        pressed = np.array([about @ form for form in forms])  # (a, u, d)
+        made = np.einsum("aud,ud->a", pressed, about) / (count - 1)
+        noise = np.eye(about.shape[1])
+        had = np.einsum("ade,de->a", forms, self.sample.covariance - noise)
+        shifted = self.sample.mean - draws.mean
+        away = np.concatenate([had - made, weights.of_mean @ shifted])
+        changes = self._changes(draws, state)
+        slope = np.zeros((len(away), len(changes)))
+        for number, change in enumerate(changes):
+            slope[: len(forms), number] = 2 * np.einsum("aud,ud->a", pressed, change) / count
+            slope[len(forms) :, number] = weights.of_mean @ change.mean(axis=0)
+        for at in np.flatnonzero(state.deviation <= _SMALL * self.least):
+            slope[: len(forms), at] = np.einsum("ade,de->a", forms, draws.squares[at])
+            slope[len(forms) :, at] = 0.0
+        objective = float(away @ weights.inverse @ away + self._prior(state))
+        return _Distance(objective, away, slope)
+
+    def _prior(self, state: State) -> float:
+        """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""
+        return float(np.sum((state.deviation / self._workshop) ** 2) + np.sum((state.compliance / STIFFNESS) ** 2))
+
+    @property
+    def _workshop(self) -> Array:
+        return np.array([process.plausible for process in self.simulator.parts.processes])
+
+    def _changes(self, draws: Draws, state: State) -> list[Array]:
+        """Change of the drawn amplitudes with each variance and compliance, (u, d) each."""
+        twice = 2 * np.maximum(state.deviation, _SMALL * self.least)
+        return [draws.by_process[:, c] / twice[c] for c in range(len(twice))] + [
+            draws.by_compliance[:, k] for k in range(COMPLIANCES)
+        ]
+
+    # --- steps --------------------------------------------------------------------------------------------------------
+
+    def _stepped(self, state: State, distance: _Distance, weights: _Weights, damping: float) -> State:
+        """The state after a step of least squares within bounds."""
+        count, least = len(state.deviation), self.least
+        unit, information, pull = self._normal(state, distance, weights)
+        information = information + np.diag(np.r_[np.full(count, damping), np.zeros(COMPLIANCES)] + 1e-6)
+        now = np.concatenate([state.deviation**2, state.compliance])
+        low = np.concatenate([np.maximum(least**2, state.deviation**2 / _STEP), state.compliance - 0.3])
+        most = np.maximum(state.deviation**2 * _STEP, (10 * least) ** 2)
+        high = np.concatenate([most, state.compliance + 0.3])
+        factor = np.linalg.cholesky(information)
+        found = scipy.optimize.lsq_linear(
+            factor.T, np.linalg.solve(factor, pull), bounds=((low - now) / unit - 1e-12, (high - now) / unit + 1e-12)
+        )
+        new = now + found.x * unit
+        return replace(state, deviation=np.sqrt(np.maximum(new[:count], least**2)), compliance=new[count:])
+
+    def _normal(self, state: State, distance: _Distance, weights: _Weights) -> tuple[Array, Array, Array]:
+        """Units of the values, and in these the information on them and the pull."""
+        unit = np.concatenate([np.maximum(state.deviation, 4 * self.least) ** 2, np.full(COMPLIANCES, STIFFNESS)])
+        slope, prior = distance.slope * unit, np.zeros(len(unit))
+        prior[-COMPLIANCES:] = 1.0
+        information = slope.T @ weights.inverse @ slope + np.diag(prior)
+        pull = slope.T @ weights.inverse @ distance.away
+        pull[-COMPLIANCES:] -= state.compliance / STIFFNESS
+        pull[:-COMPLIANCES] -= unit[:-COMPLIANCES] / (2 * self._workshop**2)
+        return unit, information, pull
+
+    def _near(self, before: State, state: State, distance: _Distance, weights: _Weights) -> bool:
+        """Whether a state moved by less than a third of its standard errors."""
+        unit, information, _ = self._normal(state, distance, weights)
+        change = np.concatenate([state.deviation**2 - before.deviation**2, state.compliance - before.compliance])
+        return bool(change / unit @ information @ (change / unit) < len(change) / 9)
+
+    def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights, weight: Array) -> LotEstimate:
+        unit, information, _ = self._normal(state, distance, weights)
+        covariance = np.linalg.pinv(information + 1e-4 * np.eye(len(unit)), hermitian=True) * np.outer(unit, unit)
+        count, freedom = len(state.deviation), self._freedom(weights)
+        covariance *= max(distance.objective / freedom, 1.0)  # what the model lacks widens all intervals
+        return LotEstimate(
+            state,
+            np.sqrt(np.diag(covariance)[:count]),
+            covariance,
+            distance.objective,
+            freedom,
+            draws,
+            weight,
+        )
+
+
+def _inverse(matrix: Array) -> Array:
+    """Inverse of a covariance of statistics; directions a thousandth as wide as the others count as wide as that."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size) + 1e-3 * np.eye(len(size))
+    return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
+
+
+def sample_of(values: Array, groups: int = 1) -> Sample:
+    """Mean and covariance of units' whitened amplitudes."""
+    freedom = len(values) - groups
+    mean = values.mean(axis=0)
+    about = values - mean
+    return Sample(mean, about.T @ about / max(freedom, 1), len(values), max(freedom, 1))
+
+
+def interval(variance: float, error: float, level: float = 1.96) -> tuple[float, float]:
+    """Standard deviations between which a process' is, from its variance and that one's standard error.
+
+    Where the variance is known, a chi-square of 2 (v/e)^2 degrees of freedom, as of the variance of a sample; where it
+    may be none, the variance plus or less 1.96 errors.
+    """
+    low, high = math.sqrt(max(variance - level * error, 0.0)), math.sqrt(max(variance + level * error, 0.0))
+    if variance > 2.5 * error:
+        freedom = 2 * (variance / error) ** 2
+        low = math.sqrt(variance * freedom / float(scipy.stats.chi2.ppf(0.975, freedom)))
+        high = math.sqrt(variance * freedom / float(scipy.stats.chi2.ppf(0.025, freedom)))
+    return low, high

@@ -1,0 +1,211 @@
+"""Processes: classes of part errors of which all instances share one standard deviation.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.text import describe
+from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.source import Index, IndexValue, Known, Parameter, Source
+from rverror.model.catalogue import CATALOGUE, source
+from rverror.model.effects import Effect, Model
+from rverror.tolerances.loaded_units import Instance
+from rverror.tolerances.stacking import Tolerance
+
+_HARMONICS = 2  # of waves over a part, where no tolerances name them: runout and ovality
+
+
+@dataclass(frozen=True)
+class Process:
+    """A class of part errors: one source, all parts of a kind.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping of str to int or str
+        What is not a matter of which part it is: the harmonic of a wave.
+    instances : tuple of mapping
+        The parts: whole sets of indices.
+    parameters : tuple of Parameter
+        Components that share the standard deviation.
+    tolerance : Tolerance, optional
+        Of the drawing.
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    instances: tuple[Mapping[str, IndexValue], ...]
+    parameters: tuple[Parameter, ...]
+    tolerance: Tolerance | None = None
+
+    @property
+    def label(self) -> str:
+        """Its name for people."""
+        named = describe(self.key, self.indices)
+        few = len(self.parameters) < len(source(self.key).parameters)
+        return f"{named} {', '.join(p.name for p in self.parameters)}" if few else named
+
+    @property
+    def plausible(self) -> float:
+        """Standard deviation of a workshop, core unit: a third of the largest size that surprises no one."""
+        return self.parameters[0].plausible / 3
+
+
+@dataclass(frozen=True)
+class UnitParts:
+    """All parts of a unit whose errors vary from unit to unit, as components of one vector.
+
+    Attributes
+    ----------
+    processes : tuple of Process
+    """
+
+    processes: tuple[Process, ...]
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        """One effect of no size for each part of each process."""
+        return tuple(
+            Effect(process.key, dict(indices), (0.0,) * len(source(process.key).parameters))
+            for process in self.processes
+            for indices in process.instances
+        )
+
+    @cached_property
+    def _places(self) -> list[tuple[int, int, int]]:
+        """Process, effect and parameter of each component."""
+        found, number = [], 0
+        for at, process in enumerate(self.processes):
+            names = [p.name for p in source(process.key).parameters]
+            for _ in process.instances:
+                found += [(at, number, names.index(p.name)) for p in process.parameters]
+                number += 1
+        return found
+
+    @cached_property
+    def process(self) -> npt.NDArray[np.intp]:
+        """Process of each component, shape (p,)."""
+        return np.array([at for at, _, _ in self._places], dtype=np.intp)
+
+    @cached_property
+    def effect(self) -> npt.NDArray[np.intp]:
+        """Effect of each component, shape (p,)."""
+        return np.array([number for _, number, _ in self._places], dtype=np.intp)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameter of each component."""
+        return tuple(source(self.effects[e].key).parameters[k] for _, e, k in self._places)
+
+    @cached_property
+    def least(self) -> Array:
+        """Least value of each component."""
+        return np.array([p.least for p in self.parameters])
+
+    @cached_property
+    def plausible(self) -> Array:
+        """Standard deviation of a workshop, core units, shape (p,)."""
+        return np.array([self.processes[at].plausible for at in self.process])
+
+    @cached_property
+    def placed(self) -> tuple[Instance, ...]:
+        """Where the components stand among the parameters of each effect."""
+        at: list[list[tuple[int, int]]] = [[] for _ in self.effects]
+        for component, (_, number, parameter) in enumerate(self._places):
+            at[number].append((parameter, component))
+        return tuple(Instance(e.key, e.indices, tuple(some)) for e, some in zip(self.effects, at, strict=True))
+
+
+def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | None = None) -> tuple[Process, ...]:
+    """Processes whose parts a run can show: of the drawing's tolerances, or all of the catalogue.
+
+    Parameters
+    ----------
+    model : Model
+    run : Known
+        What is known beside the angles.
+    tolerances : iterable of Tolerance, optional
+
+    Returns
+    -------
+    tuple of Process
+
+    Raises
+    ------
+    InputError
+        If two tolerances are about the same parts.
+    """
+    unit = model.mechanism
+    assert isinstance(unit, Reducer)
+    if tolerances is not None:
+        found = [p for one in tolerances for p in _of_tolerance(one, unit)]
+        _check_once(found)
+        return tuple(found)
+    return tuple(
+        process
+        for entry in CATALOGUE.values()
+        if entry.applies_to(unit) and entry.is_cause and not entry.lacks(unit, run)
+        for process in _of_source(entry, unit)
+    )
+
+
+def _of_source(entry: Source, unit: Reducer) -> list[Process]:
+    """Processes of a source, where its size is random from part to part."""
+    varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
+    if not (entry.in_lots and entry.tried and entry.periodic and varied):
+        return []
+    harmonics = [index for index in entry.indices if not _is_part(index)]
+    parts = [index for index in entry.indices if _is_part(index)]
+    found = []
+    for chosen in product(*([v for v in i.tried(unit) if _is_low(v)] for i in harmonics)):
+        fixed = dict(zip([i.name for i in harmonics], chosen, strict=True))
+        which = product(*([v for v in i.tried(unit) if v != "all"] for i in parts))
+        instances = tuple({**fixed, **dict(zip([i.name for i in parts], one, strict=True))} for one in which)
+        if instances:
+            found.append(Process(entry.key, fixed, instances, varied))
+    return found
+
+
+def _is_part(index: Index) -> bool:
+    """Whether an index tells one part from another."""
+    return index.name != "harmonic"
+
+
+def _is_low(value: IndexValue) -> bool:
+    return not isinstance(value, int) or 1 <= value <= _HARMONICS
+
+
+def _of_tolerance(one: Tolerance, unit: Reducer) -> list[Process]:
+    """Processes of a tolerance: one for each harmonic."""
+    by_harmonic: dict[tuple[tuple[str, IndexValue], ...], list[Mapping[str, IndexValue]]] = {}
+    parts = {index.name for index in source(one.key).indices if _is_part(index)}
+    for indices in one.instances(unit):
+        fixed = tuple((name, value) for name, value in indices.items() if name not in parts)
+        by_harmonic.setdefault(fixed, []).append(indices)
+    return [Process(one.key, dict(fixed), tuple(some), one.chosen, one) for fixed, some in by_harmonic.items()]
+
+
+def _check_once(processes: Sequence[Process]) -> None:
+    seen: dict[tuple[object, ...], str] = {}
+    for process in processes:
+        for indices in process.instances:
+            for parameter in process.parameters:
+                name = process.key, tuple(sorted(indices.items())), parameter.name
+                if name in seen:
+                    raise InputError(
+                        f"tolerances: {describe(process.key, indices)} has two, {seen[name]!r} and "
+                        f"{process.label!r}; a lot tells one spread of each part: leave one out"
+                    )
+                seen[name] = process.label

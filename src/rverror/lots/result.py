@@ -1,0 +1,234 @@
+"""What a lot says: processes, units that are no members, groups that differ, and the units to come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.viewed import OneLine
+from rverror.geartrain.source import IndexValue
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval, core units."""
+
+    value: float
+    low: float
+    high: float
+
+    def __contains__(self, other: float) -> bool:
+        """Whether a value is within."""
+        return self.low <= other <= self.high
+
+
+@dataclass(frozen=True)
+class MadeBy:
+    """A process as the lot shows it.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping of str to int or str
+        Of a wave its harmonic.
+    parameters : tuple of str
+        Components that share the standard deviation.
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    deviation : Interval or None
+        Standard deviation of each component; None where the lot does not show it.
+    above_zero : bool
+        Whether it is told from none, at 5 %.
+    share : float
+        Of the variance of the output error, over orders and conditions; 0 where it is not shown.
+    alike : tuple of str
+        Processes that no lot tells from it: what is said is of them all together.
+    units_needed : int or None
+        Units with which its interval would be within a quarter of its value; None where it is not above zero.
+    tolerance : str
+        Of the drawing, by its name; empty where there is none.
+    capability : float or None
+        Cp: width of the tolerance over what the process needs, 1 where 0.27 % are beyond.
+    capability_centred : float or None
+        Cpk: the same, less what the mean is off.
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    parameters: tuple[str, ...]
+    dimension: str
+    deviation: Interval | None
+    above_zero: bool
+    share: float
+    alike: tuple[str, ...] = ()
+    units_needed: int | None = None
+    tolerance: str = ""
+    capability: float | None = None
+    capability_centred: float | None = None
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A systematic error: a mean that all units share, or by which some differ from the others.
+
+    Attributes
+    ----------
+    key : str
+    indices : mapping of str to int or str
+        Of the part; of several that are shifted alike, what they have in common.
+    parameter : str
+    dimension : str
+    size : Interval
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    parameter: str
+    dimension: str
+    size: Interval
+
+
+@dataclass(frozen=True)
+class Outsider:
+    """A unit that is no member of the lot.
+
+    Attributes
+    ----------
+    serial : str
+    distance : float
+        Squared standard deviations by which it is off along its cause.
+    chance : float
+        How often a member of the lot is as far off, any cause of any unit.
+    causes : tuple of Shift
+        The error of one part that makes it so, a shift for each parameter.
+    rivals : tuple of str
+        UnitParts that would do it as well.
+    """
+
+    serial: str
+    distance: float
+    chance: float
+    causes: tuple[Shift, ...]
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Units of a label that differ from the others.
+
+    Attributes
+    ----------
+    label, value : str
+        Such as machine, B.
+    units : int
+        That have it.
+    chance : float
+        How often units that do not differ show as much, over all labels, values and sources.
+    causes : tuple of Shift
+        One for each parameter of the source.
+    rivals : tuple of str
+        What would do it as well.
+    """
+
+    label: str
+    value: str
+    units: int
+    chance: float
+    causes: tuple[Shift, ...]
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Change:
+    """A mean that changes over the serial numbers.
+
+    Attributes
+    ----------
+    since : str
+        Serial number from which on.
+    course : str
+        ``"step"``, or ``"ramp"`` of which the size is that at the last unit.
+    chance : float
+        How often units in any order show as much.
+    cause : Shift
+    rivals : tuple of str
+    """
+
+    since: str
+    course: str
+    chance: float
+    cause: Shift
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Peak-to-peak error of the units to come, under one condition.
+
+    Attributes
+    ----------
+    condition : str
+    mean : float
+        rad.
+    quantile : Interval
+        Which 95 % stay below, rad.
+    seen : tuple of float
+        Mean and 95 % quantile of the measured units, rad, noise included.
+    """
+
+    condition: str
+    mean: float
+    quantile: Interval
+    seen: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Lot(OneLine):
+    """Result of `lot`.
+
+    Attributes
+    ----------
+    model : str
+        Name of the unit.
+    units : int
+        That were used.
+    conditions : tuple of str
+    processes : tuple of MadeBy
+        The largest share first; those that do not show last.
+    shifts : tuple of Shift
+        Systematic errors that are told from none, at 5 % of all of them together.
+    stiffness : mapping of str to Interval
+        Of what the model states, as ratio.
+    outsiders : tuple of Outsider
+    differences : tuple of Difference
+    changes : tuple of Change
+    predicted : tuple of Predicted
+        For each condition.
+    chance : float
+        How often a lot of such processes is as far from what they make; below 0.001 the model lacks something.
+    orders, amplitudes, made : ndarray
+        Orders, root mean squares of the units' amplitudes about their mean, rad, shape (conditions, orders), and the
+        same of units that the processes make.
+    notes : tuple of str
+        What was left out, and what is to be doubted.
+    """
+
+    model: str
+    units: int
+    conditions: tuple[str, ...]
+    processes: tuple[MadeBy, ...]
+    shifts: tuple[Shift, ...]
+    stiffness: Mapping[str, Interval]
+    outsiders: tuple[Outsider, ...]
+    differences: tuple[Difference, ...]
+    changes: tuple[Change, ...]
+    predicted: tuple[Predicted, ...]
+    chance: float
+    orders: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    amplitudes: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    made: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,284 @@
+"""A lot as text, for programs, as a page with pictures, and as a table for spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from rverror.base.numbers import in_arcsec, rounded
+from rverror.base.text import printable
+from rverror.base.units import ARCSEC, DISPLAY_UNITS, to_display
+from rverror.geartrain.source import IndexValue
+from rverror.lots.result import Interval, Lot, MadeBy, Predicted, Shift
+from rverror.views.envelope import InputFile, enveloped
+from rverror.views.html import document, escaped, inputs
+from rverror.views.kinds import described
+from rverror.views.lot_words import process_name
+from rverror.views.notebook import page
+from rverror.views.sheets import as_text, sheet
+from rverror.views.svg import Bar, bars, spectrum
+from rverror.views.variables import columns
+
+_WIDTH = 720
+_MOST_PICTURES = 4
+
+
+def lot_text(result: Lot, *, files: Sequence[InputFile] = ()) -> str:
+    """Lot as text, angles in arcsec and lengths in um; `files` are what it was made from."""
+    text = as_text(sheet(result))
+    return text + (f"\nMade from {len(files)} files; the JSON lists them\n" if files else "")
+
+
+def lot_csv(result: Lot) -> str:
+    """Processes of a lot as comma-separated text, a row for each."""
+    found, _ = columns(described(result), rows="process", display=True)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(found)
+    for row in zip(*found.values(), strict=True):
+        writer.writerow([_csv_cell(value) for value in row])
+    return text.getvalue()
+
+
+def _csv_cell(value: Any) -> str:
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, float):
+        return "" if math.isnan(plain) else f"{plain:.6g}"
+    if isinstance(plain, bool):
+        return "yes" if plain else "no"
+    return printable(str(plain))
+
+
+# --- for programs -----------------------------------------------------------------------------------------------------
+
+
+def lot_json(result: Lot, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
+    """Lot as plain data for `json.dump`: um and arcsec, None where something is not determined."""
+    worst = max(result.predicted, key=lambda one: one.quantile.value, default=None)
+    return enveloped(
+        "Lot",
+        {
+            "model": result.model,
+            "units": result.units,
+            "conditions": list(result.conditions),
+            "chance": rounded(result.chance),
+            "processes": _processes(result),
+            "shifts": [_shift(one) for one in result.shifts],
+            "stiffness": {
+                name: {"ratio": rounded(one.value), "interval": _ends(one)} for name, one in result.stiffness.items()
+            },
+            "outliers": [
+                {
+                    "unit": one.serial,
+                    "distance": rounded(one.distance),
+                    "chance": rounded(one.chance),
+                    "added": _added(one.causes, one.rivals),
+                }
+                for one in result.outsiders
+            ],
+            "groups": [
+                {
+                    "label": one.label,
+                    "value": one.value,
+                    "units": one.units,
+                    "chance": rounded(one.chance),
+                    **_difference(cause),
+                    "indistinguishable_from": list(one.rivals),
+                }
+                for one in result.differences
+                for cause in one.causes
+            ],
+            "changes": [
+                {
+                    "since": one.since,
+                    "course": one.course,
+                    "chance": rounded(one.chance),
+                    **_difference(one.cause),
+                    "indistinguishable_from": list(one.rivals),
+                }
+                for one in result.changes
+            ],
+            "predicted": None if worst is None else _predicted(worst),
+            "predicted_by_condition": [_predicted(one) for one in result.predicted],
+            "orders": [int(order) for order in result.orders],
+            "rms_by_order": [
+                {
+                    "condition": condition,
+                    "measured_arcsec": [in_arcsec(float(x)) for x in measured],
+                    "made_arcsec": [in_arcsec(float(x)) for x in made],
+                }
+                for condition, measured, made in zip(result.conditions, result.amplitudes, result.made, strict=False)
+            ],
+            "notes": list(result.notes),
+        },
+        files,
+    )
+
+
+def _processes(result: Lot) -> list[dict[str, Any]]:
+    """An entry for each process and parameter; one more for each part that is shifted by itself."""
+    of_all: dict[tuple[Any, ...], Shift] = {_place(s.key, s.indices, s.parameter): s for s in result.shifts}
+    found = [
+        _process(one, name, of_all.pop(_place(one.key, one.indices, name), None))
+        for one in result.processes
+        for name in one.parameters
+    ]
+    return found + [_part(shift) for shift in of_all.values()]
+
+
+def _place(key: str, indices: Mapping[str, IndexValue], parameter: str) -> tuple[Any, ...]:
+    return key, frozenset(indices.items()), parameter
+
+
+def _process(one: MadeBy, parameter: str, shift: Shift | None) -> dict[str, Any]:
+    dimension, deviation = one.dimension, one.deviation
+    return {
+        "key": one.key,
+        "parameter": parameter,
+        "indices": dict(one.indices),
+        "unit": DISPLAY_UNITS[dimension],
+        **_mean(shift),
+        "sd": None if deviation is None else _shown(deviation.value, dimension),
+        "sd_interval": None if deviation is None else _ends(deviation, dimension),
+        "above_zero": one.above_zero,
+        "share": rounded(one.share),
+        "with": list(one.alike),
+        "units_needed": one.units_needed,
+        "tolerance": one.tolerance or None,
+        "cp": rounded(one.capability),
+        "cpk": rounded(one.capability_centred),
+    }
+
+
+def _part(shift: Shift) -> dict[str, Any]:
+    """Entry of a shift that no process as a whole has."""
+    alone: dict[str, Any] = {
+        "sd": None,
+        "sd_interval": None,
+        "above_zero": False,
+        "share": None,
+        "with": [],
+        "units_needed": None,
+    }
+    unit = DISPLAY_UNITS[shift.dimension]
+    named = {"key": shift.key, "parameter": shift.parameter, "indices": dict(shift.indices), "unit": unit}
+    return {**named, **_mean(shift), **alone, "tolerance": None, "cp": None, "cpk": None}
+
+
+def _mean(shift: Shift | None) -> dict[str, Any]:
+    if shift is None:
+        return {"mean": None, "mean_interval": None}
+    return {"mean": _shown(shift.size.value, shift.dimension), "mean_interval": _ends(shift.size, shift.dimension)}
+
+
+def _shift(one: Shift) -> dict[str, Any]:
+    return {
+        "key": one.key,
+        "indices": dict(one.indices),
+        "parameter": one.parameter,
+        "value": _shown(one.size.value, one.dimension),
+        "interval": _ends(one.size, one.dimension),
+        "unit": DISPLAY_UNITS[one.dimension],
+    }
+
+
+def _difference(one: Shift) -> dict[str, Any]:
+    told = _shift(one)
+    return {"difference" if name == "value" else name: value for name, value in told.items()}
+
+
+def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any]]:
+    """Causes by their place, each with its parameters."""
+    parts: dict[tuple[Any, ...], list[Shift]] = {}
+    for cause in causes:
+        parts.setdefault(_place(cause.key, cause.indices, ""), []).append(cause)
+    return [
+        {
+            "key": some[0].key,
+            "indices": dict(some[0].indices),
+            "parameters": {one.parameter: _bounded(one) for one in some},
+            "indistinguishable_from": list(rivals),
+        }
+        for some in parts.values()
+    ]
+
+
+def _bounded(one: Shift) -> dict[str, Any]:
+    value, low, high = (_shown(x, one.dimension) for x in (one.size.value, one.size.low, one.size.high))
+    return {"value": value, "unit": DISPLAY_UNITS[one.dimension], "low": low, "high": high}
+
+
+def _predicted(one: Predicted) -> dict[str, Any]:
+    return {
+        "condition": one.condition,
+        "mean_arcsec": in_arcsec(one.mean),
+        "p95_arcsec": in_arcsec(one.quantile.value),
+        "p95_interval": _ends(one.quantile, "angle"),
+        "measured_mean_arcsec": in_arcsec(one.seen[0]),
+        "measured_p95_arcsec": in_arcsec(one.seen[1]),
+    }
+
+
+def _shown(value: float, dimension: str) -> float | None:
+    return rounded(to_display(value, dimension))
+
+
+def _ends(one: Interval, dimension: str = "number") -> list[float | None]:
+    return [_shown(end, dimension) for end in (one.low, one.high)]
+
+
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+
+def lot_html(result: Lot, *, files: Sequence[InputFile] = ()) -> str:
+    """Lot as one HTML page that needs nothing else: what the text says, and pictures of it."""
+    data = lot_json(result, files=files)
+    parts = [
+        f"<h1>{escaped(f'Lot of {result.model}')}</h1>",
+        page(result),
+        *_deviations(result),
+        *_spectra(result),
+        inputs(data["inputs"], data["version"]),
+    ]
+    return document(f"rverror: lot of {result.model}", "\n".join(parts))
+
+
+def _deviations(result: Lot) -> Iterable[str]:
+    """Standard deviations with intervals, a picture for each unit."""
+    for dimension in dict.fromkeys(one.dimension for one in result.processes if one.above_zero):
+        unit = DISPLAY_UNITS[dimension]
+        rows = [
+            (process_name(one), _own_bars(one, one.deviation))
+            for one in result.processes
+            if one.above_zero and one.deviation is not None and one.dimension == dimension
+        ]
+        caption = f"standard deviation, {unit}"
+        drawn = bars(rows, width=_WIDTH, title=f"{caption}, of each process", caption=caption)
+        allowed = "; below it, in orange, what the tolerance allows (Cp = 1)" if _toleranced(result, dimension) else ""
+        words = f"Made, in blue, with the 95 % interval{allowed}."
+        yield f"<figure>{drawn}<figcaption>{escaped(words)}</figcaption></figure>"
+
+
+def _toleranced(result: Lot, dimension: str) -> bool:
+    return any(one.capability is not None for one in result.processes if one.dimension == dimension)
+
+
+def _own_bars(one: MadeBy, deviation: Interval) -> list[Bar]:
+    value, low, high = (to_display(x, one.dimension) for x in (deviation.value, deviation.low, deviation.high))
+    made = Bar(look="after", value=value, low=low, high=high)
+    return [made] if one.capability is None else [made, Bar(look="before", value=one.capability * value)]
+
+
+def _spectra(result: Lot) -> Iterable[str]:
+    """Spread of the units by order, measured and made, of the first conditions."""
+    for condition, measured, made in list(zip(result.conditions, result.amplitudes, result.made, strict=False))[
+        :_MOST_PICTURES
+    ]:
+        title = f"spread of the units by order, {condition}"
+        sizes = (measured / ARCSEC, made / ARCSEC)
+        drawn = spectrum(result.orders.astype(float), *sizes, [], width=_WIDTH, title=title, unit="arcsec rms")
+        words = f"{condition}: spread of the units about their mean, measured (orange, wide) and made (blue, thin)."
+        yield f"<figure>{drawn}<figcaption>{escaped(words)}</figcaption></figure>"

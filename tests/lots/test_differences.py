@@ -1,0 +1,222 @@
+"""Groups that differ, means that change: planted shifts are named, sound lots raise no more alarms than agreed."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy
+
+import rverror
+from rverror.base.arrays import Array
+from rverror.lots.differences import (
+    Fits,
+    ShiftSource,
+    Tail,
+    candidates_of,
+    changes_over_serial,
+    group_differences,
+    surprise,
+)
+from rverror.lots.processes import UnitParts, processes_of
+
+UM = 1e-3
+D, UNITS = 60, 120
+
+
+@cache
+def parts() -> UnitParts:
+    model = rverror.Model(rverror.reducer("RV-40E"))
+    theta = np.linspace(0, 2 * np.pi, 400)
+    run = rverror.run_from_arrays(
+        output_angle=theta, input_angle=121 * theta, direction="forward", torque=20e3, ratio=model
+    )
+    return UnitParts(processes_of(model, run))
+
+
+@cache
+def influence() -> Array:
+    """Random: a tenth of a workshop's spread makes a quarter of the noise."""
+    of = np.random.default_rng(0).standard_normal((D, len(parts().process)))
+    return np.asarray(of / (0.1 * parts().plausible) / 4)
+
+
+@cache
+def spread() -> Array:
+    of = influence() * 0.1 * parts().plausible
+    return np.asarray(np.eye(D) + of @ of.T)
+
+
+@cache
+def weight() -> Array:
+    return np.asarray(np.linalg.inv(spread()))
+
+
+@cache
+def candidates() -> tuple[ShiftSource, ...]:
+    return candidates_of(influence(), parts())
+
+
+def lot(seed: int) -> Array:
+    return np.asarray(np.random.default_rng(seed).standard_normal((UNITS, D)) @ np.linalg.cholesky(spread()).T)
+
+
+def of_parts(key: str, parameter: str, **indices: int) -> ShiftSource:
+    (found,) = (c for c in candidates() if (c.key, c.parameters, c.indices) == (key, (parameter,), indices))
+    return found
+
+
+def error_of(one: ShiftSource, times: float) -> float:
+    """So many standard errors of one unit, as size."""
+    return times / float(np.sqrt(one.columns[:, 0] @ weight() @ one.columns[:, 0]))
+
+
+def machines(seed: int) -> dict[str, tuple[str, ...]]:
+    rng = np.random.default_rng(10_000 + seed)
+    return {
+        "machine": tuple(rng.choice(["A", "B", "C"], UNITS).tolist()),
+        "shift": tuple(rng.choice(["early", "late", ""], UNITS).tolist()),
+        "bench": ("only",) * UNITS,
+    }
+
+
+def test_parts_move_alike_that_share_an_index() -> None:
+    """Cams of two cranks and two discs: each alone, those of a disc, those of a crank, and all: nine; pins: all."""
+    cams = [c for c in candidates() if c.key == "crank.eccentricity"]
+    assert len({c.label for c in cams}) == 9
+    assert len(cams) == 27  # radial, tangential, and both
+    both = of_parts("crank.eccentricity", "radial", disc=0)
+    alone = [of_parts("crank.eccentricity", "radial", crank=k, disc=0) for k in (0, 1)]
+    np.testing.assert_allclose(both.columns, alone[0].columns + alone[1].columns)
+    assert [c.label for c in candidates() if c.key == "cycloid.pin_radius"] == ["cycloid.pin_radius"]
+
+
+def test_parts_that_do_not_show_are_no_candidates() -> None:
+    """A column of a size that a thousand units would not show is rounding."""
+    faint = influence() * np.where(parts().process == 0, 1e-9, 1.0)
+    assert parts().processes[0].key not in {c.key for c in candidates_of(faint, parts())}
+
+
+def test_two_parameters_that_do_the_same_are_not_told_as_two() -> None:
+    column = np.random.default_rng(0).standard_normal((D, 1))
+    twice = ShiftSource("crank.index", {}, ("a", "b"), "angle", np.concatenate([column, 2 * column], axis=1))
+    assert Fits.of([twice], np.eye(D)).candidates == ()
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 3])
+def test_surprise_is_a_tail_probability_where_that_underflows_too(freedom: int) -> None:
+    chi = np.array([0.0, 1.0, 20.0, 499.0, 501.0, 1300.0])
+    np.testing.assert_allclose(surprise(chi, freedom), -scipy.stats.chi2.logsf(chi, freedom), rtol=1e-4, atol=1e-12)
+    assert np.isfinite(surprise(np.array([1e5]), freedom)).all()
+
+
+def test_tail_of_an_exponential() -> None:
+    """Chance within a factor of two at e^-10, seen by 499; what nobody saw is rare, not impossible."""
+    tail = Tail(-np.log1p(-(np.arange(499) + 0.5) / 499))
+    assert 0.5 < tail.chance(10.0) / np.exp(-10) < 3
+    assert tail.chance(0.1) == pytest.approx(np.exp(-0.1), rel=0.01)
+    assert 0 < tail.chance(100.0) < 1e-12
+
+
+def test_cams_of_one_disc_of_a_machine_are_named_and_nothing_else() -> None:
+    """3 um are 1.8 standard errors of a unit here, 9 of the difference of the means; 5 are told mostly."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    hits, covered = 0, 0
+    for seed in range(20):
+        labels = machines(seed)
+        values = lot(seed)
+        values[np.array(labels["machine"]) == "B"] += cams.columns[:, 0] * 3 * UM
+        found = group_differences(values, labels, weight(), candidates(), seed=seed)
+        one = found[0]
+        named = [(s.key, dict(s.indices), s.parameter) for s in one.causes]
+        right = (one.label, one.value) == ("machine", "B") and named == [(cams.key, {"disc": 0}, "radial")]
+        hits += len(found) == 1 and right
+        covered += 3 * UM in one.causes[0].size
+        assert one.units == labels["machine"].count("B")
+        assert one.causes[0].dimension == "length"
+    assert hits >= 19
+    assert covered >= 16  # of 20 at 95 %: fewer are a chance of 0.3 %
+
+
+def test_of_two_values_the_later_is_told_against_the_earlier() -> None:
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    labels = {"machine": ("A", "B") * (UNITS // 2)}
+    values = lot(0)
+    values[::2] += cams.columns[:, 0] * error_of(cams, 3.0)
+    (found,) = group_differences(values, labels, weight(), candidates())
+    assert found.value == "B"
+    assert found.causes[0].size.high < 0
+
+
+def test_two_parameters_are_told_where_both_are_off() -> None:
+    one, other = (of_parts("crank.eccentricity", name, disc=0) for name in ("radial", "tangential"))
+    values = lot(1)
+    values[::2] += one.columns[:, 0] * error_of(one, 2) + other.columns[:, 0] * error_of(other, 2)
+    (found,) = group_differences(values, {"machine": ("B", "A") * (UNITS // 2)}, weight(), candidates())
+    assert [s.parameter for s in found.causes] == ["radial", "tangential"]
+
+
+def test_parts_that_do_the_same_are_rivals() -> None:
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    twin = ShiftSource("involute.sun_offset", {}, ("x",), "length", cams.columns * 1.01)
+    values = lot(2)
+    values[1::2] += cams.columns[:, 0] * error_of(cams, 3.0)
+    labels = {"machine": ("A", "B") * (UNITS // 2)}
+    (found,) = group_differences(values, labels, weight(), [*candidates(), twin])
+    assert {found.causes[0].key, found.rivals[0].split()[0]} == {cams.key, twin.key}
+
+
+def test_too_few_units_or_no_others_tell_nothing() -> None:
+    values = lot(3)
+    values[:4] += 100
+    few = ("B",) * 4 + ("A",) * (UNITS - 4)
+    each = tuple(map(str, range(UNITS)))
+    labels = {"machine": few, "serial": each, "none": ("",) * UNITS, "one": ("A",) * UNITS}
+    assert group_differences(values, labels, weight(), candidates()) == ()
+
+
+def test_sound_lots_raise_no_more_alarms_than_agreed() -> None:
+    """Of 40 lots 0.4 at 1 %: more than 3 are a chance of 1 in 1400.  At 30 % there are 12, less or more 2.9."""
+    found = [group_differences(lot(s), machines(s), weight(), candidates(), level=0.3, seed=s) for s in range(40)]
+    assert sum(one[0].chance < 0.01 for one in found if one) <= 3
+    assert 4 <= sum(len(one) > 0 for one in found) <= 21
+
+
+SERIALS = [f"U{number:04d}" for number in range(UNITS)]
+
+
+def test_ramp_is_found_where_it_begins() -> None:
+    """From 60 % of the units on, to 6 standard errors of a unit at the last."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    size, begins = error_of(cams, 6.0), int(0.6 * UNITS)
+    course = np.maximum(np.arange(UNITS) - begins, 0) / (UNITS - 1 - begins)
+    near, covered = 0, 0
+    for seed in range(20):
+        found = changes_over_serial(
+            lot(seed) + np.outer(course * size, cams.columns[:, 0]), SERIALS, weight(), candidates(), seed=seed
+        )
+        one = found[0]
+        assert (one.cause.key, dict(one.cause.indices), one.cause.parameter) == (cams.key, {"disc": 0}, "radial")
+        near += one.course == "ramp" and abs(SERIALS.index(one.since) - begins) <= 0.1 * UNITS
+        covered += size in one.cause.size
+    assert near >= 19
+    assert covered >= 14  # the interval takes the beginning for known
+
+
+def test_step_is_found_at_its_unit() -> None:
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    values = lot(4)
+    values[80:] += cams.columns[:, 0] * error_of(cams, 4.0)
+    (found,) = changes_over_serial(values, SERIALS, weight(), candidates())
+    assert found.course == "step"
+    assert abs(SERIALS.index(found.since) - 80) <= 2
+    assert error_of(cams, 4.0) in found.cause.size
+    assert found.chance < 1e-3
+
+
+def test_sound_lots_do_not_change() -> None:
+    """As of groups."""
+    found = [changes_over_serial(lot(s), SERIALS, weight(), candidates(), level=0.3, seed=s) for s in range(40)]
+    assert sum(one[0].chance < 0.01 for one in found if one) <= 3
+    assert 4 <= sum(len(one) > 0 for one in found) <= 21

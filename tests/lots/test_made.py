@@ -1,0 +1,267 @@
+"""A lot's processes: orders of the runs, units that are drawn, and standard deviations with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import OTHER, TURN, UNIT, red
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.reducers import curved
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
+from rverror.lots.identifiable import question_of
+from rverror.lots.made import lot
+from rverror.lots.moments import interval
+from rverror.lots.processes import UnitParts, processes_of
+from rverror.lots.result import Lot
+from rverror.lots.simulated import Simulator, State
+from rverror.model.effects import Effect, Model
+
+MODEL = Model(UNIT)
+THETA = TURN * np.arange(256) / 256
+TOLERANCES = tuple(
+    rverror.tolerance(key, width, **more)
+    for key, width, more in (
+        ("crank.eccentricity", "10 um", {}),
+        ("cycloid.pin_position", "10 um", {}),
+        ("cycloid.disc_pitch", "10 um", {"harmonic": 1}),
+    )
+)
+
+
+def run(error: Array, theta: Array = THETA, direction: float = 1.0, **told: object) -> rverror.Run:
+    return rverror.run_from_arrays(
+        input_angle=UNIT.ratio * theta, output_angle=theta + error, direction=direction, **{"torque": "50 N*m", **told}
+    )
+
+
+def units_of(errors: Sequence[Array], labels: Sequence[Mapping[str, str]] | None = None) -> list[LotUnit]:
+    """Units of one forward run each."""
+    return [
+        LotUnit(f"{number:03}", (run(error),), {} if labels is None else labels[number])
+        for number, error in enumerate(errors)
+    ]
+
+
+def made(seed: int, count: int, deviation: Mapping[str, float], rms: float = 0.2) -> list[LotUnit]:
+    """Units with other stiffness than is declared, forward and reverse at 50 N*m."""
+    rng = np.random.default_rng(seed)
+    truth = replace(OTHER, contact_law=curved(UNIT).contact_law, gear_backlash=UNIT.gear_backlash)
+    processes = processes_of(MODEL, run(THETA), TOLERANCES)
+    found = []
+    for number in range(count):
+        effects = [
+            Effect(p.key, dict(i), tuple(rng.normal(size=2) * deviation.get(p.key, 0.0)))
+            for p in processes
+            for i in p.instances
+        ]
+        runs = []
+        for direction in (1.0, -1.0):
+            theta = THETA if direction > 0 else THETA[::-1]
+            error = rverror.equilibrium(
+                Model(truth, tuple(effects)), theta, torque="50 N*m", direction=direction
+            ).transmission_error
+            noise = red(1000 * seed + 2 * number + (direction > 0), theta.size, rms, 0.3)
+            runs.append(run(error + noise + rng.normal() * 1e-4, theta, direction))
+        found.append(LotUnit(f"{number:03}", tuple(runs)))
+    return found
+
+
+# --- orders -----------------------------------------------------------------------------------------------------------
+
+
+def noise(seed: int, count: int = 40, rms: float = 0.3) -> list[Array]:
+    rng = np.random.default_rng(seed)
+    return list(rng.normal(size=(count, THETA.size)) * rms * ARCSEC)
+
+
+@pytest.mark.parametrize("theta", [THETA, THETA[::-1], np.linspace(0.3, 0.3 + 2 * TURN, 700)])
+def test_a_wave_is_the_amplitude_of_its_order(theta: Array) -> None:
+    """Whatever the samples, the offset and the direction; what is over a whole turn or two counts alike."""
+    error = 3 * ARCSEC * np.cos(7 * theta) - 2 * ARCSEC * np.sin(40 * theta) + 1e-3
+    way = float(np.sign(theta[-1] - theta[0]))
+    found = amplitudes_of(MODEL, [LotUnit(str(k), (run(error, theta, way),)) for k in range(3)])
+    count = len(found.orders)
+    cosine, sine = found.values[1, :count] / ARCSEC, found.values[1, count:] / ARCSEC
+    assert cosine[6] == pytest.approx(3 / math.sqrt(2))
+    assert sine[39] == pytest.approx(-2 / math.sqrt(2))
+    assert np.sum(found.values[1] ** 2) == pytest.approx(np.var(error), rel=1e-2)
+
+
+def test_amplitudes_of_waves_are_those_of_runs() -> None:
+    wave = 2 * ARCSEC * np.cos(5 * THETA + 0.4)
+    found = amplitudes_of(MODEL, units_of([wave] * 3))
+    assert found.of_waves(wave) == pytest.approx(found.values[0], abs=1e-12)
+
+
+def test_the_noise_of_an_amplitude_is_told_beside_strong_parts() -> None:
+    """Seven orders in a row that parts make do not count as noise."""
+    rng = np.random.default_rng(3)
+    waves = np.cos(np.arange(36, 43)[:, None] * THETA) * ARCSEC
+    units = units_of([one + rng.normal(size=7) @ waves for one in noise(4, 60)])
+    found = amplitudes_of(MODEL, units)
+    expected = (0.3 * ARCSEC) ** 2 / THETA.size
+    assert found.noise == pytest.approx(np.full(found.noise.size, expected), rel=0.25)
+    assert np.median(found.noise) == pytest.approx(expected, rel=0.06)
+
+
+def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> None:
+    pairs = [LotUnit(str(k), (run(e), run(e[::-1], THETA[::-1], -1.0))) for k, e in enumerate(noise(1, 4))]
+    found = amplitudes_of(MODEL, [*pairs, LotUnit("9", (run(noise(2, 1)[0]),))])
+    assert found.serials == ("0", "1", "2", "3")
+    assert found.notes == ("left out: 1 unit without a run of forward at 50 N*m, reverse at 50 N*m (9)",)
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        (lambda: units_of(noise(1, 2)), "takes 3 or more"),
+        (lambda: [*units_of(noise(1, 3)), *units_of(noise(2, 1))], "serial '000' stands for 2 units"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"),))] * 1, "turn each unit to its marks"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0], torque=None),))], "output_torque"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0][:128], THETA[:128]),))], "a lot needs a whole turn"),
+        (lambda: [], "give three or more"),
+    ],
+)
+def test_what_is_no_lot_is_refused_in_one_line(units: object, said: str) -> None:
+    with pytest.raises(InputError, match=said) as told:
+        lot(MODEL, units())  # type: ignore[operator]
+    assert "\n" not in str(told.value)
+
+
+# --- processes --------------------------------------------------------------------------------------------------------
+
+
+def test_processes_are_all_parts_of_a_kind_and_none_twice() -> None:
+    processes = processes_of(MODEL, run(THETA))
+    by_key = {p.key: p for p in processes if not p.indices}
+    assert len(by_key["crank.eccentricity"].instances) == UNIT.cranks * UNIT.discs
+    assert len(by_key["cycloid.pin_position"].instances) == UNIT.pins
+    assert "cycloid.pin_circle" not in {p.key for p in processes}  # the pins say the same
+    parts = UnitParts(processes)
+    names = [
+        (parts.effects[e].key, str(parts.effects[e].indices), p.name)
+        for e, p in zip(parts.effect, parts.parameters, strict=True)
+    ]
+    assert len(set(names)) == len(names) == len(parts.process)
+    assert sum(len(one.at) for one in parts.placed) == len(parts.process)
+
+
+def test_tolerances_say_which_parts_vary_and_none_twice() -> None:
+    processes = processes_of(MODEL, run(THETA), TOLERANCES)
+    assert [p.key for p in processes] == ["crank.eccentricity", "cycloid.pin_position", "cycloid.disc_pitch"]
+    with pytest.raises(InputError, match="has two"):
+        processes_of(MODEL, run(THETA), (*TOLERANCES, TOLERANCES[0]))
+
+
+def simulator() -> Simulator:
+    """Of three processes at two conditions and few orders."""
+    conditions = amplitudes_of(MODEL, made(1, 3, {})).conditions
+    orders = np.array([1, 2, 14, 15, 16, 17, 30, 32])
+    amplitudes = Amplitudes(
+        (),
+        {},
+        conditions,
+        orders,
+        np.zeros((0, 4 * len(orders))),
+        np.full(4 * len(orders), (0.02 * ARCSEC) ** 2),
+        256,
+    )
+    return Simulator(MODEL, UnitParts(processes_of(MODEL, run(THETA), TOLERANCES)), amplitudes)
+
+
+def test_changes_with_processes_and_stiffness_are_those_of_solved_units() -> None:
+    """Central differences of units that are solved anew; that a pin's force turns as it is pressed in is left out."""
+    one = simulator()
+    standard = np.random.default_rng(2).standard_normal((3, len(one.parts.process)))
+    state = State(np.array([2e-3, 1e-3, 1.5e-3]), np.zeros(len(one.parts.process)), np.full(6, 0.05))
+    draws = one.draws(state, standard)
+    assert draws.values == pytest.approx(one.values(state, standard), abs=1e-6)
+    step = 1e-6
+    for number in range(3):
+        move = step * (np.arange(3) == number)
+        ahead, behind = (one.values(replace(state, deviation=state.deviation + s * move), standard) for s in (1, -1))
+        change = (ahead - behind) / (2 * step)
+        assert draws.by_process[:, number] == pytest.approx(change, abs=5e-3 * abs(change).max())
+    move = 1e-4 * (np.arange(6) == 0)
+    ahead, behind = (one.values(replace(state, compliance=state.compliance + s * move), standard) for s in (1, -1))
+    change = (ahead - behind) / 2e-4
+    assert draws.by_compliance[:, 0] == pytest.approx(change, abs=5e-3 * abs(change).max())
+
+
+def test_what_does_the_same_is_told_as_one_and_what_does_nothing_not_at_all() -> None:
+    """A bore of the carrier does what its runout does; the sun's support is so soft that the sun shows nowhere."""
+    model = Model(replace(UNIT, stiffness=replace(UNIT.stiffness, sun_support=1.0)))
+    units = made(5, 12, {"crank.eccentricity": 2e-3})
+    amplitudes = amplitudes_of(model, units)
+    question = question_of(model, amplitudes, processes_of(model, units[0].runs[0]))
+    silent = {p.key for p in question.silent}
+    assert {"involute.sun_eccentricity", "involute.sun_offset"} <= silent
+    kept = {p.key for p in question.simulator.parts.processes}
+    assert "crank.eccentricity" in kept
+    together = {
+        p.key: {o.key for o in others}
+        for p, others in zip(question.simulator.parts.processes, question.alike, strict=True)
+    }
+    carrier = {"coupling.carrier_bore_position", "coupling.carrier_runout"}
+    assert any(carrier == {key} | others for key, others in together.items()) or carrier & silent
+
+
+# --- standard deviations ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def told() -> Lot:
+    return lot(MODEL, made(7, 40, {"crank.eccentricity": 2e-3, "cycloid.pin_position": 2.5e-3}), tolerances=TOLERANCES)
+
+
+def test_intervals_hold_what_the_processes_made(told: Lot) -> None:
+    """Of 40 units whose stiffness is not the declared one; what was not spread is not above zero."""
+    by_key = {one.key: one for one in told.processes}
+    for key, truth in (("crank.eccentricity", 2e-3), ("cycloid.pin_position", 2.5e-3)):
+        size = by_key[key].deviation
+        assert size is not None
+        assert truth in size
+        assert by_key[key].above_zero
+        assert size.high - size.low < truth
+    pitch = by_key["cycloid.disc_pitch"]
+    assert not pitch.above_zero
+    assert pitch.deviation is not None
+    assert pitch.deviation.high < 1.2e-3
+    assert sum(one.share for one in told.processes) == pytest.approx(1)
+
+
+def test_a_sound_lot_has_no_outsiders_groups_or_changes(told: Lot) -> None:
+    assert (told.outsiders, told.differences, told.changes) == ((), (), ())
+    assert told.chance > 1e-3
+    assert told.notes == ()
+
+
+def test_units_to_come_are_as_those_that_are_there(told: Lot) -> None:
+    """The measured 95 % quantile has noise in it, and is of 40 units: 1.4 times its standard error is a fifth."""
+    for one in told.predicted:
+        assert one.quantile.low < one.quantile.value < one.quantile.high
+        assert one.mean == pytest.approx(one.seen[0], rel=0.2)
+        assert one.quantile.value == pytest.approx(one.seen[1], rel=0.25)
+
+
+def test_capability_is_the_tolerance_over_what_the_process_needs(told: Lot) -> None:
+    cams = next(one for one in told.processes if one.key == "crank.eccentricity")
+    assert cams.deviation is not None
+    needed = cams.deviation.value * math.sqrt(-2 * math.log(0.0027))
+    assert cams.capability == pytest.approx(0.01 / needed)
+
+
+def test_an_interval_is_that_of_a_sample_variance() -> None:
+    """Of a variance of 50 degrees of freedom: its standard error is v sqrt(2/50), the interval that of chi-square."""
+    low, high = interval(4.0, 4.0 * math.sqrt(2 / 50))
+    assert (low, high) == pytest.approx((2 * math.sqrt(50 / 71.42), 2 * math.sqrt(50 / 32.36)), rel=1e-3)
+    assert interval(1.0, 1.0)[0] == 0
+    assert interval(1.0, 1.0)[1] == pytest.approx(math.sqrt(2.96))
