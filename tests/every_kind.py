@@ -209,6 +209,7 @@ def lot() -> Lot:
         40,
         ("forward at 20 N*m", "reverse at 20 N*m"),
         processes,
+        (*shifts(3.0), *shifts(5.0, crank=0, disc=1)),
         (shifts(3.0)[0], shifts(5.0, crank=0, disc=1)[1]),
         {"pin_contact": Interval(1.125, 1.0, 1.25)},
         (Outsider(HOSTILE, 60.0, 1e-6, shifts(20.0, crank=1, disc=0), (HOSTILE,)),),

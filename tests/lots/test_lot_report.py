@@ -22,7 +22,7 @@ from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.views.lot_report import lot_csv
 
-EMPTY = Lot("unit", 5, ("forward at 20 N*m",), (), (), {}, (), (), (), (), 0.5)
+EMPTY = Lot("unit", 5, ("forward at 20 N*m",), (), (), (), {}, (), (), (), (), 0.5)
 
 
 def row(told: str, first: str) -> str:
@@ -68,17 +68,18 @@ def test_a_lot_that_the_model_does_not_describe_is_told_so() -> None:
 
 def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:
     data = json.loads(json.dumps(to_json(lot()), allow_nan=False))
-    first, second = data["processes"][:2]
+    first, part, second = data["processes"][:3]
     assert (first["key"], first["parameter"], second["parameter"]) == ("crank.eccentricity", "radial", "tangential")
     assert (first["mean"], first["mean_interval"]) == (3.0, [2.4, 3.9])
-    assert (second["mean"], second["mean_interval"]) == (None, None)
+    assert (part["indices"], part["mean"], part["sd"]) == ({"crank": 0, "disc": 1}, 5.0, first["sd"])
+    assert second["indices"] == {}
+    unknown = next(one for one in data["processes"] if one["key"] == "crank.index")
+    assert (unknown["mean"], unknown["mean_interval"]) == (None, None)
     assert (first["sd"], first["sd_interval"], first["unit"]) == (2.0, [1.6, 2.6], "um")
     assert (first["share"], first["with"], first["cp"], first["cpk"]) == (0.75, [HOSTILE], 1.25, 1.125)
     hidden = next(one for one in data["processes"] if one["key"] == "cycloid.pin_radius")
     assert (hidden["sd"], hidden["sd_interval"]) == (None, None)
-    part = data["processes"][-1]
-    assert (part["indices"], part["mean"], part["sd"]) == ({"crank": 0, "disc": 1}, 5.0, None)
-    assert len(data["processes"]) == 7 + 1
+    assert len(data["processes"]) == 7 + 2
     (added,) = data["outliers"][0]["added"]
     assert added["parameters"]["radial"] == {"value": 20.0, "unit": "um", "low": 16.0, "high": 26.0}
     assert set(added["parameters"]) == {"radial", "tangential"}

@@ -127,12 +127,14 @@ def lot(
             "intervals are wider for it; measure at a greater torque, or declare what all units share"
         )
     orders = simulator.amplitudes.orders
+    means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
         model.mechanism.name,
         int(cleaned.kept.sum()),
         tuple(map(str, amplitudes.conditions)),
-        _processes(question, estimate, tolerances is not None),
-        _shifts(simulator, estimate, cleaned),
+        _processes(question, estimate, means),
+        means,
+        shifts,
         _stiffness(estimate),
         cleaned.outsiders,
         cleaned.differences,
@@ -204,7 +206,7 @@ def _course(change: Change, serials: Sequence[str]) -> Array:
 # --- what is said of it -----------------------------------------------------------------------------------------------
 
 
-def _processes(question: Question, estimate: LotEstimate, drawing: bool) -> tuple[MadeBy, ...]:
+def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]) -> tuple[MadeBy, ...]:
     """Processes with their intervals, the largest share first."""
     simulator, state = question.simulator, estimate.state
     units = simulator.amplitudes.values.shape[0]
@@ -217,10 +219,10 @@ def _processes(question: Question, estimate: LotEstimate, drawing: bool) -> tupl
         size = Interval(math.sqrt(variance), *interval(variance, error))
         needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None
         found.append(
-            _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed)
+            _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed, means)
         )  # fmt: skip
     found.sort(key=lambda one: -one.share)
-    silent = [_made(process, None, False, 0.0, (), None) for process in question.silent]
+    silent = [_made(process, None, False, 0.0, (), None, ()) for process in question.silent]
     return (*found, *silent)
 
 
@@ -231,12 +233,16 @@ def _made(
     share: float,
     alike: Sequence[Process],
     needed: int | None,
+    means: Sequence[Shift],
 ) -> MadeBy:
     tolerance = process.tolerance
     capable = centred = None
     if tolerance is not None and size is not None and above:
         reach = 3.0 if len(process.parameters) < 2 or not tolerance.in_vectors else math.sqrt(-2 * math.log(OUTSIDE))
-        capable = centred = tolerance.width / (reach * size.value)
+        own = [m.size.value for m in means if m.key == process.key and m.indices == process.indices]
+        wanted = [tolerance.mean.get(parameter.name, 0.0) for parameter in process.parameters]
+        off = math.hypot(*(mean - middle for mean, middle in zip(own, wanted, strict=True)))
+        capable, centred = (width / (reach * size.value) for width in (tolerance.width, tolerance.width - off))
     return MadeBy(
         process.key,
         process.indices,
@@ -253,8 +259,13 @@ def _made(
     )
 
 
-def _shifts(simulator: Simulator, estimate: LotEstimate, cleaned: _Cleaned) -> tuple[Shift, ...]:
-    """Systematic errors that are told from none, at 5 % of all of them together."""
+def _means(
+    simulator: Simulator, estimate: LotEstimate, cleaned: _Cleaned
+) -> tuple[tuple[Shift, ...], tuple[Shift, ...]]:
+    """Means of each process' parts together, and of single ones where they are few; and which are told from none.
+
+    At 5 % of all of them together.
+    """
     parts = simulator.parts
     names, rows = list[tuple[Process, dict[str, int | str], int]](), list[Array]()
     for number, process in enumerate(parts.processes):
@@ -270,14 +281,14 @@ def _shifts(simulator: Simulator, estimate: LotEstimate, cleaned: _Cleaned) -> t
         np.array(rows), simulator, cleaned.values[cleaned.kept].mean(axis=0), cleaned.kept.sum()
     )
     far = float(scipy.stats.norm.isf(0.025 / len(rows)))
-    return tuple(
+    found = tuple(
         Shift(
             process.key, indices, process.parameters[k].name, process.parameters[k].dimension,
             Interval(float(size), float(size - 1.96 * error), float(size + 1.96 * error)),
         )
         for (process, indices, k), size, error in zip(names, sizes, errors, strict=True)
-        if abs(size) > far * error
     )  # fmt: skip
+    return found, tuple(one for one, size, error in zip(found, sizes, errors, strict=True) if abs(size) > far * error)
 
 
 def _stiffness(estimate: LotEstimate) -> dict[str, Interval]:

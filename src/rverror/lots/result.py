@@ -199,8 +199,11 @@ class Lot(OneLine):
     conditions : tuple of str
     processes : tuple of MadeBy
         The largest share first; those that do not show last.
+    means : tuple of Shift
+        Systematic errors, told from none or not: of all parts of a process together, and of single parts where they
+        are few.
     shifts : tuple of Shift
-        Systematic errors that are told from none, at 5 % of all of them together.
+        Those that are told from none, at 5 % of all of them together.
     stiffness : mapping of str to Interval
         Of what the model states, as ratio.
     outsiders : tuple of Outsider
@@ -221,6 +224,7 @@ class Lot(OneLine):
     units: int
     conditions: tuple[str, ...]
     processes: tuple[MadeBy, ...]
+    means: tuple[Shift, ...]
     shifts: tuple[Shift, ...]
     stiffness: Mapping[str, Interval]
     outsiders: tuple[Outsider, ...]

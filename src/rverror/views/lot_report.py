@@ -119,28 +119,31 @@ def lot_json(result: Lot, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
 
 
 def _processes(result: Lot) -> list[dict[str, Any]]:
-    """An entry for each process and parameter; one more for each part that is shifted by itself."""
-    of_all: dict[tuple[Any, ...], Shift] = {_place(s.key, s.indices, s.parameter): s for s in result.shifts}
-    found = [
-        _process(one, name, of_all.pop(_place(one.key, one.indices, name), None))
-        for one in result.processes
-        for name in one.parameters
-    ]
-    return found + [_part(shift) for shift in of_all.values()]
+    """An entry for each process and parameter; and for each part whose mean is told by itself."""
+    means: dict[tuple[Any, ...], Shift] = {_place(s.key, s.indices, s.parameter): s for s in result.means}
+    found = []
+    for one in result.processes:
+        for name in one.parameters:
+            found.append(_process(one, name, one.indices, means.get(_place(one.key, one.indices, name))))
+            for shift in result.means:
+                part = shift.key == one.key and shift.parameter == name and dict(shift.indices) != dict(one.indices)
+                if part and one.indices.items() <= shift.indices.items():
+                    found.append(_process(one, name, shift.indices, shift))
+    return found
 
 
 def _place(key: str, indices: Mapping[str, IndexValue], parameter: str) -> tuple[Any, ...]:
     return key, frozenset(indices.items()), parameter
 
 
-def _process(one: MadeBy, parameter: str, shift: Shift | None) -> dict[str, Any]:
+def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mean: Shift | None) -> dict[str, Any]:
     dimension, deviation = one.dimension, one.deviation
     return {
         "key": one.key,
         "parameter": parameter,
-        "indices": dict(one.indices),
+        "indices": dict(indices),
         "unit": DISPLAY_UNITS[dimension],
-        **_mean(shift),
+        **_mean(mean),
         "sd": None if deviation is None else _shown(deviation.value, dimension),
         "sd_interval": None if deviation is None else _ends(deviation, dimension),
         "above_zero": one.above_zero,
@@ -151,21 +154,6 @@ def _process(one: MadeBy, parameter: str, shift: Shift | None) -> dict[str, Any]
         "cp": rounded(one.capability),
         "cpk": rounded(one.capability_centred),
     }
-
-
-def _part(shift: Shift) -> dict[str, Any]:
-    """Entry of a shift that no process as a whole has."""
-    alone: dict[str, Any] = {
-        "sd": None,
-        "sd_interval": None,
-        "above_zero": False,
-        "share": None,
-        "with": [],
-        "units_needed": None,
-    }
-    unit = DISPLAY_UNITS[shift.dimension]
-    named = {"key": shift.key, "parameter": shift.parameter, "indices": dict(shift.indices), "unit": unit}
-    return {**named, **_mean(shift), **alone, "tolerance": None, "cp": None, "cpk": None}
 
 
 def _mean(shift: Shift | None) -> dict[str, Any]:
