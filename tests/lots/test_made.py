@@ -32,6 +32,7 @@ TOLERANCES = tuple(
         ("crank.eccentricity", "10 um", {}),
         ("cycloid.pin_position", "10 um", {}),
         ("cycloid.disc_pitch", "10 um", {"harmonic": 1}),
+        ("sensor.encoder_eccentricity", "10 arcsec", {}),
     )
 )
 
@@ -50,8 +51,13 @@ def units_of(errors: Sequence[Array], labels: Sequence[Mapping[str, str]] | None
     ]
 
 
-def made(seed: int, count: int, deviation: Mapping[str, float], rms: float = 0.2) -> list[LotUnit]:
-    """Units with other stiffness than is declared, forward and reverse at 50 N*m."""
+def made(
+    seed: int, count: int, deviation: Mapping[str, float], rms: float = 0.2, *, odd: bool = False
+) -> list[LotUnit]:
+    """Units with other stiffness than is declared, forward and reverse at 50 N*m.
+
+    With `odd` those of machine B have an encoder that is 5 arcsec off.
+    """
     rng = np.random.default_rng(seed)
     truth = replace(OTHER, contact_law=curved(UNIT).contact_law, gear_backlash=UNIT.gear_backlash)
     processes = processes_of(MODEL, run(THETA), TOLERANCES)
@@ -62,6 +68,8 @@ def made(seed: int, count: int, deviation: Mapping[str, float], rms: float = 0.2
             for p in processes
             for i in p.instances
         ]
+        if odd and number % 2:
+            effects.append(rverror.effect("sensor.encoder_eccentricity", cos="5 arcsec"))
         runs = []
         for direction in (1.0, -1.0):
             theta = THETA if direction > 0 else THETA[::-1]
@@ -70,7 +78,7 @@ def made(seed: int, count: int, deviation: Mapping[str, float], rms: float = 0.2
             ).transmission_error
             noise = red(1000 * seed + 2 * number + (direction > 0), theta.size, rms, 0.3)
             runs.append(run(error + noise + rng.normal() * 1e-4, theta, direction))
-        found.append(LotUnit(f"{number:03}", tuple(runs)))
+        found.append(LotUnit(f"{number:03}", tuple(runs), {"machine": "AB"[number % 2]}))
     return found
 
 
@@ -156,13 +164,13 @@ def test_processes_are_all_parts_of_a_kind_and_none_twice() -> None:
 
 def test_tolerances_say_which_parts_vary_and_none_twice() -> None:
     processes = processes_of(MODEL, run(THETA), TOLERANCES)
-    assert [p.key for p in processes] == ["crank.eccentricity", "cycloid.pin_position", "cycloid.disc_pitch"]
+    assert [p.key for p in processes] == [one.key for one in TOLERANCES]
     with pytest.raises(InputError, match="has two"):
         processes_of(MODEL, run(THETA), (*TOLERANCES, TOLERANCES[0]))
 
 
 def simulator() -> Simulator:
-    """Of three processes at two conditions and few orders."""
+    """Of four processes at two conditions and few orders."""
     conditions = amplitudes_of(MODEL, made(1, 3, {})).conditions
     orders = np.array([1, 2, 14, 15, 16, 17, 30, 32])
     amplitudes = Amplitudes(
@@ -181,12 +189,12 @@ def test_changes_with_processes_and_stiffness_are_those_of_solved_units() -> Non
     """Central differences of units that are solved anew; that a pin's force turns as it is pressed in is left out."""
     one = simulator()
     standard = np.random.default_rng(2).standard_normal((3, len(one.parts.process)))
-    state = State(np.array([2e-3, 1e-3, 1.5e-3]), np.zeros(len(one.parts.process)), np.full(6, 0.05))
+    state = State(np.array([2e-3, 1e-3, 1.5e-3, 1e-5]), np.zeros(len(one.parts.process)), np.full(6, 0.05))
     draws = one.draws(state, standard)
     assert draws.values == pytest.approx(one.values(state, standard), abs=1e-6)
     step = 1e-6
     for number in range(3):
-        move = step * (np.arange(3) == number)
+        move = step * (np.arange(4) == number)
         ahead, behind = (one.values(replace(state, deviation=state.deviation + s * move), standard) for s in (1, -1))
         change = (ahead - behind) / (2 * step)
         assert draws.by_process[:, number] == pytest.approx(change, abs=5e-3 * abs(change).max())
@@ -219,7 +227,11 @@ def test_what_does_the_same_is_told_as_one_and_what_does_nothing_not_at_all() ->
 
 @pytest.fixture(scope="module")
 def told() -> Lot:
-    return lot(MODEL, made(7, 40, {"crank.eccentricity": 2e-3, "cycloid.pin_position": 2.5e-3}), tolerances=TOLERANCES)
+    return lot(
+        MODEL,
+        made(7, 40, {"crank.eccentricity": 2e-3, "cycloid.pin_position": 2.5e-3}, odd=True),
+        tolerances=TOLERANCES,
+    )
 
 
 def test_intervals_hold_what_the_processes_made(told: Lot) -> None:
@@ -238,8 +250,16 @@ def test_intervals_hold_what_the_processes_made(told: Lot) -> None:
     assert sum(one.share for one in told.processes) == pytest.approx(1)
 
 
-def test_a_sound_lot_has_no_outsiders_groups_or_changes(told: Lot) -> None:
-    assert (told.outsiders, told.differences, told.changes) == ((), (), ())
+def test_what_is_odd_is_named_and_moves_nothing_else(told: Lot) -> None:
+    """The encoders of a machine; no unit is called odd for them, and nothing changes over the serials."""
+    (group,) = told.differences
+    assert (group.label, group.value, group.units) == ("machine", "B", 20)
+    assert [(one.key, one.parameter) for one in group.causes] == [("sensor.encoder_eccentricity", "cos")]
+    assert 5 * ARCSEC in group.causes[0].size
+    encoder = next(one for one in told.processes if one.key == "sensor.encoder_eccentricity")
+    assert encoder.deviation is not None
+    assert encoder.deviation.high < 1 * ARCSEC
+    assert (told.outsiders, told.changes, told.units) == ((), (), 40)
     assert told.chance > 1e-3
     assert told.notes == ()
 

@@ -120,7 +120,7 @@ def test_wrong_weight_is_made_good_by_members() -> None:
     """Contacts make units vary twice as much as their linear influences say: they are members all the same."""
     found = asked(2 * units(3, UNITS), 2 * units(1003, MEMBERS))
     assert found == ()
-    assert len(asked(2 * units(3, UNITS), units(1003, MEMBERS))) > 20
+    assert asked(2 * units(3, UNITS), units(1003, MEMBERS)) == ()  # what all units have is no unit's own
 
 
 @pytest.mark.parametrize("shape", [0.0, 0.4])

@@ -168,9 +168,9 @@ def error_budget(p: Played, says: Prose) -> None:
     says("The expected error lies far below zero")
     assert found.closed.mean.max() < -10 * found.closed.deviation_standard_deviation.max()
 
-    says("A hundred units, each solved by the equilibrium at three loads")
+    says("Forty units, each solved by the equilibrium at three loads")
     light, _, rated, lost = p["loaded"].at_load.verified.limits
-    assert [one.units for one in p["loaded"].at_load.verified.limits] == [100] * 4
+    assert [one.units for one in p["loaded"].at_load.verified.limits] == [40] * 4
     says("At the rated torque of 412 N m the closed form is not far off.")
     assert rated.limit.torque == unit.rated_torque == 412e3
     assert rated.share == pytest.approx(p["loaded"].at_load.closed_form[2], abs=0.15)

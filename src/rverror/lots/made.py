@@ -31,9 +31,9 @@ LEVEL = 0.01
 #: A lot that is less likely than this is none of the model's.
 DOUBTED = 1e-3
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
+_SPOILT = 0.2  # of the units that may be no members
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
-_ABOVE = 1.645  # standard errors: 5 % of what is none is above
 _FEW = 12  # instances of a process, up to which each is told by itself
 _SETS, _EACH = 12, 60  # states within the errors, and units of each, that tell how far the prediction is off
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
@@ -114,7 +114,7 @@ def lot(
     for _ in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(question.start if estimate is None else estimate.state, again=estimate is not None)
-        before, cleaned = cleaned, _clean(simulator, values, estimate, seed)
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned)
         if cleaned.same == before.same:
             break
         tell("units or groups that differ are taken out")
@@ -160,31 +160,44 @@ def _matching(
     return MomentMatching(simulator, sample, standard - standard.mean(axis=0), fresh, question.least, tell)
 
 
-def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int) -> _Cleaned:
-    """Find units that are no members, groups that differ and means that change, and take them off."""
-    amplitudes, parts = simulator.amplitudes, simulator.parts
-    rng = np.random.default_rng(seed + 1)
-    drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(parts.process))))
-    members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
-    middle, weight = np.median(values, axis=0), estimate.weight
-    influence = estimate.draws.influence
-    odd = outsiders(values - middle, amplitudes.serials, members, weight, influence, parts, level=LEVEL)
-    kept = ~np.isin(amplitudes.serials, [one.serial for one in odd])
-    about = values[kept] - values[kept].mean(axis=0)
-    candidates = candidates_of(influence, parts)
-    serials = tuple(np.array(amplitudes.serials)[kept])
-    labels = {name: tuple(np.array(given)[kept]) for name, given in amplitudes.labels.items()}
+def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned) -> _Cleaned:
+    """Take off how groups differ and means change, and leave out what is then no member.
+
+    Groups and changes are those of the units that were members before.
+    """
+    amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
+    members, candidates = before.kept, candidates_of(influence, simulator.parts)
+    serials = tuple(np.array(amplitudes.serials)[members])
+    labels = {name: tuple(np.array(given)[members]) for name, given in amplitudes.labels.items()}
+    about = values[members] - values[members].mean(axis=0)
     groups = group_differences(about, labels, weight, candidates, level=LEVEL / 2, seed=seed)
     left = values.copy()
     for group in groups:
         of = np.array([value == group.value for value in amplitudes.labels[group.label]])
         left[of] -= _effect(candidates, group.causes)
-    changes = changes_over_serial(
-        left[kept] - left[kept].mean(axis=0), serials, weight, candidates, level=LEVEL / 2, seed=seed
-    )
+    about = left[members] - left[members].mean(axis=0)
+    changes = changes_over_serial(about, serials, weight, candidates, level=LEVEL / 2, seed=seed)
     for change in changes:
-        left[kept] -= np.outer(_course(change, serials), _effect(candidates, (change.cause,)))
-    return _Cleaned(left, kept, odd, groups, changes)
+        left -= np.outer(_course(change, amplitudes.serials), _effect(candidates, (change.cause,)))
+    odd = _outsiders(simulator, left, estimate, seed)
+    return _Cleaned(left, ~np.isin(amplitudes.serials, [one.serial for one in odd]), odd, groups, changes)
+
+
+def _outsiders(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int) -> tuple[Outsider, ...]:
+    """Units that are no members; none where they would be more than a fifth, for then they are the lot."""
+    rng = np.random.default_rng(seed + 1)
+    drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
+    members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    found = outsiders(
+        values - np.median(values, axis=0),
+        simulator.amplitudes.serials,
+        members,
+        estimate.weight,
+        estimate.draws.influence,
+        simulator.parts,
+        level=LEVEL,
+    )
+    return found if len(found) <= _SPOILT * len(values) else ()
 
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
@@ -215,8 +228,8 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
     found = []
     for number, process in enumerate(simulator.parts.processes):
         variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
-        above = variance > _ABOVE * error
         size = Interval(math.sqrt(variance), *interval(variance, error))
+        above = size.low > 0
         needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None
         found.append(
             _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed, means)

@@ -132,7 +132,7 @@ def _along(fits: Fits, weight: Array, values: Array, members: Array) -> tuple[Ar
     label = np.array([one.label for one in fits.candidates])
     alike = label[:, None] == label  # parameters of a part are compared with one another: one scale for all of them
     of_part = alike / (alike @ fits.freedom)
-    chi = chi / (theirs.mean(axis=0) @ of_part)
+    chi = chi / (theirs.mean(axis=0) @ of_part) / _more(chi @ of_part, theirs @ of_part)
     # a member is no better known than a unit: its own chi-square is not in what it is compared with
     without = (theirs.sum(axis=0) - theirs) / (len(members) - 1) @ of_part
     return chi, fits.surprise(chi), MembersTail(fits.surprise(theirs / without))
@@ -149,6 +149,11 @@ def _lessened(chi: Array, left: Array, usual: Array) -> Array:
     return np.asarray(chi / np.maximum(left / usual, 1.0))
 
 
+def _more(units: Array, members: Array) -> Array:
+    """Usual chi-square of units over members', where it is more: what a model lacks, all units have."""
+    return np.maximum(np.median(units, axis=0) / np.median(members, axis=0), 1.0)
+
+
 def _distances(weight: Array, some: Array) -> Array:
     return np.asarray(np.einsum("ud,ud->u", some @ weight, some))
 
@@ -158,7 +163,8 @@ def _all_in_all(weight: Array, values: Array, members: Array) -> tuple[Array, Ar
     distance, theirs = (_distances(weight, some) for some in (values, members))
     mean, variance = float(theirs.mean()), float(theirs.var(ddof=1))
     scale, freedom = variance / (2 * mean), 2 * mean**2 / variance
-    return distance, surprise(distance / scale, freedom), MembersTail(surprise(theirs / scale, freedom), _ALL_OVER)
+    scaled = distance / scale / _more(distance, theirs)
+    return distance, surprise(scaled, freedom), MembersTail(surprise(theirs / scale, freedom), _ALL_OVER)
 
 
 def _causes(fits: Fits, best: int, unit: Array, members: Array) -> tuple[Shift, ...]:

@@ -42,7 +42,7 @@ class MadeBy:
     deviation : Interval or None
         Standard deviation of each component; None where the lot does not show it.
     above_zero : bool
-        Whether it is told from none, at 5 %.
+        Whether its interval leaves out none: of processes that make none, one in 40 is.
     share : float
         Of the variance of the output error, over orders and conditions; 0 where it is not shown.
     alike : tuple of str
