@@ -108,11 +108,11 @@ found.plot(kind="envelope")
 # ## What contacts change
 #
 # The closed form lets every loaded pin carry its share. At a light load, errors of a few micrometres lift pins off,
-# and those that stay carry more. Forty units, each solved by the equilibrium at three loads, and what makers sell
+# and those that stay carry more. Forty units, each solved by the equilibrium at two loads, and what makers sell
 # by, their lost motion, beside it:
 
 # %%
-limits = [rverror.limit("transmission_error", "28 arcsec", torque=f"{torque} N*m") for torque in (20, 100, 412)]
+limits = [rverror.limit("transmission_error", "28 arcsec", torque=f"{torque} N*m") for torque in (20, 412)]
 limits.append(rverror.limit("lost_motion"))
 loaded = rverror.error_budget(model, tolerances, count=2**10, index_count=2**7, limits=limits, loaded_count=40)
 

@@ -25,7 +25,7 @@ from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
 
 MODEL = Model(UNIT)
-THETA = TURN * np.arange(256) / 256
+THETA = TURN * np.arange(128) / 128
 TOLERANCES = tuple(
     rverror.tolerance(key, width, **more)
     for key, width, more in (
@@ -134,7 +134,7 @@ def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> Non
         (lambda: [*units_of(noise(1, 3)), *units_of(noise(2, 1))], "serial '000' stands for 2 units"),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"),))] * 1, "turn each unit to its marks"),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0], torque=None),))], "output_torque"),
-        (lambda: [LotUnit("a", (run(noise(1, 1)[0][:128], THETA[:128]),))], "a lot needs a whole turn"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0][:64], THETA[:64]),))], "a lot needs a whole turn"),
         (lambda: [], "give three or more"),
     ],
 )
@@ -180,7 +180,7 @@ def simulator() -> Simulator:
         orders,
         np.zeros((0, 4 * len(orders))),
         np.full(4 * len(orders), (0.02 * ARCSEC) ** 2),
-        256,
+        THETA.size,
     )
     return Simulator(MODEL, UnitParts(processes_of(MODEL, run(THETA), TOLERANCES)), amplitudes)
 
