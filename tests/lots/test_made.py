@@ -189,7 +189,7 @@ def test_changes_with_processes_and_stiffness_are_those_of_solved_units() -> Non
     """Central differences of units that are solved anew; that a pin's force turns as it is pressed in is left out."""
     one = simulator()
     standard = np.random.default_rng(2).standard_normal((3, len(one.parts.process)))
-    state = State(np.array([2e-3, 1e-3, 1.5e-3, 1e-5]), np.zeros(len(one.parts.process)), np.full(6, 0.05))
+    state = State(np.array([2e-3, 1e-3, 1.5e-3, 1e-5]), np.full(6, 0.05))
     draws = one.draws(state, standard)
     assert draws.values == pytest.approx(one.values(state, standard), abs=1e-6)
     step = 1e-6
@@ -285,3 +285,22 @@ def test_an_interval_is_that_of_a_sample_variance() -> None:
     assert (low, high) == pytest.approx((2 * math.sqrt(50 / 71.42), 2 * math.sqrt(50 / 32.36)), rel=1e-3)
     assert interval(1.0, 1.0)[0] == 0
     assert interval(1.0, 1.0)[1] == pytest.approx(math.sqrt(2.96))
+
+
+def test_a_run_with_a_gap_is_left_out_and_said() -> None:
+    """A tenth of a turn without samples: waves of high orders may do anything there."""
+    theta = np.delete(THETA, np.arange(40, 53))
+    pairs = [LotUnit(str(k), (run(e),)) for k, e in enumerate(noise(1, 4))]
+    found = amplitudes_of(MODEL, [*pairs, LotUnit("9", (run(np.zeros(theta.size), theta),))])
+    assert found.serials == ("0", "1", "2", "3")
+    assert any("unit 9: the run forward at 50 N*m is left out for a gap of 39.4 deg" in note for note in found.notes)
+
+
+def test_parts_vary_about_the_mean_of_the_drawing() -> None:
+    """A clearance of 12 um, which cannot be below none; and a mean that the lot's own mean is told beside."""
+    clearance = rverror.tolerance("crank.bearing_clearance", "3 um", mean="12 um")
+    parts = UnitParts(processes_of(MODEL, run(THETA), (clearance,)))
+    one = replace(simulator(), parts=parts)
+    standard = np.array([[0.0], [1.0], [-20.0]])
+    errors = one.errors(State(np.array([1e-3]), np.zeros(6)), standard)
+    assert errors == pytest.approx(np.array([[12e-3], [13e-3], [0.0]]))

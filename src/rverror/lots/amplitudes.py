@@ -20,10 +20,11 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+from rverror.runs.order_fit import whole_turns
 
 #: Orders that are kept at most: the third harmonic of the pins' meshing with both discs, four times an RV-40E's pins.
 HIGHEST = 200
-_WHOLE = 0.995  # of a turn that a run has to cover: a turn of 200 samples and more without its last
+_GAP = 2.0  # steps: over a longer one the waves of the highest orders are anyone's guess
 _TURN = 2 * math.pi
 _QUARTER = 0.25  # of the orders about one: an RV-40E's parts make 7 of 38 about order 40, 3 of 17 about order 1
 _WIDE, _LEAST_WIDE = 1.6, 16  # range about an order: that many times it, and so many orders at least
@@ -123,7 +124,7 @@ def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
     _check_serials(units)
     read = [_Read.of(model, unit) for unit in units]
     conditions = _common(read)
-    whole = [one for one in read if all(c in one.runs for c in conditions)]
+    whole = [one for one in read if conditions and all(c in one.runs for c in conditions)]
     lacking = [one.serial for one in read if one not in whole]
     notes = [note for one in read for note in one.notes]
     if lacking:
@@ -183,39 +184,35 @@ class _Read:
                     "aligned zeros: turn each unit to its marks"
                 )
             condition = Condition(senses.pop(), abs(float(run.torque)))
-            theta, error = run.nominal_angle(model), run.error(model)
-            if np.ptp(theta) < _WHOLE * _TURN * (1 - 1 / theta.size):
+            theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
+            step, longest = travel / theta.size, float(np.diff(theta).max())
+            if travel < _TURN * (1 - 1e-9):
                 raise InputError(
-                    f"{name}: a run covers {np.ptp(theta) / _TURN:.2f} turns of the output; a lot needs a whole turn"
+                    f"{name}: a run covers {travel / _TURN:.2f} turns of the output; a lot needs a whole turn"
                 )
             if condition in found:
                 notes.append(f"{name}: a second run {condition} is left out")
-                continue
-            found[condition] = theta, error
+            elif longest > _GAP * step:
+                notes.append(f"{name}: the run {condition} is left out for a gap of {math.degrees(longest):.3g} deg")
+            else:
+                found[condition] = theta, error
         return cls(unit.serial, found, tuple(notes))
 
     @property
     def samples(self) -> int:
         """Of a turn, of the run that has the fewest."""
-        return min(
-            round(theta.size * _TURN / (np.ptp(theta) * (1 + 1 / theta.size))) for theta, _ in self.runs.values()
-        )
+        reach = [(theta.size, np.ptp(theta) * theta.size / (theta.size - 1)) for theta, _ in self.runs.values()]
+        return min(round(count * _TURN / travel) for count, travel in reach)
 
     def amplitudes(self, conditions: Sequence[Condition], count: int) -> Array:
         """Amplitudes of orders 1 to count of all conditions."""
-        return np.concatenate([_fitted(*self.runs[c], count) for c in conditions])
-
-
-def _fitted(theta: Array, error: Array, count: int) -> Array:
-    """Amplitudes by least squares over whole turns, beside an offset."""
-    turns = max(1.0, math.floor(np.ptp(theta) / _TURN + (1 - _WHOLE)))
-    kept = abs(theta - theta[0]) < turns * _TURN * (1 - 1e-9)
-    return _solver(tuple(theta[kept]), count)(error[kept])
+        runs = [self.runs[c] for c in conditions]
+        return np.concatenate([_solver(tuple(theta), count)(error) for theta, error in runs])
 
 
 @lru_cache(maxsize=4)
 def _solver(theta: tuple[float, ...], count: int) -> Callable[[Array], Array]:
-    """Least squares over some angles: benches measure unit after unit at the same."""
+    """Least squares over the angles of whole turns, beside an offset: benches measure unit after unit at the same."""
     waves = np.exp(1j * np.arange(1, count + 1) * np.array(theta)[:, None])
     columns = np.concatenate([np.ones((len(theta), 1)), waves.real, waves.imag], axis=1)
     triangle = np.linalg.cholesky(columns.T @ columns)
@@ -225,7 +222,7 @@ def _solver(theta: tuple[float, ...], count: int) -> Callable[[Array], Array]:
 def _noise(values: Array, conditions: int) -> Array:
     """Variance of each amplitude that noise makes: about an order, what a quarter of the orders there stay below.
 
-    UnitParts make few of the orders of a range; over all units a noise of the bench makes them alike.
+    Parts make few of the orders of a range; over all units a noise of the bench makes them alike.
     """
     power = values.var(axis=0, ddof=1).reshape(conditions, 2, -1).mean(axis=1)
     freedom = 2 * (len(values) - 1)

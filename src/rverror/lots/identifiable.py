@@ -14,7 +14,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import Process, UnitParts
-from rverror.lots.simulated import Draws, Simulator, State, perfect
+from rverror.lots.simulated import Draws, Simulator, State, as_stated
 from rverror.model.effects import Model
 
 #: Relative precision that a workshop's variance must be known with, by itself, to be told at all: its interval then
@@ -40,8 +40,6 @@ class Question:
         Of the processes that are told apart, at the orders that tell.
     alike : tuple of tuple of Process
         With each process those that no lot tells from it.
-    ratio : tuple of tuple of float
-        Standard deviation of each of these that does what one of the process does.
     silent : tuple of Process
         That do not show.
     start : State
@@ -51,7 +49,6 @@ class Question:
 
     simulator: Simulator
     alike: tuple[tuple[Process, ...], ...]
-    ratio: tuple[tuple[float, ...], ...]
     silent: tuple[Process, ...]
     start: State
     least: Array
@@ -75,7 +72,7 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
     workshop = np.array([process.plausible for process in processes])
     whole = Simulator(model, parts, amplitudes)
     standard = np.random.default_rng(seed).standard_normal((_FEW, len(parts.process)))
-    draws = whole.draws(perfect(parts, _SPREAD * workshop), standard)
+    draws = whole.draws(as_stated(_SPREAD * workshop), standard)
     information = _information(draws, _SPREAD * workshop, len(amplitudes.values))
     own = np.sqrt(np.diag(information)) * workshop**2
     kept, partners = _apart(information, own)
@@ -86,23 +83,18 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
     found = Simulator(model, UnitParts(chosen), few)
     alone = len(amplitudes.values) / 2 * np.einsum("cde,cde->c", draws.squares, draws.squares)[kept]
     least = np.sqrt(_NONE / np.sqrt(alone))
-    strength = np.sqrt(np.einsum("cd->c", shown))
     return Question(
         found,
         tuple(tuple(processes[other] for other in partners[at]) for at in kept),
-        tuple(tuple(float(strength[at] / strength[other]) for other in partners[at]) for at in kept),
         tuple(process for at, process in enumerate(processes) if own[at] < TOLD),
-        perfect(
-            found.parts, _start(few, shown[kept][:, np.tile(orders, 2 * len(few.conditions))], workshop[kept], least)
-        ),
+        as_stated(_start(few, shown[kept][:, np.tile(orders, 2 * len(few.conditions))], workshop[kept], least)),
         least,
     )
 
 
 def _information(draws: Draws, deviation: Array, units: int) -> Array:
     """Fisher information on the variances of a lot of so many units, shape (processes, processes)."""
-    whole = np.einsum("c,cde->de", deviation**2, draws.squares) + np.eye(draws.values.shape[1])
-    weighted = np.linalg.solve(whole, draws.squares)
+    weighted = np.linalg.solve(draws.covariance(deviation), draws.squares)
     return np.asarray(units / 2 * np.einsum("ade,bed->ab", weighted, weighted, optimize=True))
 
 

@@ -28,8 +28,6 @@ from rverror.tolerances.stacking import Tolerance
 
 #: False alarms of groups, changes and outsiders: in so many of all lots that have none, each.
 LEVEL = 0.01
-#: A lot that is less likely than this is none of the model's.
-DOUBTED = 1e-3
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
 _MEMBERS = 400  # units that show what a member may be
@@ -104,35 +102,33 @@ def lot(
     amplitudes = amplitudes_of(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, units[0].runs[0], tolerances), seed)
-    notes = list(amplitudes.notes)
     if not question.simulator.parts.processes:
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     simulator = question.simulator
     values = simulator.amplitudes.values * simulator.scale
     cleaned = _Cleaned(values, np.ones(len(values), np.bool_))
     estimate: LotEstimate | None = None
-    for _ in range(3):
+    for number in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(question.start if estimate is None else estimate.state, again=estimate is not None)
         before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned)
-        if cleaned.same == before.same:
+        if cleaned.same == before.same and (number or not estimate.poor):
             break
-        tell("units or groups that differ are taken out")
+        tell(
+            "once more, without units and groups that differ"
+            if cleaned.same != before.same
+            else "once more, from elsewhere"
+        )
     assert estimate is not None
     predicted = _predicted(simulator, amplitudes, estimate, cleaned, seed)
     chance = float(scipy.stats.chi2.sf(estimate.objective, estimate.freedom))
-    if chance < DOUBTED:
-        notes.append(
-            f"the model does not describe the lot (chi-square {estimate.objective:.0f} of {estimate.freedom}), and all "
-            "intervals are wider for it; measure at a greater torque, or declare what all units share"
-        )
     orders = simulator.amplitudes.orders
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
         model.mechanism.name,
         int(cleaned.kept.sum()),
         tuple(map(str, amplitudes.conditions)),
-        _processes(question, estimate, means),
+        _processes(question, estimate, means, int(cleaned.kept.sum())),
         means,
         shifts,
         _stiffness(estimate),
@@ -144,7 +140,7 @@ def lot(
         orders.astype(np.float64),
         _rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
         _rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        tuple(notes),
+        amplitudes.notes,
     )
 
 
@@ -219,10 +215,9 @@ def _course(change: Change, serials: Sequence[str]) -> Array:
 # --- what is said of it -----------------------------------------------------------------------------------------------
 
 
-def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]) -> tuple[MadeBy, ...]:
+def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift], units: int) -> tuple[MadeBy, ...]:
     """Processes with their intervals, the largest share first."""
     simulator, state = question.simulator, estimate.state
-    units = simulator.amplitudes.values.shape[0]
     noise = simulator.amplitudes.noise
     power = np.einsum("cdd,d->c", estimate.draws.squares, noise) * state.deviation**2
     found = []
@@ -301,7 +296,11 @@ def _means(
         )
         for (process, indices, k), size, error in zip(names, sizes, errors, strict=True)
     )  # fmt: skip
-    return found, tuple(one for one, size, error in zip(found, sizes, errors, strict=True) if abs(size) > far * error)
+    return found, tuple(
+        one
+        for one, size, middle, error in zip(found, sizes, np.array(rows) @ parts.middle, errors, strict=True)
+        if abs(size - middle) > far * error
+    )
 
 
 def _stiffness(estimate: LotEstimate) -> dict[str, Interval]:

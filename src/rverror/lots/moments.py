@@ -6,7 +6,6 @@ Page ``theory/lots.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -15,9 +14,8 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.diagnosis.result import Progress
 from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
-
-Progress = Callable[[str], None]
 
 #: Spread of the logarithm of a stiffness about what a model states, where it states none.
 STIFFNESS = 0.2
@@ -64,6 +62,7 @@ class LotEstimate:
     objective : float
         Chi-square of what is left.
     freedom : int
+        Of the chi-square.
     draws : Draws
         Units of the state.
     weight : ndarray, shape (d, d)
@@ -77,6 +76,11 @@ class LotEstimate:
     freedom: int
     draws: Draws = field(repr=False)
     weight: Array = field(repr=False)
+
+    @property
+    def poor(self) -> bool:
+        """Whether chance makes so large a chi-square less often than in one lot of 20."""
+        return self.objective > chi_square(0.95, self.freedom)
 
     def means(self, rows: Array, simulator: Simulator, mean: Array, units: int) -> tuple[Array, Array]:
         """Systematic errors that a lot's mean shows beside what is drawn, and their standard errors.
@@ -93,7 +97,7 @@ class LotEstimate:
         Returns
         -------
         sizes, errors : ndarray, shape (r,)
-            Core units.  What the mean does not tell is as a workshop makes it: about none.
+            Core units.  What the lot does not tell is as a workshop makes it, about the drawing's mean.
         """
         prior, draws = simulator.parts.plausible, self.draws
         of, soft = draws.influence * prior, draws.by_compliance.mean(axis=0).T * STIFFNESS
@@ -102,7 +106,7 @@ class LotEstimate:
         scaled = rows * prior
         gain = np.linalg.solve(whole, of @ scaled.T).T
         variance = np.einsum("rp,rp->r", scaled, scaled) - np.einsum("rd,dr->r", gain, of @ scaled.T)
-        return gain @ (mean - draws.mean), np.sqrt(np.maximum(variance, 0.0))
+        return rows @ simulator.parts.middle + gain @ (mean - draws.mean), np.sqrt(np.maximum(variance, 0.0))
 
 
 class _Weights(NamedTuple):
@@ -231,9 +235,8 @@ class MomentMatching:
     # --- statistics ---------------------------------------------------------------------------------------------------
 
     def _coarse(self, draws: Draws, state: State) -> Array:
-        """Inverse of a covariance that no contact which opens makes smaller: sum of variances times mean J J'."""
-        whole = np.einsum("c,cde->de", state.deviation**2, draws.squares) + np.eye(draws.values.shape[1])
-        return np.asarray(np.linalg.inv(whole))
+        """Inverse of a covariance that is too large where contacts open: nothing runs away by it."""
+        return np.asarray(np.linalg.inv(draws.covariance(state.deviation)))
 
     def _weight(self, state: State) -> Array:
         """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
@@ -318,7 +321,7 @@ class MomentMatching:
 
     def _normal(self, state: State, distance: _Distance, weights: _Weights) -> tuple[Array, Array, Array]:
         """Units of the values, and in these the information on them and the pull."""
-        unit = np.concatenate([np.maximum(state.deviation, 4 * self.least) ** 2, np.full(COMPLIANCES, STIFFNESS)])
+        unit = np.concatenate([np.maximum(state.deviation, _SMALL * self.least) ** 2, np.full(COMPLIANCES, STIFFNESS)])
         slope, prior = distance.slope * unit, np.zeros(len(unit))
         prior[-COMPLIANCES:] = 1.0
         information = slope.T @ weights.inverse @ slope + np.diag(prior)
@@ -356,21 +359,18 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
 
 
-def sample_of(values: Array, groups: int = 1) -> Sample:
+def sample_of(values: Array) -> Sample:
     """Mean and covariance of units' whitened amplitudes."""
-    freedom = len(values) - groups
-    mean = values.mean(axis=0)
-    about = values - mean
-    return Sample(mean, about.T @ about / max(freedom, 1), len(values), max(freedom, 1))
+    return Sample(values.mean(axis=0), np.cov(values.T), len(values), len(values) - 1)
 
 
-def interval(variance: float, error: float, level: float = 1.96) -> tuple[float, float]:
+def interval(variance: float, error: float) -> tuple[float, float]:
     """Standard deviations between which a process' is, from its variance and that one's standard error.
 
     Where the variance is known, a chi-square of 2 (v/e)^2 degrees of freedom, as of the variance of a sample; where it
     may be none, the variance plus or less 1.96 errors.
     """
-    low, high = math.sqrt(max(variance - level * error, 0.0)), math.sqrt(max(variance + level * error, 0.0))
+    low, high = math.sqrt(max(variance - 1.96 * error, 0.0)), math.sqrt(variance + 1.96 * error)
     if variance > 2.5 * error:
         freedom = 2 * (variance / error) ** 2
         low = math.sqrt(variance * freedom / float(scipy.stats.chi2.ppf(0.975, freedom)))

@@ -120,6 +120,14 @@ class UnitParts:
         return np.array([self.processes[at].plausible for at in self.process])
 
     @cached_property
+    def middle(self) -> Array:
+        """Mean of each component by the drawing, none where it says none, core units, shape (p,)."""
+        of = [self.processes[at].tolerance for at in self.process]
+        return np.array(
+            [0.0 if t is None else t.mean.get(p.name, 0.0) for t, p in zip(of, self.parameters, strict=True)]
+        )
+
+    @cached_property
     def placed(self) -> tuple[Instance, ...]:
         """Where the components stand among the parameters of each effect."""
         at: list[list[tuple[int, int]]] = [[] for _ in self.effects]

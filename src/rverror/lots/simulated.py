@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,14 +31,11 @@ class State:
     ----------
     deviation : ndarray, shape (processes,)
         Standard deviations, core units.
-    mean : ndarray, shape (components,)
-        Core units.
     compliance : ndarray, shape (6,)
         Logarithms of compliances over those of the model.
     """
 
     deviation: Array
-    mean: Array
     compliance: Array
 
 
@@ -51,8 +47,6 @@ class Draws:
     ----------
     values : ndarray, shape (units, d)
         Amplitudes.
-    standard : ndarray, shape (units, components)
-        Errors of the parts, in standard deviations.
     by_process : ndarray, shape (units, processes, d)
         Change per core unit of a process' standard deviation.
     by_compliance : ndarray, shape (units, 6, d)
@@ -64,11 +58,14 @@ class Draws:
     """
 
     values: Array
-    standard: Array
     by_process: Array
     by_compliance: Array
     influence: Array
     squares: Array
+
+    def covariance(self, deviation: Array) -> Array:
+        """Covariance, noise included, were all linear: no contact that opens makes it smaller, shape (d, d)."""
+        return np.asarray(np.einsum("c,cde->de", deviation**2, self.squares) + np.eye(self.values.shape[1]))
 
     @cached_property
     def mean(self) -> Array:
@@ -171,23 +168,22 @@ class Simulator:
             by_process = np.array([standard[number, some] @ influence[some] for some in members])
             return rows[0], influence, by_process, rows[-COMPLIANCES:]
 
-        solved = [(n, one) for n, one in enumerate(each(solve, range(len(standard)))) if one is not None]
-        rows = np.array([one[1] for _, one in solved])
+        solved = [one for one in each(solve, range(len(standard))) if one is not None]
+        rows = np.array([one[1] for one in solved])
         squares = [np.einsum("upd,upe->de", rows[:, some], rows[:, some], optimize=True) for some in members]
         return Draws(
-            np.array([one[0] for _, one in solved]),
-            standard[[n for n, _ in solved]],
-            np.array([one[2] for _, one in solved]),
-            np.array([one[3] for _, one in solved]),
+            np.array([one[0] for one in solved]),
+            np.array([one[2] for one in solved]),
+            np.array([one[3] for one in solved]),
             rows.mean(axis=0).T,
             np.array(squares) / len(solved),
         )
 
     def errors(self, state: State, standard: Array) -> Array:
-        """Errors of the parts, core units, shape (units, components)."""
-        return np.maximum(state.mean + standard * state.deviation[self.parts.process], self.parts.least)
+        """Errors of the parts about the drawing's means, core units, shape (units, components)."""
+        return np.maximum(self.parts.middle + standard * state.deviation[self.parts.process], self.parts.least)
 
 
-def perfect(parts: UnitParts, deviation: Sequence[float] | Array) -> State:
-    """A state without systematic errors, of the model's stiffness."""
-    return State(np.asarray(deviation, dtype=np.float64), np.zeros(len(parts.process)), np.zeros(COMPLIANCES))
+def as_stated(deviation: Array) -> State:
+    """A state of the model's stiffness."""
+    return State(deviation, np.zeros(COMPLIANCES))

@@ -140,7 +140,7 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
     if (run.direction != direction).any():
         raise InputError(f"{name}: the run turns both ways; split it where it turns")
     theta, error = run.nominal_angle(ratio), run.error(ratio)
-    angle, signal, travel, left_out = _whole_turns(theta, error)
+    angle, signal, travel, left_out = whole_turns(theta, error)
     _check_told_apart(name, orders, travel, step=travel / angle.size)
     degree = 0 if travel > _TURN * (1 - 1e-9) else min(int(orders[0] * travel / _TURN), _DEGREE)
     unknowns = 2 * orders.size + 1 + degree
@@ -200,10 +200,22 @@ def _colour(angle: Array, left: Array, orders: Array, *, turns: float, degree: i
     return found
 
 
-def _whole_turns(theta: Array, error: Array) -> tuple[Array, Array, float, int]:
+def whole_turns(theta: Array, error: Array) -> tuple[Array, Array, float, int]:
     """Samples of the whole turns of a run, or of all of it where it has none, their travel, and how many are beyond.
 
     Each sample stands for a step, so that N even ones of a turn of N make a whole turn.
+
+    Parameters
+    ----------
+    theta, error : ndarray, shape (n,)
+
+    Returns
+    -------
+    angle, signal : ndarray, shape (m,)
+        In growing order of the angle, rad.
+    travel : float
+        rad.
+    left_out : int
     """
     along = np.argsort(theta, kind="stable")
     angle, signal = theta[along], error[along]

@@ -30,7 +30,11 @@ def verdict(lot: Lot) -> tuple[str, str]:
     if lot.chance < LACKING:
         strong = "The model lacks something"
         rest = f"lots of these processes are as far from what they make with a chance of {brief(lot.chance, 2)}"
-        return f"{strong}: {rest}; sizes below may stand for what it lacks", strong
+        return (
+            f"{strong}: {rest}; sizes below may stand for what it lacks, and their intervals are wider for it: measure "
+            "at a greater torque, or declare what all units share",
+            strong,
+        )
     strong = "The processes describe the lot"
     return f"{strong} (chance {brief(lot.chance, 2)})", strong
 
