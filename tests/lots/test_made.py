@@ -107,6 +107,7 @@ def test_amplitudes_of_waves_are_those_of_runs() -> None:
     wave = 2 * ARCSEC * np.cos(5 * THETA + 0.4)
     found = amplitudes_of(MODEL, units_of([wave] * 3))
     assert found.of_waves(wave) == pytest.approx(found.values[0], abs=1e-12)
+    assert found.waves(found.values, THETA.size)[1, 0] == pytest.approx(wave, abs=1e-12)
 
 
 def test_the_noise_of_an_amplitude_is_told_beside_strong_parts() -> None:

@@ -103,6 +103,13 @@ class Amplitudes:
         found = np.fft.rfft(waves, axis=-1)[..., self.orders] * (math.sqrt(2) / waves.shape[-1])
         return np.concatenate([found.real, -found.imag], axis=-1)
 
+    def waves(self, values: Array, angles: int) -> Array:
+        """Waves over even angles of a turn of some units' amplitudes, rad, shape (units, conditions, angles)."""
+        parts = values.reshape(len(values), len(self.conditions), 2, -1)
+        spectrum = np.zeros((*parts.shape[:2], angles // 2 + 1), dtype=np.complex128)
+        spectrum[..., self.orders] = (parts[:, :, 0] - 1j * parts[:, :, 1]) * (angles / math.sqrt(2))
+        return np.asarray(np.fft.irfft(spectrum, angles, axis=-1), dtype=np.float64)
+
 
 def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
     """Amplitudes of the error that the model leaves of each unit's runs.

@@ -328,13 +328,13 @@ def _predicted(
     lifted = cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean
     drawn = rng.standard_normal((_PREDICTED, len(parts.process)))
     waves = simulator.waveforms(estimate.state, drawn)
-    common = _waves(simulator.amplitudes, lifted[None] / simulator.scale, waves.shape[-1])[0]
+    common = simulator.amplitudes.waves(lifted[None] / simulator.scale, waves.shape[-1])[0]
     sizes = np.ptp(waves + common, axis=2)
     means = []
     for state in _within_errors(estimate, rng):
         means.append(np.ptp(simulator.waveforms(state, drawn[:_EACH]) + common, axis=2).mean(axis=0))
     spread = np.std(means, axis=0, ddof=1) / np.mean(means, axis=0)
-    seen = np.ptp(_waves(amplitudes, amplitudes.values[cleaned.kept], waves.shape[-1]), axis=2)
+    seen = np.ptp(amplitudes.waves(amplitudes.values[cleaned.kept], waves.shape[-1]), axis=2)
     found = []
     for number, condition in enumerate(amplitudes.conditions):
         own = np.sort(sizes[:, number])
@@ -367,11 +367,3 @@ def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> list[Stat
             replace(estimate.state, deviation=np.sqrt(variance), compliance=estimate.state.compliance + change[count:])
         )
     return found
-
-
-def _waves(amplitudes: Amplitudes, values: Array, angles: int) -> Array:
-    """Waves over a turn of some amplitudes, rad, shape (units, conditions, angles)."""
-    parts = values.reshape(len(values), len(amplitudes.conditions), 2, -1)
-    spectrum = np.zeros((*parts.shape[:2], angles // 2 + 1), dtype=np.complex128)
-    spectrum[..., amplitudes.orders] = (parts[:, :, 0] - 1j * parts[:, :, 1]) * (angles / math.sqrt(2))
-    return np.asarray(np.fft.irfft(spectrum, angles, axis=-1), dtype=np.float64)
