@@ -6,7 +6,7 @@ FOLDER gets model.toml, which declares no part error and whose stiffnesses are n
 labels of each serial, two runs of one turn for each unit, forward.csv and reverse.csv, and truth.json.  Kinds:
 
 plain     two to five classes of part errors, each with a spread of its own about zero
-machine   units of machine B have both cams of disc 0 moved outwards by 3 um; three units have one part far off
+machine   one station of machine B grinds its cam 3 um off, outwards or along; three units have one part 30 to 90 um off
 drift     the pitch of disc 0 goes off, 6 um once a turn at the last unit, from 60 % of the lot on
 sound     labels that mean nothing
 """
@@ -39,7 +39,7 @@ SAMPLES, COUNTS = 512, 2**28  # of one turn of the output
 TORQUES = (20, 60, 150, 412)  # N m
 WRONG = 0.12  # spread of the logarithm of a true stiffness over that of the model
 OFFSET = 30.0  # arcsec: the zero of a run is anywhere within so many of where it should be
-SHIFT, SPOILT, DRIFT = 3.0, 15.0, 6.0  # um
+SHIFT, SPOILT, DRIFT = 3.0, (30.0, 90.0), 6.0  # um
 STIFFNESS = {
     "pin_contact": "k_pin",
     "crank_bearing": "k_cam",
@@ -175,16 +175,23 @@ def draw_spoilt(plan: Plan, train: Train) -> dict[int, Error]:
     for serial in sorted(rng.choice(plan.units, size=min(3, plan.units), replace=False).tolist()):
         key = str(rng.choice([CAM, PIN, BORE]))
         places = list(instances(key, train))
-        turn = 0.0 if key == PIN else rng.uniform(0, 2 * math.pi)
+        turn, size = 0.0 if key == PIN else rng.uniform(0, 2 * math.pi), UM * rng.uniform(*SPOILT)
         at = places[int(rng.integers(len(places)))]
-        spoilt[serial] = Error(key, at, (SPOILT * UM * math.cos(turn), SPOILT * UM * math.sin(turn)))
+        spoilt[serial] = Error(key, at, (size * math.cos(turn), size * math.sin(turn)))
     return spoilt
+
+
+def draw_station(plan: Plan, train: Train) -> Error:
+    """What machine B does to one cam of all its units."""
+    rng = np.random.default_rng([plan.seed, 5])
+    at = {"crank": int(rng.integers(train.cranks)), "disc": int(rng.integers(train.discs))}
+    return Error(CAM, at, (SHIFT * UM, 0.0) if rng.integers(2) else (0.0, SHIFT * UM))
 
 
 def shifted(plan: Plan, serial: int, labels: Mapping[str, tuple[str, ...]], train: Train) -> list[Error]:
     """What the kind of a lot adds to a unit beside the three that are spoilt."""
     if plan.kind == "machine" and labels["machine"][serial] == "B":
-        return [Error(CAM, {"crank": j, "disc": 0}, (SHIFT * UM, 0.0)) for j in range(train.cranks)]
+        return [draw_station(plan, train)]
     first = drift_from(plan)
     if plan.kind == "drift" and serial >= first:
         grown = (serial - first + 1) / (plan.units - first)
@@ -199,19 +206,25 @@ def drift_from(plan: Plan) -> int:
 
 def draw_readings(plan: Plan, serial: int, errors: list[Error], train: Train, theta: Array) -> Array:
     """Readings of the output in both runs, deg, (2, samples)."""
-    rng = np.random.default_rng([plan.seed, 4, serial])
+    rng, readings = np.random.default_rng([plan.seed, 4, serial]), []
+    for sense, output in zip((1, -1), true_outputs(plan, errors, train, theta), strict=True):
+        added = rng.uniform(-OFFSET, OFFSET) + draw_noise(plan, rng, theta.size)
+        turns = (output[::sense] + ARCSEC * added) / (2 * math.pi)
+        readings.append(360 * np.round(COUNTS * turns) / COUNTS)
+    return np.array(readings)
+
+
+def true_outputs(plan: Plan, errors: list[Error], train: Train, theta: Array) -> Array:
+    """Output as its encoder has it in both directions, without noise, rad, (2, samples)."""
     unit = build(train, [error for error in errors if error.key != ENCODER])
     cos, sin = np.sum([error.values for error in errors if error.key == ENCODER] or [(0.0, 0.0)], axis=0)
-    readings = []
+    read = []
     for sense in (1, -1):
         solved = solve(train, unit, theta, sense * 1e3 * plan.torque)
         if not solved.settled.all():
-            raise ArithmeticError(f"unit {serial} of seed {plan.seed} has not settled at {plan.torque} N m")
-        read = theta + solved.output + cos * np.cos(theta) + sin * np.sin(theta)
-        added = rng.uniform(-OFFSET, OFFSET) + draw_noise(plan, rng, theta.size)
-        turns = (read[::sense] + ARCSEC * added) / (2 * math.pi)
-        readings.append(360 * np.round(COUNTS * turns) / COUNTS)
-    return np.array(readings)
+            raise ArithmeticError(f"a unit of seed {plan.seed} has not settled at {plan.torque} N m")
+        read.append(theta + solved.output + cos * np.cos(theta) + sin * np.sin(theta))
+    return np.array(read)
 
 
 def draw_noise(plan: Plan, rng: np.random.Generator, count: int) -> Array:
@@ -272,7 +285,9 @@ def truth_of(plan: Plan, spoilt: Mapping[int, Error]) -> dict[str, Any]:
         found[f"sd_{unit}"] = {name_of(key): s for key, s in plan.deviations.items() if CLASSES[key].unit == unit}
     shift: dict[str, Any] | None = None
     if plan.kind == "machine":
-        shift = {"key": CAM, "disc": 0, "parameter": "radial", "machine": "B", "um": SHIFT}
+        station = draw_station(plan, true_train(plan))
+        shift = {"key": CAM, **station.indices, "parameter": POLAR[station.values.index(SHIFT * UM)], "machine": "B"}
+        shift["um"] = SHIFT
     if plan.kind == "drift":
         first = drift_from(plan)
         shift = {"key": PITCH, "disc": 0, "harmonic": 1, "parameter": "cos", "from": f"{first:04d}", "last_um": DRIFT}

@@ -89,6 +89,8 @@ if TYPE_CHECKING:
     from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
     # Lots: what the processes made, told from many measured units.
+    from rverror.lots.as_made import tolerances_as_made
+    from rverror.lots.compressed import compress_lot, load_amplitudes
     from rverror.lots.folder import lot_units
     from rverror.lots.made import lot
     from rverror.lots.result import Lot
@@ -150,6 +152,7 @@ _LATER = {
     "coloured_noise": "runs.virtual_bench",
     "compare": "reference.comparison",
     "compensate": "compensation.making",
+    "compress_lot": "lots.compressed",
     "contact_pressure": "statics.hertz",
     "cost_front": "tolerances.allocation",
     "diagnose": "diagnosis.loop",
@@ -164,6 +167,7 @@ _LATER = {
     "limit": "tolerances.specification",
     "line_style": "views.plots.figure",
     "linearise": "statics.loaded_state",
+    "load_amplitudes": "lots.compressed",
     "load_compensation": "compensation.table_files",
     "load_mapping": "runs.bench.mapping",
     "load_orders": "runs.order_file",
@@ -196,6 +200,7 @@ _LATER = {
     "to_text": "views.report",
     "to_xarray": "views.tables",
     "tolerance": "tolerances.stacking",
+    "tolerances_as_made": "lots.as_made",
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",
     "validated": "diagnosis.validation",
@@ -274,6 +279,7 @@ __all__ = [
     "coloured_noise",
     "compare",
     "compensate",
+    "compress_lot",
     "contact_pressure",
     "cost_front",
     "costs",
@@ -297,6 +303,7 @@ __all__ = [
     "limit",
     "line_style",
     "linearise",
+    "load_amplitudes",
     "load_compensation",
     "load_mapping",
     "load_model",
@@ -336,6 +343,7 @@ __all__ = [
     "to_text",
     "to_xarray",
     "tolerance",
+    "tolerances_as_made",
     "torsion_curve",
     "torsional_stiffness",
     "transmission_error",

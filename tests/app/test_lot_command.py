@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import rverror
 from every_kind import lot as lot_by_hand
 from rverror.app import lot_command
 from rverror.app.command_line import main
+from rverror.lots.amplitudes import Amplitudes
 
 DEMO = resources.files("rverror") / "data" / "demo"
 
@@ -24,11 +26,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     got: dict[str, Any] = {}
 
     def answer(
-        model: rverror.Model, units: Any, *, tolerances: Any, seed: int, progress: Callable[[str], None]
+        model: rverror.Model, units: Amplitudes, *, tolerances: Any, seed: int, progress: Callable[[str], None]
     ) -> rverror.Lot:
         got.update(model=model, units=units, tolerances=tolerances, seed=seed)
         progress("drawing units")
-        return lot_by_hand()
+        return replace(lot_by_hand(), notes=(*units.notes, *lot_by_hand().notes))
 
     monkeypatch.setattr(lot_command, "lot", answer)
     return got
@@ -50,8 +52,8 @@ def test_what_it_prints_and_writes(place: Path, asked: dict[str, Any], capsys: p
     files = ["--json", "lot.json", "--html", "lot.html", "--csv", "lot.csv", "--save", "made.toml"]
     words = ["lot", "lot", "--model", "model.toml", "--tolerances", "tolerances.toml", "--seed", "3", "--progress"]
     assert main([*words, *files]) == 0
-    assert [unit.serial for unit in asked["units"]] == ["u10", "u1", "u2"]
-    assert asked["units"][0].labels == {"machine": "A"}
+    assert asked["units"].serials == ("u10", "u1", "u2")
+    assert asked["units"].labels == {"machine": ("A", "B", "")}
     assert (asked["seed"], len(asked["tolerances"])) == (3, 1)
     printed = capsys.readouterr().out
     assert printed.startswith("Lot: ")
@@ -76,6 +78,30 @@ def test_nothing_above_zero_leaves_no_tolerance_file(
     assert not Path("made.toml").exists()
 
 
+def test_runs_are_compressed_and_told_of_later(
+    place: Path, asked: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a part of the lot, beside a folder with the rest of it."""
+    Path("lot/units.csv").write_text("serial\nu10\nu1\ngone\n", encoding="utf-8")
+    compress = ["lot", "lot", "--model", "model.toml", "--compress", "march.npz"]
+    for replacing in ("", "rverror: replacing march.npz\n"):
+        assert main(compress) == 0
+        told = capsys.readouterr()
+        assert told.out == "march.npz: 3 units, the runs of 3 read now\n"
+        assert told.err.startswith(f"{replacing}rverror: left out: 1 unit in ")
+    assert asked == {}
+    Path("lot").rename("april")
+    for serial in ("u1", "u2", "u10"):
+        Path("april", serial).rename(Path("april", f"{serial}b"))
+    assert main(["lot", "march.npz", "april", "--model", "model.toml", "--json", "lot.json"]) == 0
+    assert asked["units"].serials == ("u10", "u1", "u2", "u1b", "u2b", "u10b")
+    assert "left out: 1 unit in " in capsys.readouterr().out
+    names = [Path(one["path"]).as_posix() for one in json.loads(Path("lot.json").read_text("utf-8"))["inputs"]]
+    assert names[:4] == ["model.toml", "march.npz", "april/units.csv", "april/u1b/forward.csv"]
+    assert main(["lot", "march.npz", "--model", "model.toml", "--compress", "march.npz"]) == 2
+    assert "march.npz: this output is also an input" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -89,6 +115,13 @@ def test_nothing_above_zero_leaves_no_tolerance_file(
         (["lot", "--csv", "lot/u1/made.csv"], "it would lie in the folder of unit u1"),
         (["lot", "--tolerances", "none.toml"], "none.toml: there is no such file"),
         (["lot", "--save", "none/made.toml"], "there is no folder"),
+        (["lot", "--jobs", "0"], "--jobs: 0 processes do no work; give 1 or more"),
+        (["lot", "--compress", "a.npz", "--csv", "a.csv"], "--compress: it tells of no process"),
+        (["lot", "--compress", "lot/u1/a.npz"], "it would lie in the folder of unit u1"),
+        (["lot", "--compress", "model.toml"], "model.toml: this output is also an input"),
+        (["lot", "lot"], "lot: 3 serials (u1, u2, u10) that lot has too"),
+        (["none.npz"], "none.npz: cannot read the file (No such file or directory)"),
+        (["model.toml"], "model.toml: this is no .npz file"),
     ],
 )
 def test_what_is_refused_in_one_line(

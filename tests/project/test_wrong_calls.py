@@ -51,6 +51,8 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "load_tolerances": ((FILE, MODEL), {}),
     "lost_motion": ((MODEL, THETA), {}),
     "lot_units": ((FILE, MODEL), {}),
+    "compress_lot": ((FILE, MODEL), {"out": "lot.npz"}),
+    "load_amplitudes": ((FILE, MODEL), {}),
     "modes": ((MODEL,), {"torque": 20e3}),
     "mounting_choices": ((STACK, UNIT), {}),
     "order_map": (([RUN, RUN],), {"ratio": UNIT}),
@@ -111,7 +113,7 @@ LEFT_OUT = {
     "load_orders", "new_figure", "orders_from_arrays", "passport", "phasing_gain",
     "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core",
     "to_display", "to_html",
-    "to_json", "to_pandas", "to_text", "to_xarray", "validated",
+    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "validated",
 }  # fmt: skip
 
 

@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from contextlib import closing
-from dataclasses import replace
-from pathlib import Path
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
 
 from rverror.app import read_command
-from rverror.app.terminal import Progress, check_outputs, tell, write_json, write_output
+from rverror.app.batch import processes
+from rverror.app.terminal import Progress, check_outputs, say_replaced, tell, write_json, write_output
 from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
 from rverror.base.text import check_name
-from rverror.lots.amplitudes import LotUnit
+from rverror.base.threads import cores
 from rverror.lots.as_made import tolerances_as_made
-from rverror.lots.folder import TABLE, lot_units
+from rverror.lots.compressed import TOGETHER, LotInputs, lot_inputs
+from rverror.lots.folder import TABLE
 from rverror.lots.made import lot
 from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
@@ -24,6 +26,8 @@ from rverror.tolerances.tolerance_file import load_tolerances
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.lot_report import lot_csv
 from rverror.views.report import to_html, to_json, to_text
+
+_MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as long as others take to start
 
 
 def add_commands(commands: Any) -> None:
@@ -35,11 +39,23 @@ def add_commands(commands: Any) -> None:
     """
     command = commands.add_parser("lot", help="what each process makes, from the measured errors of many units")
     command.add_argument(
-        "folder", metavar="FOLDER", help="each subfolder with runs is a unit; units.csv has their order and labels"
+        "parts",
+        nargs="+",
+        metavar="FOLDER",
+        help="each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
+        "several are parts of one lot",
     )
     command.add_argument("--model", required=True, metavar="MODEL.toml", help="of all units")
     command.add_argument("--tolerances", metavar="TOL.toml", help="of the drawing: processes to tell, and Cp, Cpk")
     read_command.add_mapping(command)
+    command.add_argument(
+        "--compress",
+        metavar="OUT.npz",
+        help="write what a lot needs of the runs, and end there; stopped, it goes on where it was",
+    )
+    command.add_argument(
+        "--jobs", type=int, metavar="N", help="processes that read runs (default: one for each core if there are many)"
+    )
     command.add_argument("--save", metavar="MADE.toml", help="write the processes as a tolerance file, as made")
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
@@ -52,33 +68,60 @@ def add_commands(commands: Any) -> None:
 
 
 def _lot(options: argparse.Namespace) -> None:
-    if not options.folder.strip():
-        raise InputError(f"FOLDER: {options.folder!r} has no name; give a folder")
+    for path in options.parts:
+        if not path.strip():
+            raise InputError(f"FOLDER: {path!r} has no name; give a folder")
     if options.seed < 0:
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
-    outputs = [options.save, options.json, options.html, options.csv]
-    inputs = [path for path in (options.model, options.tolerances, options.mapping) if path is not None]
-    check_outputs(outputs, inputs)
-    for path in inputs:
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
+    outputs = [options.save, options.json, options.html, options.csv, options.compress]
+    if options.compress is not None and any(output is not None for output in outputs[:-1]):
+        raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
+    given = [path for path in (options.model, options.tolerances, options.mapping) if path is not None]
+    check_outputs(outputs, given)
+    for path in given:
         check_name(path)
     model = load_model(options.model)
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
-    units, notes = lot_units(options.folder, model, read_command.given_mapping(options.mapping))
-    runs = [run.path for unit in units for run in unit.runs]
-    table = os.path.join(options.folder, TABLE)
-    check_outputs(outputs, [*inputs, table, *runs])
-    _check_apart(outputs, options.folder, units)
-    files = input_files([*inputs, *([table] if os.path.isfile(table) else []), *runs])
+    inputs = lot_inputs(options.parts, model, read_command.given_mapping(options.mapping))
+    tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
+    check_outputs(outputs, [*given, *tables, *inputs.files])
+    _check_apart(outputs, inputs)
+    if options.compress is not None:
+        _compress(inputs, options)
+        return
+    files = input_files([*given, *inputs.files])
     with closing(Progress(terminal_only=not options.progress)) as progress:
-        found = lot(model, units, tolerances=tolerances, seed=options.seed, progress=progress)
-    found = replace(found, notes=(*notes, *found.notes))
+        with _workers(options.jobs, inputs) as executor:
+            amplitudes = inputs.amplitudes(executor=executor, progress=progress)
+        found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
     print(to_text(found), end="")
     _write(found, options, files)
 
 
-def _check_apart(outputs: Sequence[str | None], folder: str, units: Sequence[LotUnit]) -> None:
+def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
+    say_replaced(options.compress)
+    with (
+        closing(Progress(terminal_only=not options.progress)) as progress,
+        _workers(options.jobs, inputs) as executor,
+    ):
+        done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
+    for note in done.notes:
+        tell(note)
+    print(f"{options.compress}: {count_of(done.units, 'unit')}, the runs of {done.read} read now")
+
+
+def _workers(jobs: int | None, inputs: LotInputs) -> AbstractContextManager[Executor | None]:
+    """Processes that read runs; none where this one does, or where they would take longer to start."""
+    units = len(inputs.unread)
+    count = min(jobs or (cores() if units >= _MANY else 1), -(-units // TOGETHER))
+    return processes(count) if count > 1 else nullcontext()
+
+
+def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
     """Refuse outputs among a unit's runs, for one of which the next call would take them."""
-    places = {os.path.realpath(Path(folder) / unit.serial): unit.serial for unit in units}
+    places = {os.path.realpath(os.path.dirname(run)): unit.serial for unit in inputs.unread for run in unit.runs}
     for output in outputs:
         place = None if output is None else os.path.dirname(os.path.realpath(output))
         if place in places:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +53,10 @@ class Condition:
 
     direction: float  #: +1 forward, -1 reverse
     torque: float  #: N*mm, without a sign
+
+    @property
+    def time(self) -> None:
+        """Not kept: what follows time repeats with no order of the output."""
 
     def __str__(self) -> str:
         """For people."""
@@ -111,13 +114,47 @@ class Amplitudes:
         return np.asarray(np.fft.irfft(spectrum, angles, axis=-1), dtype=np.float64)
 
 
-def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
+@dataclass(frozen=True)
+class UnitAmplitudes:
+    """One unit as amplitudes of orders: what is kept of its runs.
+
+    Attributes
+    ----------
+    serial : str
+    labels : mapping of str to str
+    values : mapping of Condition to ndarray, shape (2 k,)
+        Cosines, then sines, of orders 1 to k, over the root of two, rad.
+    samples : int
+        Of a turn, of the run that has the fewest; 0 where no run is left.
+    notes : tuple of str
+        Runs that were left out.
+    """
+
+    serial: str
+    labels: Mapping[str, str]
+    values: Mapping[Condition, Array | npt.NDArray[np.float32]]
+    samples: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of orders: as many as the samples tell."""
+        return _orders(self.samples)
+
+    def row(self, conditions: Sequence[Condition], count: int) -> Array:
+        """Amplitudes of orders 1 to `count` of some conditions in one vector, shape (conditions * 2 * count,)."""
+        chosen = [self.values[c].reshape(2, -1)[:, :count] for c in conditions]
+        return np.asarray(np.concatenate(chosen, axis=None), dtype=np.float64)
+
+
+def amplitudes_of(model: Model, units: Iterable[LotUnit]) -> Amplitudes:
     """Amplitudes of the error that the model leaves of each unit's runs.
 
     Parameters
     ----------
     model : Model
-    units : sequence of LotUnit
+    units : iterable of LotUnit
+        Taken one by one; of a unit no sample is kept.
 
     Returns
     -------
@@ -128,25 +165,47 @@ def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
     InputError
         If fewer than three units are left, a serial number stands twice, or runs do not fit the model.
     """
-    _check_serials(units)
-    read = [_Read.of(model, unit) for unit in units]
+    return joined_units([split_unit(model, unit) for unit in units])
+
+
+def joined_units(read: Sequence[UnitAmplitudes]) -> Amplitudes:
+    """Units that are split into orders as one lot, with the noise that they tell together.
+
+    Parameters
+    ----------
+    read : sequence of UnitAmplitudes
+        In the order in which the units were made.
+
+    Returns
+    -------
+    Amplitudes
+        Of the conditions that most units have, and the orders that all units have.
+
+    Raises
+    ------
+    InputError
+        If fewer than three units are left, or a serial number stands twice.
+    """
+    _check_serials(read)
     conditions = _common(read)
-    whole = [one for one in read if conditions and all(c in one.runs for c in conditions)]
-    lacking = [one.serial for one in read if one not in whole]
+    whole = [one for one in read if conditions and all(c in one.values for c in conditions)]
+    kept = {one.serial for one in whole}
+    lacking = [one.serial for one in read if one.serial not in kept]
     notes = [note for one in read for note in one.notes]
     if lacking:
         wanted = ", ".join(map(str, conditions))
-        notes.append(f"left out: {count_of(len(lacking), 'unit')} without a run of {wanted} ({_some(lacking)})")
+        notes.append(f"left out: {count_of(len(lacking), 'unit')} without a run of {wanted} ({some(lacking)})")
     if len(whole) < _LEAST:
         wanted = ", ".join(map(str, conditions)) or "of one condition"
         raise InputError(
             f"{count_of(len(whole), 'unit')} with a run {wanted}: a spread takes {_LEAST} or more; measure more units"
         )
-    count = min(HIGHEST, *(one.samples // 2 - 1 for one in whole))
-    rows = np.array([one.amplitudes(conditions, count) for one in whole])
-    names = sorted({name for unit in units for name in unit.labels})
-    of = {unit.serial: unit.labels for unit in units}
-    labels = {name: tuple(of[one.serial].get(name, "") for one in whole) for name in names}
+    count = min(one.count for one in whole)
+    rows = np.empty((len(whole), 2 * count * len(conditions)))
+    for row, one in zip(rows, whole, strict=True):
+        row[:] = one.row(conditions, count)
+    names = sorted({name for unit in read for name in unit.labels})
+    labels = {name: tuple(one.labels.get(name, "") for one in whole) for name in names}
     return Amplitudes(
         tuple(one.serial for one in whole), labels, conditions, np.arange(1, count + 1), rows,
         _noise(rows, len(conditions)), min(one.samples for one in whole), tuple(notes),
@@ -156,74 +215,92 @@ def amplitudes_of(model: Model, units: Sequence[LotUnit]) -> Amplitudes:
 _LEAST = 3  # units: of two that differ nobody can say which is the other's
 
 
-def _check_serials(units: Sequence[LotUnit]) -> None:
+def _check_serials(units: Sequence[UnitAmplitudes]) -> None:
     twice = [serial for serial, count in Counter(unit.serial for unit in units).items() if count > 1]
     if twice:
         raise InputError(f"serial {twice[0]!r} stands for {count_of(2, 'unit')}; give each unit a serial of its own")
 
 
-def _some(serials: Sequence[str]) -> str:
-    return ", ".join(serials[:5]) + (" ..." if len(serials) > 5 else "")
+def some(serials: Sequence[str]) -> str:
+    """Serials for a note, the first five of them.
+
+    Examples
+    --------
+    >>> some(["A", "B"]), some("ABCDEF")
+    ('A, B', 'A, B, C, D, E, ...')
+    """
+    return ", ".join(serials[:5]) + (", ..." if len(serials) > 5 else "")
 
 
-@dataclass(frozen=True)
-class _Read:
-    """One unit's errors at their angles, by condition."""
+def split_unit(model: Model, unit: LotUnit) -> UnitAmplitudes:
+    """Split the error that the model leaves of a unit's runs into orders.
 
-    serial: str
-    runs: Mapping[Condition, tuple[Array, Array]]  # angle of the output, error, rad
-    notes: tuple[str, ...]
+    Parameters
+    ----------
+    model : Model
+        Its ratio makes the error of the angles; of its effects only what they need to know of a run is asked.
+    unit : LotUnit
 
-    @classmethod
-    def of(cls, model: Model, unit: LotUnit) -> _Read:
-        found, notes = dict[Condition, tuple[Array, Array]](), list[str]()
-        for run in unit.runs:
-            name = f"unit {unit.serial}"
-            run.check_effects(model, name)
-            senses = set(run.direction.tolist())
-            if len(senses) > 1:
-                raise InputError(f"{name}: a run turns both ways; give one file for each direction")
-            if not run.torque:
-                raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
-            if run.index == "unknown":
-                raise InputError(
-                    f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); a lot needs "
-                    "aligned zeros: turn each unit to its marks"
-                )
-            condition = Condition(senses.pop(), abs(float(run.torque)))
-            theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
-            step, longest = travel / theta.size, float(np.diff(theta).max())
-            if travel < _TURN * (1 - 1e-9):
-                raise InputError(
-                    f"{name}: a run covers {travel / _TURN:.2f} turns of the output; a lot needs a whole turn"
-                )
-            if condition in found:
-                notes.append(f"{name}: a second run {condition} is left out")
-            elif longest > _GAP * step:
-                notes.append(f"{name}: the run {condition} is left out for a gap of {math.degrees(longest):.3g} deg")
-            else:
-                found[condition] = theta, error
-        return cls(unit.serial, found, tuple(notes))
+    Returns
+    -------
+    UnitAmplitudes
 
-    @property
-    def samples(self) -> int:
-        """Of a turn, of the run that has the fewest."""
-        reach = [(theta.size, np.ptp(theta) * theta.size / (theta.size - 1)) for theta, _ in self.runs.values()]
-        return min(round(count * _TURN / travel) for count, travel in reach)
-
-    def amplitudes(self, conditions: Sequence[Condition], count: int) -> Array:
-        """Amplitudes of orders 1 to count of all conditions."""
-        runs = [self.runs[c] for c in conditions]
-        return np.concatenate([_solver(tuple(theta), count)(error) for theta, error in runs])
+    Raises
+    ------
+    InputError
+        If runs do not fit the model, or cannot be split.
+    """
+    found, notes, name = dict[Condition, tuple[Array, Array]](), list[str](), f"unit {unit.serial}"
+    for run in unit.runs:
+        run.check_effects(model, name)
+        senses = set(run.direction.tolist())
+        if len(senses) > 1:
+            raise InputError(f"{name}: a run turns both ways; give one file for each direction")
+        if not run.torque:
+            raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
+        if run.index == "unknown":
+            raise InputError(
+                f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); a lot needs "
+                "aligned zeros: turn each unit to its marks"
+            )
+        condition = Condition(senses.pop(), abs(float(run.torque)))
+        theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
+        step, longest = travel / theta.size, float(np.diff(theta).max())
+        if travel < _TURN * (1 - 1e-9):
+            raise InputError(f"{name}: a run covers {travel / _TURN:.2f} turns of the output; a lot needs a whole turn")
+        if condition in found:
+            notes.append(f"{name}: a second run {condition} is left out")
+        elif longest > _GAP * step:
+            notes.append(f"{name}: the run {condition} is left out for a gap of {math.degrees(longest):.3g} deg")
+        else:
+            found[condition] = theta, error
+    reach = [(theta.size, np.ptp(theta) * theta.size / (theta.size - 1)) for theta, _ in found.values()]
+    samples = min((round(size * _TURN / travel) for size, travel in reach), default=0)
+    values = {condition: _fitted(theta, error, _orders(samples)) for condition, (theta, error) in found.items()}
+    return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes))
 
 
-@lru_cache(maxsize=4)
-def _solver(theta: tuple[float, ...], count: int) -> Callable[[Array], Array]:
-    """Least squares over the angles of whole turns, beside an offset: benches measure unit after unit at the same."""
-    waves = np.exp(1j * np.arange(1, count + 1) * np.array(theta)[:, None])
-    columns = np.concatenate([np.ones((len(theta), 1)), waves.real, waves.imag], axis=1)
-    triangle = np.linalg.cholesky(columns.T @ columns)
-    return lambda error: scipy.linalg.cho_solve((triangle, True), columns.T @ error)[1:] / math.sqrt(2)
+def _orders(samples: int) -> int:
+    """Orders that so many samples of a turn tell."""
+    return min(HIGHEST, max(samples // 2 - 1, 0))
+
+
+def _fitted(theta: Array, error: Array, count: int) -> Array:
+    """Least squares over the angles of whole turns, of orders 1 to `count` beside an offset.
+
+    Of waves exp(i k theta) the normal equations are Toeplitz, from sums of powers of one: ten times as fast
+    as with their matrix, which is never made.
+    """
+    turn = np.exp(1j * theta)
+    wave, sums, given = np.ones_like(turn), np.empty(2 * count + 1, np.complex128), np.empty(count + 1, np.complex128)
+    for order in range(2 * count + 1):
+        sums[order] = wave.sum()
+        if order <= count:
+            given[order] = np.vdot(wave, error)
+        wave *= turn
+    both = np.concatenate([given[:0:-1].conj(), given])  # orders -count to count
+    found = scipy.linalg.solve_toeplitz((sums.conj(), sums), both)[count + 1 :] * math.sqrt(2)
+    return np.concatenate([found.real, -found.imag])
 
 
 def _noise(values: Array, conditions: int) -> Array:
@@ -241,8 +318,8 @@ def _noise(values: Array, conditions: int) -> Array:
     return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
 
 
-def _common(read: Sequence[_Read]) -> tuple[Condition, ...]:
+def _common(read: Sequence[UnitAmplitudes]) -> tuple[Condition, ...]:
     """Conditions that most of the units have."""
-    counts = Counter(condition for one in read for condition in one.runs)
+    counts = Counter(condition for one in read for condition in one.values)
     most = [c for c, count in counts.items() if 2 * count > len(read)]
     return tuple(sorted(most, key=lambda c: (c.torque, -c.direction)))

@@ -33,6 +33,7 @@ _LEAST = 5  # units of a value, and of the others: a mean of fewer is that of on
 _SHUFFLES, _COURSE_SHUFFLES = 499, 199  # the tail is fitted to a fifth of them: a hundred and forty
 _TAIL = 0.2  # of what chance makes, to which its tail is fitted
 _DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
+_POWER = 0.95  # with which what is at its detection limit is found
 _EDGE, _POSITIONS = 0.05, 60  # of the units at either end, where a mean is that of few; and positions between
 
 
@@ -249,6 +250,33 @@ def surprise(chi: Array, freedom: float) -> Array:
     half = np.maximum(chi, _ASYMPTOTIC) / 2
     far = half - (freedom / 2 - 1) * np.log(half) + scipy.special.gammaln(freedom / 2)
     return np.asarray(np.where(chi < _ASYMPTOTIC, near, far))
+
+
+def detection_limit(information: Array, *, tests: int, level: float) -> Array:
+    """Size that is found in 95 %, where any of many tests finds something that is not there with a chance `level`.
+
+    The first-order limit of normal amplitudes: members whose contacts open have longer tails.
+
+    Parameters
+    ----------
+    information : ndarray
+        Of each size, one over its variance.
+    tests : int
+    level : float
+
+    Returns
+    -------
+    ndarray
+        Infinite where there is no information.
+
+    Examples
+    --------
+    >>> detection_limit(np.array([1.0]), tests=1, level=0.05).round(3)  # 1.96 + 1.645 standard errors
+    array([3.605])
+    """
+    far = math.sqrt(float(scipy.stats.chi2.isf(level / tests, 1))) + float(scipy.stats.norm.ppf(_POWER))
+    with np.errstate(divide="ignore"):
+        return np.asarray(far / np.sqrt(information))
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, check_name, check_path, did_you_mean, read_text, shown, split_lines
-from rverror.lots.amplitudes import LotUnit
+from rverror.lots.amplitudes import LotUnit, some
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
@@ -19,7 +20,6 @@ from rverror.runs.measurement import read_run
 #: Table of the units beside their folders, and its column of their names.
 TABLE, SERIAL = "units.csv", "serial"
 
-_SOME = 5  # names in a note
 _EXAMPLE = "write a first line such as 'serial,date,machine'"
 
 
@@ -67,35 +67,94 @@ def lot_units(
     >>> units[0].serial, len(units[0].runs), notes
     ('A-17', 1, ())
     """
-    check_path(folder)
     check_model(model)
-    root = Path(folder)
     if mapping is not None and not isinstance(mapping, BenchMapping):
         mapping = load_mapping(mapping)
+    found = list_units(folder, mapping)
+    return tuple(unit.read(model, mapping) for unit in found.units), found.notes
+
+
+@dataclass(frozen=True)
+class UnitFiles:
+    """A unit whose runs are not read yet.
+
+    Attributes
+    ----------
+    serial : str
+    runs : tuple of str
+        Files.
+    labels : mapping of str to str
+    """
+
+    serial: str
+    runs: tuple[str, ...]
+    labels: Mapping[str, str]
+
+    def read(self, model: Model, mapping: BenchMapping | None = None) -> LotUnit:
+        """Read the runs, which then are in memory."""
+        return LotUnit(self.serial, tuple(read_run(path, model, mapping) for path in self.runs), self.labels)
+
+
+@dataclass(frozen=True)
+class LotFolder:
+    """Units of a folder in their order, and what was noticed; no run is read yet.
+
+    Attributes
+    ----------
+    path : str
+    units : tuple of UnitFiles
+    table : str
+        Table of the labels; empty where there is none.
+    notes : tuple of str
+    """
+
+    path: str
+    units: tuple[UnitFiles, ...]
+    table: str
+    notes: tuple[str, ...]
+
+    @property
+    def serials(self) -> tuple[str, ...]:
+        """Of the units, in their order."""
+        return tuple(unit.serial for unit in self.units)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The table and all runs."""
+        return (*filter(None, [self.table]), *(path for unit in self.units for path in unit.runs))
+
+
+def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotFolder:
+    """Units of a folder as `lot_units` has them, their runs not read.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no runs, or the table cannot be used.
+    """
+    check_path(folder)
+    root = Path(folder)
     found = _runs(root, ".csv" if mapping is None else RUN_SUFFIXES)
     table = root / TABLE
     labels = _labels(table) if table.is_file() else {}
     order = [serial for serial in labels if serial in found]
-    others = sorted(set(found) - set(order), key=_natural)
+    others = sorted(found.keys() - set(order), key=_natural)
     notes = (
         _note("left out", [serial for serial in labels if serial not in found], f"in {table} without a folder of runs"),
         _note("without labels", others if labels else (), f"not in {table}; they stand last"),
     )
-    units = tuple(
-        LotUnit(serial, tuple(read_run(path, model, mapping) for path in found[serial]), labels.get(serial, {}))
-        for serial in (*order, *others)
-    )
-    return units, tuple(note for note in notes if note)
+    units = tuple(UnitFiles(serial, found[serial], labels.get(serial, {})) for serial in (*order, *others))
+    return LotFolder(str(root), units, str(table) if table.is_file() else "", tuple(note for note in notes if note))
 
 
-def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[Path, ...]]:
+def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """Runs of each subfolder that has any."""
     found = {}
     try:
         folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
         for path in folders:
             files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
-            if runs := tuple(p for p in files if p.name.lower().endswith(suffixes)):
+            if runs := tuple(str(p) for p in files if p.name.lower().endswith(suffixes)):
                 found[path.name] = runs
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -105,8 +164,8 @@ def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[Path, 
         raise InputError(
             f"{root}: no subfolder holds a run ({endings}); give a folder with one subfolder for each unit"
         )
-    for path in (path for runs in found.values() for path in runs):
-        check_name(path)
+    for name in (name for runs in found.values() for name in runs):
+        check_name(name)
     return found
 
 
@@ -176,7 +235,5 @@ def _natural(name: str) -> tuple[list[tuple[int, str]], str]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], name
 
 
-def _note(what: str, serials: Iterable[str], why: str) -> str:
-    listed = list(serials)
-    more = ", ..." if len(listed) > _SOME else ""
-    return f"{what}: {count_of(len(listed), 'unit')} {why} ({', '.join(listed[:_SOME])}{more})" if listed else ""
+def _note(what: str, serials: Sequence[str], why: str) -> str:
+    return f"{what}: {count_of(len(serials), 'unit')} {why} ({some(serials)})" if serials else ""

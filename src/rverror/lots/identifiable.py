@@ -120,7 +120,7 @@ def _orders(amplitudes: Amplitudes, shown: Array) -> npt.NDArray[np.bool_]:
     count = len(amplitudes.orders)
     power = (amplitudes.values.var(axis=0, ddof=1) / amplitudes.noise).reshape(-1, count).mean(axis=0)
     kept = (power > _STRONG) & (power >= np.sort(power)[-min(_MOST, count)])
-    for row in shown.reshape(len(shown), -1, count).sum(axis=1):
+    for row in shown.reshape(len(shown), shown.shape[1] // count, count).sum(axis=1):
         kept[np.argsort(-row)[:_OF_EACH]] = True
     return np.asarray(kept)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +14,19 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
-from rverror.lots.differences import ShiftSource, candidates_of, changes_over_serial, group_differences
+from rverror.lots.differences import (
+    ShiftSource,
+    candidates_of,
+    changes_over_serial,
+    detection_limit,
+    group_differences,
+)
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
 from rverror.lots.processes import Process, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
-from rverror.lots.simulated import COMPLIANCES, Simulator, State
+from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, reducer_of
 from rverror.tolerances.distribution import OUTSIDE
@@ -33,7 +39,7 @@ _SPOILT = 0.2  # of the units that may be no members
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
-_SETS, _EACH = 12, 60  # states within the errors, and units of each, that tell how far the prediction is off
+_SETS = 60  # states within the errors that tell how far the prediction is off
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -59,7 +65,7 @@ class _Cleaned:
 
 def lot(
     model: Model,
-    units: Sequence[LotUnit],
+    units: Sequence[LotUnit] | Amplitudes,
     *,
     tolerances: Sequence[Tolerance] | None = None,
     seed: int = 0,
@@ -71,8 +77,9 @@ def lot(
     ----------
     model : Model
         Of a reducer, with what all units share; stiffnesses need not be known better than to a fifth.
-    units : sequence of LotUnit
+    units : sequence of LotUnit, or Amplitudes
         Each with a run for each condition, over a turn of the output or more; in the order in which they were made.
+        Or what `load_amplitudes` has made of them.
     tolerances : sequence of Tolerance, optional
         The drawing: which parts vary.  All sources of the catalogue where left out.
     seed : int
@@ -95,13 +102,16 @@ def lot(
     at the load until the covariance of their orders is that of the lot's: the method of simulated moments.
     """
     reducer_of(model.mechanism, "a lot")
-    check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-    if not units:
-        raise InputError("units: there is none; give three or more")
     tell = progress or (lambda text: None)
-    amplitudes = amplitudes_of(model, units)
+    if isinstance(units, Amplitudes):
+        amplitudes = units
+    else:
+        check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
+        if not units:
+            raise InputError("units: there is none; give three or more")
+        amplitudes = amplitudes_of(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
-    question = question_of(model, amplitudes, processes_of(model, units[0].runs[0], tolerances), seed)
+    question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
     if not question.simulator.parts.processes:
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     simulator = question.simulator
@@ -150,10 +160,10 @@ def _matching(
     """The method for units that belong together, with the same draws each time."""
     rng = np.random.default_rng(seed)
     count = len(simulator.parts.process)
-    standard = rng.standard_normal((_DRAWN, count))
+    standard, others = rng.standard_normal((2, _DRAWN, count))
     fresh = rng.standard_normal((3 * simulator.scale.size, count))
     sample = sample_of(cleaned.values[cleaned.kept])
-    return MomentMatching(simulator, sample, standard - standard.mean(axis=0), fresh, question.least, tell)
+    return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
 
 
 def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned) -> _Cleaned:
@@ -220,18 +230,27 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
     simulator, state = question.simulator, estimate.state
     noise = simulator.amplitudes.noise
     power = np.einsum("cdd,d->c", estimate.draws.squares, noise) * state.deviation**2
-    found = []
+    found, limits = [], _limits(simulator, estimate, units)
     for number, process in enumerate(simulator.parts.processes):
         variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
         size = Interval(math.sqrt(variance), *interval(variance, error))
         above = size.low > 0
         needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None
-        found.append(
-            _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed, means)
-        )  # fmt: skip
+        one = _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed, means)
+        found.append(replace(one, least_difference=limits[number][0], least_error=limits[number][1]))
     found.sort(key=lambda one: -one.share)
     silent = [_made(process, None, False, 0.0, (), None, ()) for process in question.silent]
     return (*found, *silent)
+
+
+def _limits(simulator: Simulator, estimate: LotEstimate, units: int) -> list[tuple[float, float]]:
+    """Of each process what its least visible part has to be off: between halves of the lot, and in one unit."""
+    columns, parts = estimate.draws.influence, simulator.parts
+    information = np.einsum("dp,de,ep->p", columns, estimate.weight, columns)
+    least = np.array([information[parts.process == number].min() for number in range(len(parts.processes))])
+    differences = detection_limit(least * units / 4, tests=len(information), level=LEVEL / 2)
+    errors = detection_limit(least, tests=len(information) * units, level=LEVEL)
+    return list(zip(differences.tolist(), errors.tolist(), strict=True))
 
 
 def _made(
@@ -330,16 +349,14 @@ def _predicted(
     waves = simulator.waveforms(estimate.state, drawn)
     common = simulator.amplitudes.waves(lifted[None] / simulator.scale, waves.shape[-1])[0]
     sizes = np.ptp(waves + common, axis=2)
-    means = []
-    for state in _within_errors(estimate, rng):
-        means.append(np.ptp(simulator.waveforms(state, drawn[:_EACH]) + common, axis=2).mean(axis=0))
-    spread = np.std(means, axis=0, ddof=1) / np.mean(means, axis=0)
+    within = [_p95(simulator, values + lifted, waves.shape[-1]) for values in _within_errors(estimate, rng)]
+    spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
     seen = np.ptp(amplitudes.waves(amplitudes.values[cleaned.kept], waves.shape[-1]), axis=2)
     found = []
     for number, condition in enumerate(amplitudes.conditions):
         own = np.sort(sizes[:, number])
-        value = float(np.quantile(own, 0.95))
-        low, high = own[[math.floor(len(own) * 0.95 - 1.96 * _SIDE), math.ceil(len(own) * 0.95 + 1.96 * _SIDE)]]
+        value = float(np.quantile(own, _SHARE))
+        low, high = own[[math.floor(len(own) * _SHARE - 1.96 * _SIDE), math.ceil(len(own) * _SHARE + 1.96 * _SIDE)]]
         more = 1.96 * value * float(spread[number])
         found.append(
             Predicted(
@@ -352,18 +369,25 @@ def _predicted(
     return tuple(found)
 
 
-_SIDE = math.sqrt(_PREDICTED * 0.95 * 0.05)  # places that the 95 % quantile of so many is off
+_SHARE = 0.95  # of the units to come that are foretold
+_SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
 
 
-def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> list[State]:
-    """States that the lot does not tell from the estimate."""
-    count = len(estimate.state.deviation)
+def _p95(simulator: Simulator, values: Array, angles: int) -> Array:
+    """Peak-to-peak that 95 % of units stay below, of their whitened amplitudes, rad, shape (conditions,)."""
+    waves = simulator.amplitudes.waves(values / simulator.scale, angles)
+    return np.asarray(np.quantile(np.ptp(waves, axis=2), _SHARE, axis=0))
+
+
+def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:
+    """Amplitudes of the drawn units in states that the lot does not tell from the estimate, by their own changes."""
+    draws, state = estimate.draws, estimate.state
     root = np.linalg.cholesky(estimate.covariance + 1e-12 * np.diag(np.diag(estimate.covariance)))
-    found = []
     for _ in range(_SETS):
-        change = root @ rng.standard_normal(len(root))
-        variance = np.maximum(estimate.state.deviation**2 + change[:count], 0.0)
-        found.append(
-            replace(estimate.state, deviation=np.sqrt(variance), compliance=estimate.state.compliance + change[count:])
+        change, count = root @ rng.standard_normal(len(root)), len(state.deviation)
+        deviation = np.sqrt(np.maximum(state.deviation**2 + change[:count], 0.0)) - state.deviation
+        yield (
+            draws.values
+            + np.tensordot(deviation, draws.by_process, (0, 1))
+            + np.tensordot(change[count:], draws.by_compliance, (0, 1))
         )
-    return found

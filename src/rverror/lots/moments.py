@@ -21,6 +21,8 @@ from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
 STIFFNESS = 0.2
 _SMALL = 4.0  # times the least: below it the slope is that of a vanishing size, above it that of the drawn units
 _ROUNDS = (4, 8)  # with weights that follow the state; and steps at most with weights that are kept
+_ROUGH = 4  # every such unit is drawn in these first rounds, which only come near
+_NARROW = 0.01  # of the statistics' variance: what some hundred units tell of a direction is not known better
 _RENEWALS = 2  # of the weights, until the state stays
 _SETTLED = 0.1  # fall of the objective, a chi-square
 _STEP = 4.0  # times which a variance changes in one step
@@ -135,8 +137,10 @@ class MomentMatching:
     sample : Sample
     standard : ndarray, shape (n, components)
         Standard normal draws of the parts, the same throughout.
+    others : ndarray, shape (n, components)
+        Others, of which statistics are made: a form that is made of a unit's own changes is larger for that unit.
     fresh : ndarray, shape (m, components)
-        Others, of which weights are made.
+        Others, of which the inverse covariance of amplitudes is made.
     least : ndarray, shape (processes,)
         Standard deviations that no lot tells from none; what is less is drawn with these, as none has no slope.
     tell : callable
@@ -145,6 +149,7 @@ class MomentMatching:
     simulator: Simulator
     sample: Sample
     standard: Array
+    others: Array
     fresh: Array
     least: Array
     tell: Progress
@@ -163,15 +168,15 @@ class MomentMatching:
         LotEstimate
         """
         for number in range(0 if again else _ROUNDS[0]):
-            draws = self.simulator.draws(state, self.standard)
+            draws = self.simulator.draws(state, self.standard[::_ROUGH])
             weights = self._weights(draws, self._coarse(draws, state))
             distance = self._distance(draws, state, weights)
             self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
             state = self._stepped(state, distance, weights, 0.3)
         for renewal in range(_RENEWALS if again else 1):
             before, weight = state, self._weight(state)
+            weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
             draws = self.simulator.draws(state, self.standard)
-            weights = self._weights(draws, weight, both=True)
             state, draws, distance = self._settled(state, draws, weights)
             if again and not renewal and distance.objective > chi_square(0.95, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
@@ -259,7 +264,8 @@ class MomentMatching:
         drawn = 1 / len(draws.values)
         count, prior = len(forms), self.simulator.parts.plausible
         shifted = draws.influence * prior
-        whole = np.cov(noisy.T) * (1 / units + drawn) + shifted @ shifted.T
+        covariance = np.cov(draws.values.T) + np.eye(noisy.shape[1])
+        whole = covariance * (1 / units + drawn) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T
         inverse = np.zeros((count + COMPLIANCES, count + COMPLIANCES))
         inverse[:count, :count] = _inverse(spread * (1 / self.sample.freedom + drawn))
@@ -353,9 +359,9 @@ class MomentMatching:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Inverse of a covariance of statistics; directions a thousandth as wide as the others count as wide as that."""
+    """Inverse of a covariance of statistics, none narrower than drawn units tell."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(size, size) + 1e-3 * np.eye(len(size))
+    scaled = matrix / np.outer(size, size) + _NARROW * np.eye(len(size))
     return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.viewed import OneLine
+from rverror.base.viewed import Viewed
 from rverror.geartrain.source import IndexValue
 
 
@@ -55,6 +55,9 @@ class MadeBy:
         Cp: width of the tolerance over what the process needs, 1 where 0.27 % are beyond.
     capability_centred : float or None
         Cpk: the same, less what the mean is off.
+    least_difference, least_error : float or None
+        Detection limits: what one part, the least visible, has to be off to be found in 95 %, between halves of the
+        lot and in a single unit; None where the process is not shown.
     """
 
     key: str
@@ -69,6 +72,8 @@ class MadeBy:
     tolerance: str = ""
     capability: float | None = None
     capability_centred: float | None = None
+    least_difference: float | None = None
+    least_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -187,7 +192,7 @@ class Predicted:
 
 
 @dataclass(frozen=True)
-class Lot(OneLine):
+class Lot(Viewed):
     """Result of `lot`.
 
     Attributes

@@ -799,6 +799,8 @@ def _of_processes(result: Lot) -> dict[str, Variable]:
         tolerance=[one.tolerance for one in made],
         cp=([_or_nan(one.capability) for one in made], NUMBER),
         cpk=([_or_nan(one.capability_centred) for one in made], NUMBER),
+        least_difference=([_or_nan(one.least_difference) for one in made], own),
+        least_error=([_or_nan(one.least_error) for one in made], own),
     )
 
 

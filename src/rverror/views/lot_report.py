@@ -153,6 +153,8 @@ def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mea
         "tolerance": one.tolerance or None,
         "cp": rounded(one.capability),
         "cpk": rounded(one.capability_centred),
+        "least_difference": None if one.least_difference is None else _shown(one.least_difference, dimension),
+        "least_error": None if one.least_error is None else _shown(one.least_error, dimension),
     }
 
 

@@ -803,6 +803,7 @@ def _of_lot(thing: Lot) -> Sheet:
         ),
         *map(Sentence, rivals(thing)),
         *(_line(ruled_out) if ruled_out else ()),
+        *_limits(thing.processes),
         *_beside(_foretold(thing)),
         *_notes(thing.notes),
     )
@@ -830,6 +831,22 @@ def _at_most(processes: Sequence[MadeBy]) -> Sheet:
         [
             (process_name(one), units.to_display(size.high, one.dimension), units.DISPLAY_UNITS[one.dimension])
             for one, size in told
+        ],
+    )
+
+
+def _limits(processes: Sequence[MadeBy]) -> Sheet:
+    """What one part has to be off to be found."""
+    return _grid(
+        ("one part, found in 95 %", "off in half of the lot by", "off in one unit by", "unit"),
+        [
+            (
+                process_name(one),
+                *(units.to_display(_or_nan(limit), one.dimension) for limit in (one.least_difference, one.least_error)),
+                units.DISPLAY_UNITS[one.dimension],
+            )
+            for one in processes
+            if one.least_difference is not None
         ],
     )
 

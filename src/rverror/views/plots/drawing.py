@@ -19,6 +19,7 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
+from rverror.lots.result import Lot
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -44,6 +45,7 @@ from rverror.views.plots.diagnosed import (
 )
 from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.friction_losses import losses
+from rverror.views.plots.lots import lot_orders, lot_predicted, lot_processes, lot_shares
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.mode_shapes import mode_shape
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
@@ -126,6 +128,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         },
         VirtualUnits: {"distribution": distribution},
         Allocation: {"widths": widths, "costs": costs, "front": front_of, "at_load": at_load},
+        Lot: {"processes": lot_processes, "shares": lot_shares, "orders": lot_orders, "predicted": lot_predicted},
     }
 )
 
@@ -149,7 +152,7 @@ def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **optio
         - `time`, `torque`: as `transmission_error` takes them.
         - `ratio`: Reducer, Drive, Model or input turns per output turn; needed of a run that holds input angles.
         - `highest`: highest order to show.
-        - `run`: which run of a diagnosis, counted from 0.
+        - `run`: which run of a diagnosis, or condition of a lot, counted from 0.
         - `limit`: of the peak-to-peak, rad or with a unit, such as ``"60 arcsec"``.
 
     Returns

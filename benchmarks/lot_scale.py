@@ -1,0 +1,125 @@
+"""Large lots: seconds and memory of compressing units' runs, and of reading compressed units as one lot.
+
+    python benchmarks/lot_scale.py [--units 1000] [--parts 10] [--folder FOLDER]
+
+Units with two runs of 512 samples each are written, waves of all orders at angles that are not even; no equilibrium is
+solved.  Their runs are compressed with one worker and with two, and half of them too: memory must be that of the whole.
+Then so many copies of the file, with other serials, are read as the parts of one lot.  Every step is a process of its
+own, whose peak memory is that of itself and of its largest worker, less what a process has that does nothing.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+import math  # noqa: E402
+import resource  # noqa: E402
+import subprocess  # noqa: E402
+import sys  # noqa: E402
+import tempfile  # noqa: E402
+from pathlib import Path  # noqa: E402
+from time import perf_counter  # noqa: E402
+
+import numpy as np  # noqa: E402
+
+import rverror  # noqa: E402
+from rverror.app.batch import processes  # noqa: E402
+from rverror.base.units import ARCSEC  # noqa: E402
+from rverror.lots.compressed import compress_lot, load_amplitudes  # noqa: E402
+
+SAMPLES, ORDERS = 512, 120
+MODEL = rverror.Model(rverror.reducer("RV-40E"))
+
+
+def write_units(folder: Path, first: int, count: int) -> None:
+    """Write units with a run forward and a run back."""
+    for number in range(first, first + count):
+        rng = np.random.default_rng(number)
+        unit = folder / f"{number:06}"
+        unit.mkdir(parents=True)
+        for name, way in (("forward", 1.0), ("reverse", -1.0)):
+            theta = 2 * math.pi * (np.arange(SAMPLES) + rng.uniform(-0.2, 0.2, SAMPLES)) / SAMPLES
+            waves = np.exp(1j * np.arange(1, ORDERS) * theta[:, None])
+            error = (waves @ rng.normal(size=(ORDERS - 1, 2)) @ [1, 1j]).real * ARCSEC
+            order = slice(None, None, int(way))
+            run = rverror.run_from_arrays(
+                input_angle=MODEL.mechanism.ratio * theta[order], te=error[order], direction=way, torque="60 N*m"
+            )
+            rverror.write_run(unit / f"{name}.csv", run)
+
+
+def step(words: list[str]) -> None:
+    """One measured step, told as JSON."""
+    start = perf_counter()
+    if words[0] == "compress":
+        if int(words[3]) > 1:
+            with processes(int(words[3])) as executor:
+                done = compress_lot(words[1], MODEL, out=words[2], executor=executor).units
+        else:
+            done = compress_lot(words[1], MODEL, out=words[2]).units
+    elif words[0] == "read":
+        done = len(load_amplitudes(words[1:], MODEL).values)
+    else:
+        done = 0
+    seconds = perf_counter() - start
+    peaks = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    print(json.dumps({"units": done, "seconds": seconds, "here": peaks[0], "worker": peaks[1]}))
+
+
+def measured(*words: object, idle: float = 0.0) -> dict[str, float]:
+    """Result of a step in a fresh process."""
+    command = [sys.executable, __file__, "--step", *map(str, words)]
+    found: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    if words[0] != "idle":
+        worker = f", {found['worker']:.0f} MB in a worker" if found["worker"] else ""
+        more = found["here"] - idle
+        print(
+            f"{words[0]} {found['units']} units: {found['seconds']:.1f} s, {more:.1f} MB above idle{worker}", flush=True
+        )
+    return found
+
+
+def with_other_serials(path: Path, out: Path, number: int) -> Path:
+    """Copy of a file whose serials begin with a number."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    for name in arrays:
+        if name.startswith("units-"):
+            text = arrays[name].tobytes().decode().replace('"serial": "', f'"serial": "{number}-')
+            arrays[name] = np.frombuffer(text.encode(), np.uint8)
+    np.savez(out, **arrays)
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--units", type=int, default=1000)
+    parser.add_argument("--parts", type=int, default=10)
+    parser.add_argument("--folder", type=Path, help="where it is all written, and kept (default: a temporary folder)")
+    parser.add_argument("--step", nargs="+", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.step:
+        step(options.step)
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        root = options.folder or Path(temporary)
+        half = options.units // 2
+        write_units(root / "half", 0, half)
+        write_units(root / "lot", 0, options.units)
+        idle = measured("idle")["here"]
+        print(f"idle: {idle:.0f} MB")
+        measured("compress", root / "half", root / "half.npz", 1, idle=idle)
+        measured("compress", root / "lot", root / "one.npz", 1, idle=idle)
+        measured("compress", root / "lot", root / "two.npz", 2, idle=idle)
+        print(f"file: {(root / 'two.npz').stat().st_size / options.units / 1e3:.2f} kB a unit")
+        parts = [with_other_serials(root / "one.npz", root / f"part-{n}.npz", n) for n in range(options.parts)]
+        measured("read", *parts, idle=idle)
+
+
+if __name__ == "__main__":
+    main()
