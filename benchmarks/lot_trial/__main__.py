@@ -19,7 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.load_trial.planar import Array
 from benchmarks.lot_trial import make
+from scipy.stats import nct, norm
 
 Row = dict[str, Any]
 OTHERS = 200  # units of the same lot that are not measured
@@ -57,7 +59,18 @@ def judged(seed: int, kind: str, folder: Path, units: int | None) -> Row:
         row[name] = told[name]
     row |= {"shift": truth["shift"], "spoilt": truth["spoilt"], "predicted": told["predicted_by_condition"]}
     row["others"] = others(seed, kind, len(made.outputs))
+    row["usual"] = usual(made.outputs - made.inputs / 121)
     return row
+
+
+def usual(errors: Array) -> list[float]:
+    """Maker's usual limit of the peak-to-peak, forward and reverse: mean plus k standard deviations, arcsec.
+
+    With k a normal lot's 95 % quantile is below the limit in 97.5 % of lots, as it is below the end of the interval.
+    """
+    sizes, units = np.ptp(errors, axis=2) * 3600, len(errors)
+    k = float(nct.ppf(0.975, units - 1, norm.ppf(0.95) * np.sqrt(units))) / np.sqrt(units)
+    return [float(x) for x in sizes.mean(axis=0) + k * sizes.std(axis=0, ddof=1)]
 
 
 def processes(told: Row) -> dict[str, Row]:
@@ -99,6 +112,15 @@ def near(predicted: Row, other: list[float]) -> bool:
     return bool(abs(away) <= 1.96 * np.hypot((high - low) / (2 * 1.96), other[1]))
 
 
+def limits(rows: list[Row]) -> list[tuple[float, float]]:
+    """Upper ends of the intervals of predicted quantiles, and the usual limits, over quantiles of other units."""
+    return [
+        (p["p95_interval"][1] / o[0], u / o[0])
+        for row in rows
+        for p, o, u in zip(row.get("predicted", ()), row.get("others", ()), row.get("usual", ()), strict=False)
+    ]
+
+
 def summed(rows: list[Row]) -> Row:
     """Counts over all lots."""
     of = [one for row in rows for one in row.get("processes", ())]
@@ -116,6 +138,7 @@ def summed(rows: list[Row]) -> Row:
         "doubted": sum(row.get("chance", 1) < 1e-3 for row in rows),
         "predicted": sum(near(p, o) for row in rows
                          for p, o in zip(row.get("predicted", ()), row.get("others", ()), strict=False)),
+        "limits": [float(np.mean(x)) for x in zip(*limits(rows), strict=True)],
         "seconds": [round(float(np.median([row["seconds"] for row in rows])), 1), max(row["seconds"] for row in rows)],
     }  # fmt: skip
 

@@ -6,7 +6,7 @@ FOLDER gets model.toml, which declares no part error and whose stiffnesses are n
 labels of each serial, two runs of one turn for each unit, forward.csv and reverse.csv, and truth.json.  Kinds:
 
 plain     two to five classes of part errors, each with a spread of its own about zero
-machine   one station of machine B grinds its cam 3 um off, outwards or along; three units have one part 30 to 90 um off
+machine   machine B makes one cam 3 to 12 um off, outwards or along; three units have one part 30 to 90 um off
 drift     the pitch of disc 0 goes off, 6 um once a turn at the last unit, from 60 % of the lot on
 sound     labels that mean nothing
 """
@@ -39,7 +39,7 @@ SAMPLES, COUNTS = 512, 2**28  # of one turn of the output
 TORQUES = (20, 60, 150, 412)  # N m
 WRONG = 0.12  # spread of the logarithm of a true stiffness over that of the model
 OFFSET = 30.0  # arcsec: the zero of a run is anywhere within so many of where it should be
-SHIFT, SPOILT, DRIFT = 3.0, (30.0, 90.0), 6.0  # um
+SHIFT, SPOILT, DRIFT = (3.0, 12.0), (30.0, 90.0), 6.0  # um
 STIFFNESS = {
     "pin_contact": "k_pin",
     "crank_bearing": "k_cam",
@@ -185,7 +185,8 @@ def draw_station(plan: Plan, train: Train) -> Error:
     """What machine B does to one cam of all its units."""
     rng = np.random.default_rng([plan.seed, 5])
     at = {"crank": int(rng.integers(train.cranks)), "disc": int(rng.integers(train.discs))}
-    return Error(CAM, at, (SHIFT * UM, 0.0) if rng.integers(2) else (0.0, SHIFT * UM))
+    size = UM * rng.uniform(*SHIFT)
+    return Error(CAM, at, (size, 0.0) if rng.integers(2) else (0.0, size))
 
 
 def shifted(plan: Plan, serial: int, labels: Mapping[str, tuple[str, ...]], train: Train) -> list[Error]:
@@ -286,8 +287,8 @@ def truth_of(plan: Plan, spoilt: Mapping[int, Error]) -> dict[str, Any]:
     shift: dict[str, Any] | None = None
     if plan.kind == "machine":
         station = draw_station(plan, true_train(plan))
-        shift = {"key": CAM, **station.indices, "parameter": POLAR[station.values.index(SHIFT * UM)], "machine": "B"}
-        shift["um"] = SHIFT
+        at = int(np.argmax(station.values))
+        shift = {"key": CAM, **station.indices, "parameter": POLAR[at], "machine": "B", "um": station.values[at] / UM}
     if plan.kind == "drift":
         first = drift_from(plan)
         shift = {"key": PITCH, "disc": 0, "harmonic": 1, "parameter": "cos", "from": f"{first:04d}", "last_um": DRIFT}
