@@ -14,8 +14,8 @@ from matplotlib.quiver import Quiver
 
 #: A label ends with its unit, after a comma, or says that it has none.
 UNIT = re.compile(
-    r", (arcsec|deg|mm|um|MPa|s|h|N\*m|rpm|Hz|degC|%|number|per output turn|unit of the cost curves|rad per mm or rad|"
-    r"arcsec per \w+)$"
+    r", (arcsec|deg|mm|um|MPa|s|h|N\*m|rpm|Hz|degC|%|number|um or arcsec|per output turn|unit of the cost curves|"
+    r"rad per mm or rad|arcsec per \w+)$"
     r"|\(a number\)$|^share of the units per arcsec$|^output angle, deg; \S+ (arcsec|N\*m) from circle to circle$"
 )
 

@@ -27,6 +27,7 @@ from dataclasses import replace
 from importlib.resources import files
 import numpy as np
 import rverror
+from rverror.lots.amplitudes import LotUnit
 
 demo = files("rverror") / "data" / "demo"
 declared = rverror.load_model(str(demo / "model.toml"))
@@ -87,6 +88,22 @@ terms = rverror.terms(tolerances)
 least = rverror.allocate(budget.stack, limit="45 arcsec", kind="worst", verify=2048, **terms)
 limits = ["1 arcsec", "30 arcsec", "35 arcsec", "40 arcsec", "45 arcsec", "50 arcsec", "55 arcsec"]
 front = rverror.cost_front(budget.stack, limits=limits, kind="worst", verify=2048, **terms)
+
+small = rverror.Model(rverror.Reducer(sun_teeth=9, planet_teeth=27, module=1.5, pressure_angle="20 deg", disc_lobes=15,
+                                      pins=16, pin_circle_radius=64, pin_radius=5, eccentricity=2.4,
+                                      cranks=2, discs=2, name="small unit"))
+drawing = (rverror.tolerance("crank.eccentricity", "10 um"), rverror.tolerance("cycloid.pin_position", "6 um"))
+rng, turn = np.random.default_rng(4), 2 * np.pi * np.arange(128) / 128
+units = []
+for number in range(40):
+    cams = [rverror.effect("crank.eccentricity", crank=k // 2, disc=k % 2, radial=x, tangential=y)
+            for k, (x, y) in enumerate(rng.normal(0, 2e-3, (4, 2)))]
+    pins = [rverror.effect("cycloid.pin_position", pin=k, radial=x, tangential=y)
+            for k, (x, y) in enumerate(rng.normal(0, 2.5e-3, (16, 2)))]
+    both = rverror.simulate_runs(rverror.Model(small.mechanism, (*cams, *pins)), torques=("150 N*m",), points=128,
+                                 revolutions=1, method="equilibrium", noise="0.2 arcsec", seed=number)
+    units.append(LotUnit(f"{number:02}", tuple(both)))
+lot = rverror.lot(small, units, tolerances=drawing)
 """
 
 #: Line that draws each picture.
@@ -138,6 +155,10 @@ LINES = {
     "allocation-widths": "least.plot()",
     "allocation-costs": 'least.plot(kind="costs")',
     "allocation-front": 'least.plot(kind="front", front=front)',
+    "lot-processes": "lot.plot()",
+    "lot-shares": 'lot.plot(kind="shares")',
+    "lot-orders": 'lot.plot(kind="orders")',
+    "lot-predicted": 'lot.plot(kind="predicted")',
 }
 
 

@@ -20,6 +20,8 @@ import published_pictures
 import speed_page
 from docutils import nodes
 from docutils.utils.math import latex2mathml
+from numpydoc import docscrape_sphinx
+from sphinx.domains.python import PythonDomain
 from sphinx.pycode import ModuleAnalyzer
 
 import rverror
@@ -27,6 +29,7 @@ import rverror
 if TYPE_CHECKING:
     from nbformat import NotebookNode
     from sphinx.application import Sphinx
+    from sphinx.domains.python import ObjectEntry
     from sphinx.environment import BuildEnvironment
     from sphinx.writers.html5 import HTML5Translator
 
@@ -206,6 +209,36 @@ def always_new(app: Sphinx, env: BuildEnvironment, *changes: Any) -> list[str]:
     return [name for name in env.found_docs if name in WRITTEN or name.startswith("api/")]
 
 
+# --- time -------------------------------------------------------------------------------------------------------------
+
+
+class Names(PythonDomain):
+    """Sphinx's names of Python, which looks through all of them for each type in each signature: here once for each."""
+
+    def find_obj(
+        self, env: BuildEnvironment, modname: str, classname: str, name: str, type: str | None, searchmode: int = 0
+    ) -> list[tuple[str, ObjectEntry]]:
+        """As Sphinx finds it."""
+        known = self.__dict__.setdefault("known", {})
+        asked = (modname, classname, name, type, searchmode, len(self.objects))
+        if asked not in known:
+            known[asked] = super().find_obj(env, modname, classname, name, type, searchmode)
+        return list(known[asked])
+
+
+def one_template() -> None:
+    """Let numpydoc make its template once, not anew for each of thousands of docstrings."""
+    made = docscrape_sphinx.SandboxedEnvironment
+    kept: list[Any] = []
+
+    def environment(loader: Any) -> Any:
+        if not kept:
+            kept.append(made(loader=loader))
+        return kept[0]
+
+    docscrape_sphinx.SandboxedEnvironment = environment
+
+
 # --- notebooks --------------------------------------------------------------------------------------------------------
 
 
@@ -231,6 +264,8 @@ def read_notebook(text: str) -> NotebookNode:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Tell Sphinx."""
+    one_template()
+    app.add_domain(Names, override=True)
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_displaymath, None))
     app.connect("builder-inited", copy_notebooks)
     app.connect("env-get-outdated", always_new)

@@ -616,12 +616,74 @@ def table_to_names(p: Played, says: Prose) -> None:
     assert "they make 60 %, laws 39 %" in page
 
 
+def lot(p: Played, says: Prose) -> None:
+    found, spread = p["found"], p["SPREAD"]
+    sizes = {one.key: one.deviation for one in found.processes}
+    says("A reducer of ratio 49 with 16 pins")
+    assert (p["unit"].ratio, p["unit"].pins) == (49.0, 16)
+    says("cams 2 um and pins 2.5 um in either direction, and 1 arcsec by which a unit sits off centre on the encoder")
+    assert list(spread.values()) == pytest.approx([2e-3, 2.5e-3, ARCSEC])
+    assert [unit.labels["bench"] for unit in p["units"]] == ["A", "B"] * 12
+
+    says("the processes describe the lot, so the numbers below it can be used")
+    assert found.chance > 0.05
+    assert found.notes == p["notes"] == ()
+    says("Bench B stands out and is named, with the size of its error.")
+    says("the encoder of bench B is 4 arcsec off by itself")
+    (group,) = found.differences
+    (cause,) = group.causes
+    assert (group.label, group.value, cause.key, cause.parameter) == (
+        "bench", "B", "sensor.encoder_eccentricity", "cos",
+    )  # fmt: skip
+    assert 4 * ARCSEC in cause.size
+    says("No unit is odd and nothing changes over the serial numbers.")
+    assert (found.outsiders, found.changes) == ((), ())
+
+    says("The cams are. The pins are not: their interval lies beyond the mark, so this is not the luck of one lot.")
+    cams, pins, _ = found.processes
+    assert [one.key for one in found.processes] == list(spread)
+    assert cams.capability > 1 > pins.capability
+    assert pins.capability * pins.deviation.value < pins.deviation.low
+    says("most of the spread of the error comes from the cams")
+    assert cams.share > 0.75
+    says("The encoder makes order 1, cams order 16, pins orders 30 and 60.")
+    turn = {
+        effect.key: amplitudes(
+            rverror.equilibrium(
+                rverror.Model(p["unit"], (effect,)), p["theta"], torque="150 N*m", direction=1.0
+            ).transmission_error
+        )[1:]
+        for effect in (
+            rverror.effect("sensor.encoder_eccentricity", cos="1 arcsec"),
+            rverror.effect("crank.eccentricity", crank=0, disc=0, radial="2 um"),
+            rverror.effect("cycloid.pin_position", pin=0, radial="2 um"),
+        )
+    }
+    strong = {key: [int(at) + 1 for at in np.flatnonzero(of > 0.3 * of.max())] for key, of in turn.items()}
+    assert strong == {
+        "sensor.encoder_eccentricity": [1], "crank.eccentricity": [16], "cycloid.pin_position": [30, 60],
+    }  # fmt: skip
+
+    says("the truth is known, and each interval holds it")
+    assert all(spread[key] in size for key, size in sizes.items())
+    says("how many it takes to know each within a quarter of its size")
+    says("as the processes are, with the pins brought within the drawing, and with the spread of the cams halved")
+    says("To bring the pins in gains little; half the spread of the cams takes a third off the error.")
+    before, pins_in, half = p["p95"].values()
+    assert 0.9 * before < pins_in < before
+    assert half < 0.67 * before
+    says("The lot itself foretells its next units at the load")
+    (foretold,) = found.predicted
+    assert foretold.quantile.low < foretold.seen[1] < foretold.quantile.high
+
+
 CHECKS = (
     error_budget,
     gallery,
     tolerance_allocation,
     closed_loop,
     forward_and_reverse,
+    lot,
     table_to_names,
     unexplained_order,
     your_bench_files,

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_missing
-from every_kind import compensation, every_kind
+from every_kind import compensation, every_kind, lot
 from pages import DOCS
 from rverror import (
     Bench,
@@ -423,6 +423,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "virtual units": units.units,
         "allocation": replace(least, verified=units.at_load.verified),
         "front": least,
+        "lot": lot(),
     }
 
 
@@ -443,7 +444,7 @@ NAMES = (
     "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "hysteresis",
     "efficiency", "contact pressure", "wear", "modes", "speeds", "run-up",
     "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
-    "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation",
+    "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation", "lot",
 )  # fmt: skip
 
 
@@ -454,7 +455,8 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 #: Of each kind the fullest one: the others are drawn by the same plots with less in them.
 FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresis", "efficiency", "contact pressure",
            "wear", "speeds", "run-up", "run", "order table", "compensation",
-           "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation")  # fmt: skip
+           "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation",
+           "lot")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -532,7 +534,7 @@ def test_the_page_names_every_plot() -> None:
 
 
 def test_what_has_no_plot_is_told() -> None:
-    with pytest.raises(InputError, match=r"a dict has no plot; these have: Model, Reducer, .*Allocation"):
+    with pytest.raises(InputError, match=r"a dict has no plot; these have: Model, Reducer, .*Allocation, Lot"):
         draw({})
 
 
