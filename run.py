@@ -98,8 +98,12 @@ def is_current(text: str, wanted: str, extra: str) -> bool:
 
 
 def child_environment(environment: dict[str, str]) -> dict[str, str]:
-    """Copy of an environment without what would lead the new interpreter or its pip elsewhere."""
-    unwanted = {"PYTHONPATH", "PYTHONHOME", "PIP_USER", "PIP_TARGET", "PIP_PREFIX", "__PYVENV_LAUNCHER__"}
+    """Copy of an environment without what would lead the new interpreter or its pip elsewhere.
+
+    Byte code is kept whatever the caller's shell says, or every process of the checks would compile the package anew.
+    """
+    unwanted = {"PYTHONPATH", "PYTHONHOME", "PYTHONDONTWRITEBYTECODE", "__PYVENV_LAUNCHER__"}
+    unwanted |= {"PIP_USER", "PIP_TARGET", "PIP_PREFIX"}
     return {name: value for name, value in environment.items() if name.upper() not in unwanted}
 
 
@@ -213,7 +217,8 @@ def make_venv(venv: Path) -> None:
 def install(python: Path, extra: str, root: Path) -> None:
     """Install the package, editable, with an extra."""
     say(f"installing rverror[{extra}] with pip (the first time this takes a minute or two)")
-    command = [str(python), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", "-e", f".[{extra}]"]
+    command = [str(python), "-m", "pip", "install", "--disable-pip-version-check", "--no-input"]
+    command += ["--no-compile", "-e", f".[{extra}]"]  # what is imported is compiled then: half of pip's time is saved
     code, output = run_quietly(command, cwd=root)
     if code:
         raise SetupError(pip_message(output))
@@ -221,7 +226,7 @@ def install(python: Path, extra: str, root: Path) -> None:
 
 def compile_kernels(python: Path) -> None:
     """Compile what runs compiled; where this fails, the first command that needs it says why."""
-    say("compiling the equilibrium, once; some 20 s")
+    say("compiling the equilibrium, the first time; some 20 s")
     run_quietly([str(python), "-c", FIRST_EQUILIBRIUM])
 
 
@@ -247,7 +252,8 @@ def environment(command: str, root: Path = ROOT) -> Path:
         if not is_healthy(python, MODULES[extra]):  # pip took remains of an earlier try for the real thing
             make_venv(venv)
             install(python, extra, root)
-        compile_kernels(python)
+        if command != "test":  # the checks do it beside mypy
+            compile_kernels(python)
         write_stamp(venv, f"{wanted} {extra}")
     except OSError as error:
         raise SetupError(read_only_message(root, error)) from error
@@ -277,13 +283,15 @@ def last_failure(codes: dict[str, int]) -> int:
 def run_checks(python: Path, arguments: list[str], root: Path = ROOT) -> int:
     """Run every step, also after one that failed; pytest's closing line is the last, unless another step failed.
 
-    mypy works on one core only, half a minute the first time: it runs beside the others, and its words come last.
+    mypy works on one core only, half a minute the first time: it runs beside the others, and its words come last.  So
+    does the compiler of what runs compiled, but before pytest, whose processes would each do it.
     """
     steps = checks(str(python), arguments)
     with ThreadPoolExecutor(max_workers=1) as beside:
         say("mypy, beside what follows; silent where it finds nothing")
         mypy = beside.submit(run_quietly, steps["mypy"], cwd=root)
         codes = dict.fromkeys(steps, 0)
+        compile_kernels(python)
         for name in ("ruff check", "ruff format", "pytest"):
             say(name)
             codes[name] = run(steps[name], cwd=root)

@@ -173,9 +173,9 @@ def test_usage_from_another_folder(tmp_path):
 def test_first_run_makes_installs_and_stamps(runner, checkout, with_commands, capsys):
     commands = with_commands(health=[(1, "")])
     runner.environment("test", checkout)
-    assert commands.seen == ["health", "venv", "pip", "modules", "kernels"]
+    assert commands.seen == ["health", "venv", "pip", "modules"]  # the kernels are compiled beside mypy
     printed = capsys.readouterr().out.splitlines()
-    assert len(printed) == 3
+    assert len(printed) == 2
     assert all(line.startswith("run.py: ") for line in printed)
     assert runner.read_stamp(checkout / ".venv").strip().endswith(" test")
 
@@ -281,9 +281,11 @@ def test_every_step_runs_and_the_last_failure_counts(runner, monkeypatch, capsys
 
     monkeypatch.setattr(runner, "run", note)
     monkeypatch.setattr(runner, "run_quietly", lambda command, *, cwd: (note(command), "what mypy said"))
+    monkeypatch.setattr(runner, "compile_kernels", lambda python: seen.append(["kernels"]))
     assert runner.run_checks(Path("python"), ["-k", "x"]) == result
     assert not left
     assert seen[-1][-2:] == ["-k", "x"]  # the last word is the user's
+    assert ["kernels"] in seen[:-1]  # compiled before pytest's processes would do it
     assert "-n" in seen[-1]
     output = capsys.readouterr()
     assert ("what mypy said" in output.out) is (codes[2] != 0)

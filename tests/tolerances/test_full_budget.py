@@ -70,6 +70,17 @@ def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.ErrorBudget)
     assert found.at_load is None
 
 
+def test_without_indices_the_rest_is_as_with_them(found: rverror.ErrorBudget) -> None:
+    asked = [rverror.limit("transmission_error", "30 arcsec", torque="412 N*m")]
+    bare = rverror.error_budget(found.model, found.tolerances, count=2048, index_count=0, limits=asked, loaded_count=16)
+    assert bare.indices is None
+    assert bare.at_load is not None
+    assert bare.at_load.shares == (None,)
+    assert (bare.units.peak_to_peak == found.units.peak_to_peak).all()
+    assert "412 N*m" in rverror.to_text(bare)
+    assert "<table" in bare._repr_html_()
+
+
 def test_limits_add_units_at_the_load() -> None:
     """Cams keep all loaded pins closed at the rated torque: the linear result stands but for what bearings give way."""
     model = rverror.Model(rverror.reducer("RV-40E"))

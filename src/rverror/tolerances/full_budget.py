@@ -11,7 +11,7 @@ from rverror.base.text import PathLike
 from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
-from rverror.tolerances.loaded_budget import LoadedBudget, loaded_budget
+from rverror.tolerances.loaded_budget import POINTS, LoadedBudget, loaded_budget
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
@@ -87,7 +87,7 @@ def error_budget(
     count : int
         Virtual units.
     index_count : int
-        Points of the Sobol indices.
+        Points of the Sobol indices; 0 for none, also at the load, where they take most of the time.
     limits : sequence of Limit, optional
         Of transmission error, lost motion, backlash or stiffness at loads; one without a value asks for its
         distribution.  Units are solved at each load by the equilibrium, contacts that open included.
@@ -121,7 +121,7 @@ def error_budget(
     closed = budget(laid_out, seed=seed)
     units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder, progress=progress)
     indices = None
-    if any(entry.effect == "wave" for entry in closed.contributions):
+    if index_count and any(entry.effect == "wave" for entry in closed.contributions):
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
     at_load = None
     if torque is not None and speed is None and not limits:
@@ -135,6 +135,7 @@ def error_budget(
             units,
             direction=direction,
             count=loaded_count,
+            points=POINTS if index_count else 0,
             seed=seed,
             progress=progress,
         )

@@ -34,7 +34,7 @@ class LoadedBudget(OneLine):
     verified : Verified
         Distribution and yield of each limit.
     shares : tuple of SobolIndices or None
-        Of each limit, one share for each tolerance; None where the quantity does not vary.
+        Of each limit, one share for each tolerance; None where the quantity does not vary or none was asked.
     closed_form : tuple of float or None
         Yield that the closed form, contacts closed, tells of each limit; None where it does not know the quantity.
     worst_parts : tuple of float or None
@@ -91,7 +91,7 @@ def loaded_budget(
     count : int
         Units, 16 or more.
     points : int
-        Of the Sobol indices.
+        Of the Sobol indices; 0 for none.
     seed : int
     progress : callable, optional
         Called with a line of text as the work goes on.
@@ -110,9 +110,11 @@ def loaded_budget(
     units = loaded_units(model, tolerances, limits, direction=direction)
     stack = units.stack
     found = verified(units, stack.width, count=count, seed=seed, progress=progress)
-    indices = indices_of_outputs(
-        _Turns(units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
-    )
+    indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)
+    if points:
+        indices = indices_of_outputs(
+            _Turns(units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
+        )
     errors = [one.quantity == "transmission_error" for one in units.limits]
     worst = units.solved((closed.worst.peak_to_peak_values / stack.width[stack.entry])[None], stack.width).turns[0]
     known = [
