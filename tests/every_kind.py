@@ -197,7 +197,20 @@ def lot() -> Lot:
     two, two_waves = ("radial", "tangential"), ("cos", "sin")
     processes = (
         MadeBy(
-            "crank.eccentricity", {}, two, "length", size(2.0, 1e-3), True, 0.75, (HOSTILE,), 30, HOSTILE, 1.25, 1.125
+            "crank.eccentricity",
+            {},
+            two,
+            "length",
+            size(2.0, 1e-3),
+            True,
+            0.75,
+            (HOSTILE,),
+            30,
+            HOSTILE,
+            1.25,
+            1.125,
+            least_difference=3e-3,
+            least_error=17e-3,
         ),
         MadeBy("crank.index", {}, ("angle",), "angle", size(4.0, ARCSEC), True, 0.2, (), 50),
         MadeBy("involute.planet_pitch", {"harmonic": 2}, two_waves, "length", size(1.0, 1e-3), True, 0.05),

@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from rverror.lots.compressed import compress_lot, load_amplitudes
     from rverror.lots.folder import lot_units
     from rverror.lots.made import lot
+    from rverror.lots.outsider_diagnosis import diagnose_outsiders
     from rverror.lots.result import Lot
 
     # Pictures and tables: any result as text, JSON, page, table or plot.
@@ -157,6 +158,7 @@ _LATER = {
     "cost_front": "tolerances.allocation",
     "diagnose": "diagnosis.loop",
     "diagnose_folder": "app.batch",
+    "diagnose_outsiders": "lots.outsider_diagnosis",
     "draft_mapping": "runs.bench.draft",
     "draw": "views.plots.drawing",
     "efficiency": "statics.friction",
@@ -286,6 +288,7 @@ __all__ = [
     "describe",
     "diagnose",
     "diagnose_folder",
+    "diagnose_outsiders",
     "distributions",
     "draft_mapping",
     "draw",

@@ -167,6 +167,20 @@ def test_parts_that_do_the_same_are_rivals() -> None:
     assert {found.causes[0].key, found.rivals[0].split()[0]} == {cams.key, twin.key}
 
 
+def test_of_parts_that_do_the_same_the_plausible_one_is_named() -> None:
+    """A twin would have to be 50 times as far off: 300 um of a sun's place."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    twin = ShiftSource("involute.sun_offset", {}, ("x",), "length", cams.columns * 0.02)
+    values = lot(2)
+    values[1::2] += cams.columns[:, 0] * error_of(cams, 3.0)
+    labels = {"machine": ("A", "B") * (UNITS // 2)}
+    for some in ([twin, *candidates()], [*candidates(), twin]):
+        (found,) = group_differences(values, labels, weight(), some)
+        assert found.causes[0].key == cams.key
+        change, *_ = changes_over_serial(np.concatenate([values[::2], values[1::2]]), SERIALS, weight(), some)
+        assert change.cause.key == cams.key
+
+
 def test_too_few_units_or_no_others_tell_nothing() -> None:
     values = lot(3)
     values[:4] += 100

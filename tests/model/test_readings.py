@@ -89,6 +89,7 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
 }
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {
+    "diagnose_outsiders": "each by `diagnose`: tests/lots/test_outsider_diagnosis.py",
     "lot": "of units whose orders are told from the marks on: tests/lots/test_made.py",
     "modes": "at one angle: below",
     "wear": "over whole turns: tests/statics/test_wear.py",

@@ -66,6 +66,7 @@ WITHOUT = {
     "load_orders": "the page on a bench's files reads one",
     "load_run": "the start page reads two runs",
     "compress_lot": "needs a folder of runs; tests/lots/test_compressed.py",
+    "diagnose_outsiders": "takes a minute; tests/lots/test_outsider_diagnosis.py",
     "load_amplitudes": "needs a folder of runs; tests/lots/test_compressed.py",
     "lot": "takes a minute; tests/lots/test_made.py",
     "Lot": "takes a minute; tests/lots/test_made.py",

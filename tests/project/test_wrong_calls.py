@@ -107,7 +107,8 @@ LONG_WITHOUT = {"hysteresis", "torsion_curve", "torsional_stiffness", "contact_p
 #: Functions of a few plain values or of other tools' files, and those that take any result.
 LEFT_OUT = {
     "allocation_json", "allocation_text", "bench_uncertainty", "budget_json", "budget_text", "coloured_noise",
-    "compare", "describe", "diagnose_folder", "draft_mapping", "draw", "extended", "folded_order", "input_files",
+    "compare", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
+    "draw", "extended", "folded_order", "input_files",
     "line_style",
     "load_compensation", "load_mapping", "lot",
     "load_orders", "new_figure", "orders_from_arrays", "passport", "phasing_gain",

@@ -20,7 +20,9 @@ from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.compressed import TOGETHER, LotInputs, lot_inputs
 from rverror.lots.folder import TABLE
 from rverror.lots.made import lot
+from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
+from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.tolerances.tolerance_file import load_tolerances
 from rverror.views.envelope import InputFile, input_files
@@ -60,6 +62,13 @@ def add_commands(commands: Any) -> None:
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
     command.add_argument("--csv", metavar="OUT.csv", help="write a row for each process")
+    command.add_argument(
+        "--diagnose",
+        type=int,
+        default=3,
+        metavar="N",
+        help="so many units that are no members are diagnosed, each by itself (default 3; half a minute each)",
+    )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of the drawn units (default 0)")
     command.add_argument(
         "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
@@ -73,6 +82,8 @@ def _lot(options: argparse.Namespace) -> None:
             raise InputError(f"FOLDER: {path!r} has no name; give a folder")
     if options.seed < 0:
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
+    if options.diagnose < 0:
+        raise InputError(f"--diagnose: {options.diagnose} is below 0; give 0 or more")
     if options.jobs is not None and options.jobs < 1:
         raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
     outputs = [options.save, options.json, options.html, options.csv, options.compress]
@@ -96,8 +107,17 @@ def _lot(options: argparse.Namespace) -> None:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
+        found = _diagnosed(found, model, inputs, options, progress)
     print(to_text(found), end="")
     _write(found, options, files)
+
+
+def _diagnosed(found: Lot, model: Model, inputs: LotInputs, options: argparse.Namespace, progress: Progress) -> Lot:
+    """The least likely members with their own diagnosis, where their runs are at hand."""
+    wanted = {one.serial for one in found.outsiders[: options.diagnose]}
+    mapping = read_command.given_mapping(options.mapping)
+    runs = {unit.serial: unit.read(model, mapping).runs for unit in inputs.unread if unit.serial in wanted}
+    return diagnose_outsiders(model, found, runs, progress=progress)
 
 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:

@@ -21,6 +21,7 @@ from rverror.base.text import describe
 from rverror.geartrain.source import IndexValue
 from rverror.lots.processes import UnitParts
 from rverror.lots.result import Change, Difference, Interval, Shift
+from rverror.model.catalogue import source
 
 _INSTANCES = 12  # of a process that are told apart: one fixture for a single pin of forty is not what a workshop has
 _SILENT = 1e-3  # of the noise that a workshop's spread makes: a thousand units would show a hundred spreads at best
@@ -64,6 +65,12 @@ class ShiftSource:
     def label(self) -> str:
         """Its name for people."""
         return describe(self.key, self.indices)
+
+    @property
+    def plausible(self) -> Array:
+        """Largest shift of each parameter that surprises no one, core units."""
+        known = {p.name: p.plausible for p in source(self.key).parameters}
+        return np.array([known[name] for name in self.parameters])
 
     def shifts(self, sizes: Array, errors: Array, times: float) -> tuple[Shift, ...]:
         """A shift for each parameter, with intervals of so many standard errors to either side."""
@@ -209,6 +216,11 @@ class Fits:
         """Largest `surprise` of a candidate, of chi-squares of all, shape (..., candidates) to (...)."""
         of_each = [surprise(chi[..., self.freedom == q].max(axis=-1), q) for q in np.unique(self.freedom)]
         return np.asarray(np.max(of_each, axis=0))
+
+    def likely(self, chi: Array, away: Array) -> Array:
+        """Chi-squares less what a prior of plausible shifts takes off, of amplitudes that are so far away, (d,)."""
+        sizes = [(away @ sizing) / one.plausible for one, sizing in zip(self.candidates, self.sizing, strict=True)]
+        return np.maximum(chi - [float(size @ size) for size in sizes], 0.0)
 
     def best(self, chi: Array) -> int:
         """Number of the candidate that explains most; all parameters of its parts only where one does not do."""
@@ -371,10 +383,12 @@ def group_differences(
         if chance >= level:
             break
         at = int(np.argmax(surprises))
-        best, group = fits.best(chi[at]), groups[at]
+        group = groups[at]
+        likely = fits.likely(chi[at], left[group.inside].mean(axis=0) - left[group.outside].mean(axis=0))
+        best = fits.best(likely)
         one = fits.candidates[best]
         sizes, errors, times = _difference(left @ fits.sizing[best], group)
-        causes, rivals = one.shifts(sizes, errors, times), fits.rivals(chi[at], best)
+        causes, rivals = one.shifts(sizes, errors, times), fits.rivals(likely, best)
         found.append(Difference(group.label, group.value, int(group.inside.sum()), chance, causes, rivals))
         left[group.inside] -= one.columns @ sizes
     return tuple(found)
@@ -456,13 +470,16 @@ def changes_over_serial(
         chance = tail.chance(float(surprise(chi.max(), 1)))
         if chance >= level:
             break
-        at, best = (int(number) for number in np.unravel_index(np.argmax(chi), chi.shape))
+        at = int(np.argmax(chi.max(axis=1)))
+        about = courses[at] - courses[at].mean()
+        likely = fits.likely(chi[at], about @ left / (about @ about))
+        best = fits.best(likely)
         one = fits.candidates[best]
         size, error = _slope((left @ fits.sizing[best])[:, 0], courses[at])
         cause = one.shifts(np.array([size]), np.array([error]), student(0.025, len(values) - 2))[0]
         kind = "step" if at < len(beginnings) else "ramp"
         since = serials[beginnings[at % len(beginnings)]]
-        found.append(Change(since, kind, chance, cause, fits.rivals(chi.max(axis=0), best)))
+        found.append(Change(since, kind, chance, cause, fits.rivals(likely, best)))
         left -= np.outer(courses[at] * size, one.columns[:, 0])
     return tuple(found)
 

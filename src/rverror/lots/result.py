@@ -9,6 +9,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
+from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.source import IndexValue
 
 
@@ -111,7 +112,9 @@ class Outsider:
     causes : tuple of Shift
         The error of one part that makes it so, a shift for each parameter.
     rivals : tuple of str
-        UnitParts that would do it as well.
+        Parts that would do it as well.
+    diagnosis : Diagnosis or None
+        Of its own runs with the lot's stiffness; `causes` are of the first order, gross errors are not.
     """
 
     serial: str
@@ -119,6 +122,7 @@ class Outsider:
     chance: float
     causes: tuple[Shift, ...]
     rivals: tuple[str, ...] = ()
+    diagnosis: Diagnosis | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

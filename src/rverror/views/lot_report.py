@@ -11,8 +11,10 @@ from typing import Any
 from rverror.base.numbers import in_arcsec, rounded
 from rverror.base.text import printable
 from rverror.base.units import ARCSEC, DISPLAY_UNITS, to_display
+from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy, Predicted, Shift
+from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped, inputs
 from rverror.views.kinds import described
@@ -76,6 +78,7 @@ def lot_json(result: Lot, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
                     "distance": rounded(one.distance),
                     "chance": rounded(one.chance),
                     "added": _added(one.causes, one.rivals),
+                    "diagnosis": None if one.diagnosis is None else _of_unit(one.diagnosis),
                 }
                 for one in result.outsiders
             ],
@@ -194,6 +197,11 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
         }
         for some in parts.values()
     ]
+
+
+def _of_unit(found: Diagnosis) -> dict[str, Any]:
+    whole = diagnosis_json(found)
+    return {name: whole[name] for name in ("verdict", "added")}
 
 
 def _bounded(one: Shift) -> dict[str, Any]:

@@ -6,11 +6,14 @@ from collections.abc import Iterator, Sequence
 
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import describe
+from rverror.base.units import DISPLAY_UNITS, to_display
+from rverror.diagnosis.result import Estimate
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.model.catalogue import source
 
 #: Below it the model lacks something.
 LACKING = 0.001
+COME = "Units to come are those without the differences and changes named above."
 
 
 def process_name(one: MadeBy) -> str:
@@ -60,6 +63,22 @@ def rivals(lot: Lot) -> Iterator[str]:
         *((f"change since {one.since}", one.rivals) for one in lot.changes),
     ]
     yield from (f"As well for {what}: {', '.join(others)}" for what, others in found if others)
+
+
+def diagnosed(lot: Lot) -> Iterator[str]:
+    """A sentence for each unit that was diagnosed by itself."""
+    for one in lot.outsiders:
+        if one.diagnosis is not None:
+            added = [
+                f"{describe(a.effect.key, a.effect.indices)} ({', '.join(map(_size, a.estimates))})"
+                for a in one.diagnosis.added
+            ]
+            yield f"Unit {one.serial} by itself, {one.diagnosis.verdict}: {'; '.join(added) or 'nothing named'}"
+
+
+def _size(one: Estimate) -> str:
+    value, low, high = (brief(to_display(x, one.dimension)) for x in (one.value, one.low, one.high))
+    return f"{one.name} {value} {DISPLAY_UNITS[one.dimension]}, {low} to {high}"
 
 
 def clean(lot: Lot) -> str:

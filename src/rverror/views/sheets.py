@@ -48,7 +48,18 @@ from rverror.views.budget_report import SIZES, limited_by, within, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
 from rverror.views.kinds import described
-from rverror.views.lot_words import clean, not_told_apart, process_name, rivals, shift_name, silent, size_of, verdict
+from rverror.views.lot_words import (
+    COME,
+    clean,
+    diagnosed,
+    not_told_apart,
+    process_name,
+    rivals,
+    shift_name,
+    silent,
+    size_of,
+    verdict,
+)
 from rverror.views.variables import NUMBER, columns
 from rverror.views.yield_report import LEVELS
 
@@ -802,9 +813,11 @@ def _of_lot(thing: Lot) -> Sheet:
             [((one.since, one.course, one.chance), one.cause) for one in thing.changes],
         ),
         *map(Sentence, rivals(thing)),
+        *map(Sentence, diagnosed(thing)),
         *(_line(ruled_out) if ruled_out else ()),
         *_limits(thing.processes),
         *_beside(_foretold(thing)),
+        *(_line(COME) if thing.differences or thing.changes else ()),
         *_notes(thing.notes),
     )
 
