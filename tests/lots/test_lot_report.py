@@ -135,6 +135,15 @@ def test_the_file_gives_back_the_standard_deviations(tmp_path: Path) -> None:
     assert {one.distribution.name for one in found} == {"rayleigh", "normal"}
 
 
+def test_what_is_not_above_zero_stands_in_comments_with_its_bound(tmp_path: Path) -> None:
+    text = tolerances_as_made(lot())
+    before, bounds = text.split("takes to be usual:\n")
+    (tmp_path / "prior.toml").write_text(before + re.sub("^# ?", "", bounds, flags=re.M), encoding="utf-8")
+    *_, last = rverror.load_tolerances(tmp_path / "prior.toml", MODEL)
+    assert (last.key, last.parameters) == ("cycloid.pin_position", ("radial",))
+    assert last.width == pytest.approx(3 * 1.3e-3)
+
+
 def test_a_size_with_a_least_value_keeps_above_it(tmp_path: Path) -> None:
     size = Interval(1e-3, 0.5e-3, 2e-3)
     one = MadeBy("involute.spline_clearance", {}, ("clearance",), "length", size, True, 1.0)

@@ -159,6 +159,9 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command.add_argument(
         "--validate", nargs="+", default=[], metavar="FILE", help="runs or tables that no fit sees: before and after"
     )
+    command.add_argument(
+        "--prior", metavar="MADE.toml", help="how parts are made, as `lot --save` tells it: what causes are likely"
+    )
     command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
     command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
@@ -282,7 +285,8 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 def _diagnose(options: argparse.Namespace) -> None:
     _check_jobs(options.jobs, "threads")
-    inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
+    inputs = [options.model, *options.runs, *options.validate]
+    inputs += [path for path in (options.mapping, options.prior) if path]
     check_outputs([options.json, options.report, options.save, options.plot], inputs)
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
@@ -292,8 +296,13 @@ def _diagnose(options: argparse.Namespace) -> None:
     mapping = read_command.given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
+    prior: Sequence[Any] = ()
+    if options.prior is not None:
+        from rverror.tolerances.tolerance_file import load_tolerances  # half of all modules, for this option alone
+
+        prior = load_tolerances(options.prior, model)
     figure = _figure_maker() if options.plot else None
-    result = _diagnose_with_progress(model, runs, jobs=options.jobs)
+    result = _diagnose_with_progress(model, runs, jobs=options.jobs, prior=prior)
     if unseen:
         result = validated(result, unseen)
     print(diagnosis_text(result), end="")
@@ -440,6 +449,6 @@ def _demo(options: argparse.Namespace) -> None:
     print("    print(rverror.to_text(found))")
 
 
-def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable], *, jobs: int | None = None) -> Diagnosis:
+def _diagnose_with_progress(model: Model, runs: Sequence[Run | OrderTable], **options: Any) -> Diagnosis:
     with closing(Progress()) as progress:
-        return diagnose(model, runs, progress=progress, jobs=jobs)
+        return diagnose(model, runs, progress=progress, **options)

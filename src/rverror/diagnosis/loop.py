@@ -13,6 +13,7 @@ from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
 from rverror.diagnosis.samples.drives import diagnose_drive
+from rverror.diagnosis.size_prior import MadeTo, SizePrior
 from rverror.geartrain.mechanism import Drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model, check_model
@@ -27,6 +28,7 @@ def diagnose(
     progress: Progress | None = None,
     policy: Policy = POLICY,
     jobs: int | None = None,
+    prior: Sequence[MadeTo] = (),
 ) -> Diagnosis:
     """Find the effects that a model lacks in measured runs.
 
@@ -51,6 +53,9 @@ def diagnose(
     jobs : int, optional
         Threads that fit candidates side by side, for runs of a reducer, one for each core where left out; the result is
         the same.
+    prior : sequence of Tolerance
+        How a reducer's parts are made, as a lot tells: an error is expected as large as the root mean square that its
+        tolerance says, mean and all; what is in none is expected as a workshop makes it.
 
     Returns
     -------
@@ -59,9 +64,9 @@ def diagnose(
     Raises
     ------
     InputError
-        If a run cannot be used; the message says why.
+        If a run or the prior cannot be used; the message says why.
     ValueError
-        If the catalogue has no such key as the policy's.
+        If the catalogue has no such key as the policy's, or the mechanism none that is in the prior.
 
     Notes
     -----
@@ -85,6 +90,7 @@ def diagnose(
     """
     check_model(model)
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
+    check_each("prior", prior, MadeTo, "give load_tolerances(path)")
     if jobs is not None and jobs < 1:
         raise InputError(f"jobs: {jobs} threads do no work; give 1 or more")
     for key in policy.keys:
@@ -101,14 +107,17 @@ def diagnose(
         raise InputError(
             f"{tables[0].path or 'an order table'}: order tables are diagnosed for a [reducer]; of a [drive] give runs"
         )
+    unit = model.mechanism
+    if prior and isinstance(unit, Drive):
+        raise InputError("prior: the search for a drive's causes knows none; leave it out")
+    sizes = SizePrior.of(prior, unit)
     with at_most(jobs or cores()):
         if tables:
-            return diagnose_tables(model, tables, tell, policy=policy)
-        unit = model.mechanism
+            return diagnose_tables(model, tables, tell, policy=policy, prior=sizes)
         if isinstance(unit, Drive):
             found = diagnose_drive(model, samples, tell, policy=policy)
         else:
             resonances, notes, telling = resonances_of_runs(model, samples, policy=policy)
-            found = diagnose_reducer(model, telling, tell, policy=policy)
+            found = diagnose_reducer(model, telling, tell, policy=policy, prior=sizes)
             found = replace(found, resonances=resonances, notes=(*found.notes, *notes))
         return replace(found, passport=passport_of_runs(unit, samples))

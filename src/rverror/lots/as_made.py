@@ -28,7 +28,9 @@ def tolerances_as_made(result: Lot) -> str:
     -------
     str
         TOML, as `load_tolerances` reads it: of a capability of 1, T is three standard deviations of a scalar, and of
-        a vector the length that 0.27 % exceed.  Empty where no process is above zero.
+        a vector the length that 0.27 % exceed.  Behind it, as comments, processes that are not told from none, with
+        the upper ends of their intervals: a budget does without them, a prior of `diagnose` gains by them.  Empty
+        where no process is above zero.
     """
     made = [
         _AsMade(one, one.deviation, _means(result, one)) for one in result.processes if one.above_zero and one.deviation
@@ -36,7 +38,16 @@ def tolerances_as_made(result: Lot) -> str:
     if not made:
         return ""
     head = f"# as made: standard deviations of {result.units} units of {result.model}, with their 95 % intervals"
-    return "\n".join([printable(head), *(line for one in made for line in one.lines())]) + "\n"
+    return "\n".join([printable(head), *(line for one in made for line in one.lines()), *_bounds(result)]) + "\n"
+
+
+def _bounds(result: Lot) -> Iterator[str]:
+    """Comments that state how much the other processes make at most."""
+    others = [(one, one.deviation.high) for one in result.processes if one.deviation and not one.above_zero]
+    if others:
+        yield "\n# Not above zero; without the signs in front these bound what `diagnose --prior` takes to be usual:"
+    for one, most in others:
+        yield from (f"# {line}".rstrip() for line in _AsMade(one, Interval(most, 0.0, most), {}).lines())
 
 
 def _means(result: Lot, one: MadeBy) -> dict[str, float]:

@@ -561,6 +561,20 @@ class Tolerance:
             entry.check_indices(mechanism, indices)
         return sets
 
+    def usual(self, mechanism: Mechanism) -> list[tuple[dict[str, IndexValue], dict[str, float]]]:
+        """Root mean square of each parameter about its declared value, the mean included, of each part; core units.
+
+        Where all parts have an index together, what they share: of that the variance is the mean's.
+        """
+        parts, indices = self.instances(mechanism), source(self.key).indices
+        shares = [(at, 1.0) for at in parts]
+        allowed = indices[0].allowed(mechanism) if len(indices) == 1 else ()
+        if "all" in allowed and len(parts) == len(allowed) - 1:
+            shares.append(({indices[0].name: "all"}, self.correlation + (1 - self.correlation) / len(parts)))
+        means, variance = {p.name: self.mean.get(p.name, 0.0) for p in self.chosen}, self.distribution.variance
+        roots = [(at, self.width * math.sqrt(share * variance)) for at, share in shares]
+        return [(at, {name: math.hypot(root, mean) for name, mean in means.items()}) for at, root in roots]
+
     def _index_values(self, index: Index, mechanism: Mechanism) -> tuple[IndexValue, ...]:
         given = self.indices.get(index.name)
         if given is not None:

@@ -240,14 +240,16 @@ def _addition(
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
-    estimates, notes = [], []
-    for place, (parameter, value) in enumerate(zip(source(effect.key).parameters, effect.values, strict=True), first):
+    estimates, notes, prior = [], [], fit.bench.deviation(effect.key, effect.indices)
+    made = "the prior says" if fit.bench.prior.covered else "a workshop makes"
+    sizes = zip(source(effect.key).parameters, effect.values, prior, strict=True)
+    for place, (parameter, value, usual) in enumerate(sizes, first):
         half = halves[place]
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
-        if half > search.policy.untold * reach(fit, (search.policy.workshop * parameter.plausible) ** 2):
-            notes.append(f"{parameter.name}: the runs do not tell it; its interval is what a workshop makes")
+        if half > search.policy.untold * reach(fit, usual**2):
+            notes.append(f"{parameter.name}: the runs do not tell it; its interval is what {made}")
         if abs(value) > parameter.plausible:
             notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")

@@ -2,8 +2,8 @@
 
 Minimised is D + P: the squares of the whitened residual, less what offsets, slips and lines make of it, and those of
 the priors.  Declared sizes have their uncertainty, stiffness a quarter (of its logarithm), backlash half, what was
-added the size that a workshop makes.  What is not explained yet has any size, but few independent values: beyond N,
-what noise alone hardly exceeds, D counts as N + M ln(1 + (D - N)/M).
+added the size that a workshop makes, or a lot had.  What is not explained yet has any size, but few independent
+values: beyond N, what noise alone hardly exceeds, D counts as N + M ln(1 + (D - N)/M).
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from rverror.diagnosis.gears.sight import EverySample, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
+from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect, Model
@@ -58,6 +60,8 @@ class RunSet:
         Which of `SOFTENING` are refitted.
     anywhere : bool
         Whether the gear's marks may be at any angle.
+    prior : SizePrior
+        How large added sizes are taken to be.
     sampled : bool
         Whether the records are samples, which may hold lines that no one has named.
     """
@@ -69,6 +73,7 @@ class RunSet:
     policy: Policy
     soft: Flags
     anywhere: bool = False
+    prior: SizePrior = WORKSHOP
     sampled: ClassVar[bool] = True
 
     @staticmethod
@@ -99,6 +104,10 @@ class RunSet:
         start = float(self.records[0].theta.min()) + offset
         turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
+
+    def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
+        """Standard deviation of each parameter of a source at a place, before the runs are seen."""
+        return self.prior.deviation(key, indices, self.policy.workshop)
 
     @cached_property
     def freedom(self) -> int:
@@ -310,9 +319,8 @@ def layout(model: Model, zeros: int) -> tuple[int, int]:
 
 def prior_weights(fit: Fit) -> Array:
     """Inverse variances of priors."""
-    policy, count = fit.bench.policy, len(fit.declared.effects)
     sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
-    sigmas += [policy.workshop * p.plausible for e in fit.model.effects[count:] for p in source(e.key).parameters]
+    sigmas += [sigma for e in fit.added for sigma in fit.bench.deviation(e.key, e.indices)]
     sigmas += fit.bench.soft_sigmas
     return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.bench.zeros))
 

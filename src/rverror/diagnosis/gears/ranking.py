@@ -266,6 +266,6 @@ def _own_products(left: Array, right: Array, ends: npt.NDArray[np.intp], width: 
 
 def _prior(block: Columns, fit: Fit, width: int) -> Array:
     """Inverse covariance of a block's columns before the runs are seen; 1 where it has none."""
-    own, found = block.directions / (fit.bench.policy.workshop * block.plausible), np.eye(width)
+    own, found = block.directions / np.array(fit.bench.deviation(*block.name)), np.eye(width)
     found[: len(own), : len(own)] = own @ own.T
     return found

@@ -31,6 +31,7 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis, Progress
+from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source
@@ -45,7 +46,9 @@ _PLACING = 512  # angles a turn on which the marks are looked for
 _RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
 
 
-def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY) -> Diagnosis:
+def diagnose_reducer(
+    declared: Model, runs: Sequence[Run], tell: Progress, *, policy: Policy = POLICY, prior: SizePrior = WORKSHOP
+) -> Diagnosis:
     """Find what the model of a reducer lacks.
 
     Parameters
@@ -57,6 +60,7 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     tell : callable
         Called with a line of text as the work goes on.
     policy : Policy
+    prior : SizePrior
 
     Raises
     ------
@@ -70,9 +74,10 @@ def diagnose_reducer(declared: Model, runs: Sequence[Run], tell: Progress, *, po
     records, notes = records_of(declared, runs, policy)
     model, anywhere = with_marks(replace(declared, mechanism=unit), runs)
     tell("predicting the declared model")
-    bench = RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere)
+    bench = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
     first = begun(bench, model, model)
     candidates = candidates_of(model, records, policy)
+    notes += bench.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(renoised(fitted(first))), candidates, policy, journal, offsets)

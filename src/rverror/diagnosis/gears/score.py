@@ -90,9 +90,9 @@ class Score:
 
     def of(self, fit: Fit, lines: Sequence[float] = (), slow: bool = False) -> Hypothesis:
         """A fit, with the orders of its free lines and whether runs drift, and its score."""
-        total, policy = fit.objective, self.policy
+        total = fit.objective
         first = sum(len(e.values) for e in fit.declared.effects)
-        prior = np.array([policy.workshop * p.plausible for e in fit.added for p in source(e.key).parameters])
+        prior = np.array([sigma for e in fit.added for sigma in fit.bench.deviation(e.key, e.indices)])
         at = slice(first, first + prior.size)
         total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
         total += sum(self.cost((e.key, e.indices)) for e in fit.added)

@@ -72,8 +72,8 @@ class Linear:
     @cached_property
     def weights(self) -> Array:
         """Inverse variances of priors, shape (k,)."""
-        share = self.bench.policy.workshop
-        return np.concatenate([self.fit.weights[self.free], *((share * b.plausible) ** -2.0 for b in self.blocks)])
+        prior = [np.array(self.bench.deviation(*block.name)) ** -2.0 for block in self.blocks]
+        return np.concatenate([self.fit.weights[self.free], *prior])
 
     @cached_property
     def off(self) -> Array:

@@ -42,6 +42,7 @@ from rverror.diagnosis.result import (
     Progress,
     Residual,
 )
+from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
@@ -55,8 +56,9 @@ _POINTS = 2048  # angles at which a residual's peaks are looked for
 
 
 def diagnose_tables(
-    declared: Model, tables: Sequence[OrderTable], tell: Progress, *, policy: Policy = POLICY
-) -> Diagnosis:
+    declared: Model, tables: Sequence[OrderTable], tell: Progress, *,
+    policy: Policy = POLICY, prior: SizePrior = WORKSHOP,
+) -> Diagnosis:  # fmt: skip
     """Find what the model of a reducer lacks in order tables.
 
     Parameters
@@ -67,6 +69,7 @@ def diagnose_tables(
     tell : callable
         Called with a line of text as the work goes on.
     policy : Policy
+    prior : SizePrior
 
     Raises
     ------
@@ -90,21 +93,25 @@ def diagnose_tables(
     tell(f"predicting the declared model under {len(cases)} conditions")
     some = _some_loads(cases)
     few, spreads, even = at_any_speed([cases[n] for n in some], [sigmas[n] for n in some], by_chance=policy.by_chance)
-    bench = table_set(unit, few, spreads, policy, anywhere=anywhere)
+
+    def seen(cases: Sequence[OrderCase], sigmas: Sequence[Array]) -> TableSet:
+        return replace(table_set(unit, cases, sigmas, policy, anywhere=anywhere), prior=prior)
+
+    bench = seen(few, spreads)
     first = evaluated(bench, model, model)
     root = fitted(first, steps=6)
     candidates = candidates_of(model, bench, policy)
+    notes += bench.prior.notes(candidates)
     found = searched(root, candidates, journal)
     # what changes with the speed alone is in no model, so no set of causes leaves noise
     complete = _complete_set(root, found, candidates, given, journal) if even else None
     if complete is not None:
         found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
-    whole = evaluated(table_set(unit, cases, sigmas, policy, anywhere=anywhere), found.model, model)
-    wide = table_set(unit, cases, widened(whole), policy, anywhere=anywhere)
-    causes = fitted(evaluated(wide, found.model, model, whole.waves), steps=8, enough=1.0)
+    whole = evaluated(seen(cases, sigmas), found.model, model)
+    causes = fitted(evaluated(seen(cases, widened(whole)), found.model, model, whole.waves), steps=8, enough=1.0)
     tell("describing what no cause accounts for")
-    plain = table_set(unit, cases, noise, policy, anywhere=anywhere)
+    plain = seen(cases, noise)
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
     result = replace(causes.model, effects=(*causes.model.effects, *laws.effects()))
     final = evaluated(plain, result, model, causes.waves)
