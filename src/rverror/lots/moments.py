@@ -204,17 +204,26 @@ class MomentMatching:
     def _elsewhere(
         self, state: State, draws: Draws, distance: _Distance, weights: _Weights
     ) -> tuple[State, Draws, _Distance]:
-        """The best of some starts, where a fit is poor: of two processes that do nearly the same one makes all."""
-        best = state, draws, distance
+        """The best of some starts, where a fit is poor: of two processes that do nearly the same one makes all.
+
+        Each is judged by weights of its own: by those of units that vary much, units that hardly do fit any lot.
+        """
+        best, least = (state, draws, distance), self._by_its_own(state, draws)
         for number, start in enumerate(self._exchanged(state, draws, weights)):
             try:
                 found = self._settled(start, self.simulator.draws(start, self.standard), weights)
+                own = self._by_its_own(*found[:2])
             except np.linalg.LinAlgError:
                 continue
-            self.tell(f"start {number + 1}: chi-square {found[2].objective:.3g}")
-            if found[2].objective < best[2].objective - _SETTLED:
-                best = found
+            self.tell(f"start {number + 1}: chi-square {own:.3g}, before {least:.3g}")
+            if own < least - _SETTLED:
+                best, least = found, own
         return best
+
+    def _by_its_own(self, state: State, draws: Draws) -> float:
+        """Objective of a state by weights that are made there."""
+        weights = self._weights(self.simulator.draws(state, self.others), self._weight(state), both=True)
+        return self._distance(draws, state, weights).objective
 
     def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
         """States in which one of two processes that are hard to tell apart makes what both did."""

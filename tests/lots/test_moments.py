@@ -1,0 +1,70 @@
+"""Simulated moments on lots that the model itself makes: what was made is told, whatever the estimate begins with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+
+import rverror
+from gear_runs import TURN, UNIT
+from rverror.base.units import ARCSEC
+from rverror.lots.amplitudes import LotUnit, amplitudes_of
+from rverror.lots.identifiable import Question, question_of
+from rverror.lots.moments import LotEstimate, MomentMatching, sample_of
+from rverror.lots.processes import processes_of
+from rverror.lots.simulated import COMPLIANCES, State
+from rverror.model.effects import Model
+
+PINS = "cycloid.pin_position"
+
+
+def asked() -> Question:
+    """Five processes, of which two do nearly the same, at a load that leaves most pins of 2.5 um without any."""
+    tolerances = [
+        rverror.tolerance(key, "10 um", **more)
+        for key, more in (
+            (PINS, {}),
+            ("cycloid.disc_pitch", {"harmonic": 1}),
+            ("cycloid.disc_pitch", {"harmonic": 2}),
+            ("crank.eccentricity", {}),
+            ("cycloid.pin_radius", {}),
+        )
+    ]  # fmt: skip
+    theta, rng = TURN * np.arange(128) / 128, np.random.default_rng(0)
+    runs = [
+        rverror.run_from_arrays(
+            input_angle=UNIT.ratio * theta,
+            output_angle=theta + 0.02 * ARCSEC * rng.normal(size=128),
+            direction=1.0,
+            torque="15 N*m",
+        )
+        for _ in range(40)
+    ]
+    amplitudes = amplitudes_of(Model(UNIT), [LotUnit(f"{n:03}", (run,)) for n, run in enumerate(runs)])
+    return question_of(Model(UNIT), amplitudes, processes_of(Model(UNIT), runs[0], tolerances), 0)
+
+
+def estimated(question: Question, true: State, seed: int, units: int = 200, drawn: int = 100) -> LotEstimate:
+    rng, count = np.random.default_rng(seed), len(question.simulator.parts.process)
+    values = question.simulator.values(true, rng.standard_normal((units, count)))
+    values = values + rng.standard_normal(values.shape)
+    standard, others, fresh = (rng.standard_normal((n, count)) for n in (drawn, drawn, 3 * values.shape[1]))
+    matching = MomentMatching(
+        question.simulator, sample_of(values), standard - standard.mean(axis=0), others, fresh, question.least, print
+    )
+    return matching.estimate(true, again=True)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_made_a_lot_is_told_where_most_pins_carry_nothing(seed: int) -> None:
+    """Units that hardly vary fit any lot by weights of those that vary much: a start from them must not win (seed 1)."""
+    question = asked()
+    made = np.array([2.5e-3 if p.key == PINS else 0.0 for p in question.simulator.parts.processes])
+    true = State(np.maximum(made, question.least), np.zeros(COMPLIANCES))
+    found = estimated(question, true, seed)
+    assert np.all(np.abs(found.state.deviation**2 - made**2) < 4 * found.variance_error)
+    assert found.objective < scipy.stats.chi2.isf(1e-4, found.freedom)
+    pins = question.simulator.parts.processes[0]
+    assert pins.key == PINS
+    assert found.state.deviation[0] == pytest.approx(2.5e-3, rel=0.3)
