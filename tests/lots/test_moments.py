@@ -58,7 +58,7 @@ def estimated(question: Question, true: State, seed: int, units: int = 200, draw
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_made_a_lot_is_told_where_most_pins_carry_nothing(seed: int) -> None:
-    """Units that hardly vary fit any lot by weights of those that vary much: a start from them must not win (seed 1)."""
+    """By weights of units that vary much, those that hardly do fit any lot: a start from them must not win (seed 1)."""
     question = asked()
     made = np.array([2.5e-3 if p.key == PINS else 0.0 for p in question.simulator.parts.processes])
     true = State(np.maximum(made, question.least), np.zeros(COMPLIANCES))
