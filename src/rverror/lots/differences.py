@@ -437,7 +437,8 @@ def changes_over_serial(
     """Steps and ramps of a mean over the serial numbers, and the parts that make them.
 
     Candidates of one parameter count.  The most surprising over candidates, courses and beginnings is compared with
-    what units in any order make; what is found is removed, and the rest searched again.
+    what units in any order make.  Of what is found the search goes on in the steady part alone (`steady`): a shift that
+    is large enough to be seen is not taken off to the last bit by influences of the first order.
 
     Parameters
     ----------
@@ -454,34 +455,56 @@ def changes_over_serial(
     Returns
     -------
     tuple of Change
-        The clearest first.
+        Each in the steady part that those before it leave.
     """
     fits = Fits.of([one for one in candidates if len(one.parameters) == 1], weight)
-    if len(values) < 2 * _LEAST or not fits.candidates:
-        return ()
-    beginnings, courses = _courses(len(values))
-    contrasts = courses - courses.mean(axis=1, keepdims=True)
-    contrasts /= np.linalg.norm(contrasts, axis=1, keepdims=True)
-    rng, left, found = np.random.default_rng(seed), np.array(values, dtype=np.float64), list[Change]()
-    while len(found) < _CHANGES:
-        projected = left @ fits.basis
+    rng, found, part = np.random.default_rng(seed), list[Change](), slice(0, len(serials))
+    while len(found) < _CHANGES and part.stop - part.start >= 2 * _LEAST and fits.candidates:
+        some, names = values[part], serials[part]
+        beginnings, courses = _courses(len(some))
+        contrasts = courses - courses.mean(axis=1, keepdims=True)
+        contrasts /= np.linalg.norm(contrasts, axis=1, keepdims=True)
+        projected = some @ fits.basis
         chi = (contrasts @ projected) ** 2
-        tail = _shuffled(lambda p: surprise(np.max((contrasts @ p) ** 2), 1), projected, _COURSE_SHUFFLES, rng)
-        chance = tail.chance(float(surprise(chi.max(), 1)))
+        largest = _largest_of(contrasts)
+        chance = _shuffled(largest, projected, _COURSE_SHUFFLES, rng).chance(float(surprise(chi.max(), 1)))
         if chance >= level:
             break
         at = int(np.argmax(chi.max(axis=1)))
         about = courses[at] - courses[at].mean()
-        likely = fits.likely(chi[at], about @ left / (about @ about))
+        likely = fits.likely(chi[at], about @ some / (about @ about))
         best = fits.best(likely)
-        one = fits.candidates[best]
-        size, error = _slope((left @ fits.sizing[best])[:, 0], courses[at])
-        cause = one.shifts(np.array([size]), np.array([error]), student(0.025, len(values) - 2))[0]
+        size, error = _slope((some @ fits.sizing[best])[:, 0], courses[at])
+        cause = fits.candidates[best].shifts(np.array([size]), np.array([error]), student(0.025, len(some) - 2))[0]
         kind = "step" if at < len(beginnings) else "ramp"
-        since = serials[beginnings[at % len(beginnings)]]
+        since = names[beginnings[at % len(beginnings)]]
         found.append(Change(since, kind, chance, cause, fits.rivals(likely, best)))
-        left -= np.outer(courses[at] * size, one.columns[:, 0])
+        part = steady(found, serials)
     return tuple(found)
+
+
+def _largest_of(contrasts: Array) -> Callable[[Array], Array]:
+    return lambda projected: surprise(np.max((contrasts @ projected) ** 2, keepdims=True), 1)
+
+
+def steady(changes: Sequence[Change], serials: Sequence[str]) -> slice:
+    """Units of one and the same process: before a ramp, and on the longer side of a step.
+
+    Parameters
+    ----------
+    changes : sequence of Change
+        As `changes_over_serial` found them.
+    serials : sequence of str
+
+    Returns
+    -------
+    slice
+    """
+    start, stop = 0, len(serials)
+    for change in changes:
+        at = serials.index(change.since)
+        start, stop = (at, stop) if change.course == "step" and stop - at > at - start else (start, at)
+    return slice(start, stop)
 
 
 def _courses(units: int) -> tuple[npt.NDArray[np.intp], Array]:

@@ -20,6 +20,7 @@ from rverror.lots.differences import (
     changes_over_serial,
     detection_limit,
     group_differences,
+    steady,
 )
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
@@ -36,6 +37,7 @@ from rverror.tolerances.stacking import Tolerance
 LEVEL = 0.01
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
+_LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
@@ -48,7 +50,8 @@ class _Cleaned:
     """What was told of single units and groups, and the amplitudes without it."""
 
     values: Array
-    kept: npt.NDArray[np.bool_]
+    members: npt.NDArray[np.bool_]
+    kept: npt.NDArray[np.bool_]  #: those that the processes are told from
     outsiders: tuple[Outsider, ...] = ()
     differences: tuple[Difference, ...] = ()
     changes: tuple[Change, ...] = ()
@@ -116,7 +119,8 @@ def lot(
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     simulator = question.simulator
     values = simulator.amplitudes.values * simulator.scale
-    cleaned = _Cleaned(values, np.ones(len(values), np.bool_))
+    everyone = np.ones(len(values), np.bool_)
+    cleaned = _Cleaned(values, everyone, everyone)
     estimate: LotEstimate | None = None
     for number in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
@@ -150,8 +154,16 @@ def lot(
         orders.astype(np.float64),
         _rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
         _rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        amplitudes.notes,
+        (*amplitudes.notes, *_used(cleaned)),
     )
+
+
+def _used(cleaned: _Cleaned) -> list[str]:
+    """Which units the processes are told from, where it is not all members."""
+    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
+    if count < members:
+        return [f"told from {count} of {members} units: those without the differences and changes that are named"]
+    return []
 
 
 def _matching(
@@ -167,26 +179,33 @@ def _matching(
 
 
 def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned) -> _Cleaned:
-    """Take off how groups differ and means change, and leave out what is then no member.
+    """Find how groups differ and means change, and what is then no member.
 
-    Groups and changes are those of the units that were members before.
+    Groups and changes are those of the units that were members before.  Units with either are left out of the
+    estimate, where enough remain: influences of the first order do not take all of it off.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
-    members, candidates = before.kept, candidates_of(influence, simulator.parts)
+    members, candidates = before.members, candidates_of(influence, simulator.parts)
     serials = tuple(np.array(amplitudes.serials)[members])
     labels = {name: tuple(np.array(given)[members]) for name, given in amplitudes.labels.items()}
     about = values[members] - values[members].mean(axis=0)
     groups = group_differences(about, labels, weight, candidates, level=LEVEL / 2, seed=seed)
-    left = values.copy()
+    left, alike = values.copy(), np.ones(len(values), np.bool_)
     for group in groups:
         of = np.array([value == group.value for value in amplitudes.labels[group.label]])
         left[of] -= _effect(candidates, group.causes)
+        alike &= ~of
     about = left[members] - left[members].mean(axis=0)
     changes = changes_over_serial(about, serials, weight, candidates, level=LEVEL / 2, seed=seed)
-    for change in changes:
-        left -= np.outer(_course(change, amplitudes.serials), _effect(candidates, (change.cause,)))
+    for number, change in enumerate(changes):
+        course = _course(change, amplitudes.serials, steady(changes[:number], amplitudes.serials))
+        left -= np.outer(course, _effect(candidates, (change.cause,)))
+    part = steady(changes, amplitudes.serials)
+    alike &= (np.arange(len(values)) >= part.start) & (np.arange(len(values)) < part.stop)
     odd = _outsiders(simulator, left, estimate, seed)
-    return _Cleaned(left, ~np.isin(amplitudes.serials, [one.serial for one in odd]), odd, groups, changes)
+    members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
+    enough = (members & alike).sum() >= max(_LEFT[0], _LEFT[1] * len(values))
+    return _Cleaned(left, members, members & alike if enough else members, odd, groups, changes)
 
 
 def _outsiders(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int) -> tuple[Outsider, ...]:
@@ -216,10 +235,11 @@ def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array
     )
 
 
-def _course(change: Change, serials: Sequence[str]) -> Array:
-    """Share of a change that each unit has: none before it, all of a step, a ramp up to the last unit."""
-    since = np.arange(1, len(serials) + 1) - serials.index(change.since)
-    return np.asarray((since > 0) * 1.0 if change.course == "step" else np.maximum(since, 0) / since[-1])
+def _course(change: Change, serials: Sequence[str], part: slice) -> Array:
+    """Share of a change that each unit has: none before it, all of a step, a ramp up to the end of the steady part."""
+    at = serials.index(change.since)
+    since = np.arange(1, len(serials) + 1) - at
+    return np.asarray((since > 0) * 1.0 if change.course == "step" else np.clip(since / (part.stop - at), 0.0, 1.0))
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------
