@@ -17,9 +17,11 @@ from rverror.lots.differences import (
     candidates_of,
     changes_over_serial,
     group_differences,
+    steady,
     surprise,
 )
 from rverror.lots.processes import UnitParts, processes_of
+from rverror.lots.result import Change, Interval, Shift
 
 UM = 1e-3
 D, UNITS = 60, 120
@@ -234,3 +236,25 @@ def test_sound_lots_do_not_change() -> None:
     found = [changes_over_serial(lot(s), SERIALS, weight(), candidates(), level=0.3, seed=s) for s in range(40)]
     assert sum(one[0].chance < 0.01 for one in found if one) <= 3
     assert 4 <= sum(len(one) > 0 for one in found) <= 21
+
+
+def test_what_a_large_change_does_beyond_the_first_order_is_no_change_of_its_own() -> None:
+    """A ramp of 20 errors of a unit, and with its square 5 along the encoder: one change, where it begins."""
+    cams, beyond = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
+    course = np.maximum(np.arange(UNITS) - 79, 0) / (UNITS - 80)
+    values = lot(4) + np.outer(course * error_of(cams, 20), cams.columns[:, 0])
+    values += np.outer(course**2 * error_of(beyond, 5), beyond.columns[:, 0])
+    (found,) = changes_over_serial(values, SERIALS, weight(), candidates())
+    assert found.cause.key == cams.key
+    assert abs(SERIALS.index(found.since) - 80) <= 8
+
+
+def test_steady_is_what_stands_before_a_ramp_and_on_the_longer_side_of_a_step() -> None:
+    def change(since: int, course: str) -> Change:
+        shift = Shift("crank.index", {"crank": 0}, "angle", "angle", Interval(1.0, 0.5, 1.5))
+        return Change(SERIALS[since], course, 0.0, shift)
+
+    assert steady([], SERIALS) == slice(0, UNITS)
+    assert steady([change(20, "ramp")], SERIALS) == slice(0, 20)
+    assert steady([change(20, "step")], SERIALS) == slice(20, UNITS)
+    assert steady([change(100, "step"), change(30, "step"), change(80, "ramp")], SERIALS) == slice(30, 80)

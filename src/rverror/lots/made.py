@@ -200,22 +200,28 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     for number, change in enumerate(changes):
         course = _course(change, amplitudes.serials, steady(changes[:number], amplitudes.serials))
         left -= np.outer(course, _effect(candidates, (change.cause,)))
-    part = steady(changes, amplitudes.serials)
-    alike &= (np.arange(len(values)) >= part.start) & (np.arange(len(values)) < part.stop)
-    odd = _outsiders(simulator, left, estimate, seed)
+    part, places = steady(changes, amplitudes.serials), np.arange(len(values))
+    steady_units = (places >= part.start) & (places < part.stop)
+    alike &= steady_units
+    odd = _outsiders(simulator, left, steady_units, estimate, seed)
     members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
     enough = (members & alike).sum() >= max(_LEFT[0], _LEFT[1] * len(values))
     return _Cleaned(left, members, members & alike if enough else members, odd, groups, changes)
 
 
-def _outsiders(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int) -> tuple[Outsider, ...]:
-    """Units that are no members; none where they would be more than a fifth, for then they are the lot."""
+def _outsiders(
+    simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
+) -> tuple[Outsider, ...]:
+    """Some units that are no members; none where they would be more than a fifth, for then they are the lot.
+
+    After a change what is left of it would make its units no members.
+    """
     rng = np.random.default_rng(seed + 1)
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
     members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
     found = outsiders(
-        values - np.median(values, axis=0),
-        simulator.amplitudes.serials,
+        values[some] - np.median(values[some], axis=0),
+        tuple(np.array(simulator.amplitudes.serials)[some]),
         members,
         estimate.weight,
         estimate.draws.influence,
