@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from rverror.lots.differences import (
     candidates_of,
     changes_over_serial,
     group_differences,
+    misfit,
     steady,
     surprise,
 )
@@ -247,6 +249,23 @@ def test_what_a_large_change_does_beyond_the_first_order_is_no_change_of_its_own
     (found,) = changes_over_serial(values, SERIALS, weight(), candidates())
     assert found.cause.key == cams.key
     assert abs(SERIALS.index(found.since) - 80) <= 8
+    assert misfit(np.full(D, 2.0), np.eye(D), 4.0 * D - 30.0, 1) == 1.0
+    assert misfit(np.full(D, 2.0), np.eye(D), 2.0 * D + 2.0, 1) == pytest.approx(2.0)
+
+
+def test_what_a_cause_leaves_widens_its_interval_and_brings_rivals() -> None:
+    """Beside a shift of 20 errors of a unit one of 10 that no part explains."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    twin = ShiftSource("involute.sun_offset", {}, ("x",), "length", cams.columns + 0.02 * np.linalg.norm(cams.columns))
+    clean, odd = lot(5), np.random.default_rng(9).standard_normal(D)
+    clean[1::2] += cams.columns[:, 0] * error_of(cams, 20)
+    beyond = clean.copy()
+    beyond[1::2] += odd * 10 / math.sqrt(odd @ weight() @ odd)
+    labels = {"machine": ("A", "B") * (UNITS // 2)}
+    one, other = (group_differences(v, labels, weight(), [cams, twin])[0] for v in (clean, beyond))
+    widths = [some.causes[0].size.high - some.causes[0].size.low for some in (one, other)]
+    assert widths[1] > 2 * widths[0]
+    assert len(other.rivals) >= len(one.rivals)
 
 
 def test_steady_is_what_stands_before_a_ramp_and_on_the_longer_side_of_a_step() -> None:

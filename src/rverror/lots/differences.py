@@ -230,15 +230,37 @@ class Fits:
         single = max(own, key=lambda number: (-self.freedom[number], chi[number]))
         return whole if chi[whole] - chi[single] >= _VECTOR else single
 
-    def rivals(self, chi: Array, best: int) -> tuple[str, ...]:
-        """Other parts that do it nearly as well, the nearest first."""
-        near = [n for n in np.argsort(-chi) if chi[n] > chi[best] - RIVAL and not self._same(int(n), best)]
+    def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
+        """Other parts that do it nearly as well, the nearest first; more where the best leaves a misfit itself."""
+        near = [n for n in np.argsort(-chi) if chi[n] > chi[best] - RIVAL * misfit and not self._same(int(n), best)]
         return tuple(dict.fromkeys(self.candidates[n].label for n in near))
 
     def _same(self, one: int, other: int) -> bool:
         """Whether two candidates are about the same parts."""
         a, b = self.candidates[one], self.candidates[other]
         return a.key == b.key and a.indices == b.indices
+
+
+def misfit(contrast: Array, weight: Array, chi: float, freedom: int) -> float:
+    """Chi-square of what a cause leaves of a contrast of units, over its degrees of freedom; 1 where it is less.
+
+    A large shift is more than influences of the first order, and what they lack must not decide between parts.
+
+    Parameters
+    ----------
+    contrast : ndarray, shape (d,)
+        Sum of units' whitened amplitudes, of unit variance.
+    weight : ndarray, shape (d, d)
+    chi : float
+        What the cause explains.
+    freedom : int
+        Of the cause.
+
+    Returns
+    -------
+    float
+    """
+    return max(1.0, (float(contrast @ weight @ contrast) - chi) / max(len(contrast) - freedom, 1))
 
 
 def surprise(chi: Array, freedom: float) -> Array:
@@ -387,8 +409,10 @@ def group_differences(
         likely = fits.likely(chi[at], left[group.inside].mean(axis=0) - left[group.outside].mean(axis=0))
         best = fits.best(likely)
         one = fits.candidates[best]
+        beyond = misfit(group.contrast @ left, weight, float(chi[at, best]), int(fits.freedom[best]))
         sizes, errors, times = _difference(left @ fits.sizing[best], group)
-        causes, rivals = one.shifts(sizes, errors, times), fits.rivals(likely, best)
+        causes = one.shifts(sizes, errors * math.sqrt(beyond), times)
+        rivals = fits.rivals(likely, best, beyond)
         found.append(Difference(group.label, group.value, int(group.inside.sum()), chance, causes, rivals))
         left[group.inside] -= one.columns @ sizes
     return tuple(found)
@@ -474,11 +498,13 @@ def changes_over_serial(
         about = courses[at] - courses[at].mean()
         likely = fits.likely(chi[at], about @ some / (about @ about))
         best = fits.best(likely)
+        beyond = misfit(contrasts[at] @ some, weight, float(chi[at, best]), 1)
         size, error = _slope((some @ fits.sizing[best])[:, 0], courses[at])
-        cause = fits.candidates[best].shifts(np.array([size]), np.array([error]), student(0.025, len(some) - 2))[0]
+        errors = np.array([error * math.sqrt(beyond)])
+        cause = fits.candidates[best].shifts(np.array([size]), errors, student(0.025, len(some) - 2))[0]
         kind = "step" if at < len(beginnings) else "ramp"
         since = names[beginnings[at % len(beginnings)]]
-        found.append(Change(since, kind, chance, cause, fits.rivals(likely, best)))
+        found.append(Change(since, kind, chance, cause, fits.rivals(likely, best, beyond)))
         part = steady(found, serials)
     return tuple(found)
 
