@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-import rverror
+from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
 from rverror.lots.members import MembersTail, outsiders
-from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.result import Outsider
 
-UM = 1e-3
-D, UNITS, MEMBERS = 150, 200, 150
+SOME, UNITS, MEMBERS = RandomUnits(150, 0.5), 200, 150
 SERIALS = [f"U{number:04d}" for number in range(UNITS)]
 SPOILT = ["U0007", "U0070", "U0170"]
-
-
-@cache
-def parts() -> UnitParts:
-    model = rverror.Model(rverror.reducer("RV-40E"))
-    theta = np.linspace(0, 2 * np.pi, 400)
-    run = rverror.run_from_arrays(
-        output_angle=theta, input_angle=121 * theta, direction="forward", torque=20e3, ratio=model
-    )
-    return UnitParts(processes_of(model, run))
-
-
-@cache
-def influence() -> Array:
-    """Random: a tenth of a workshop's spread, of cams 1 um, makes half of the noise."""
-    of = np.random.default_rng(0).standard_normal((D, len(parts().process)))
-    return np.asarray(of / (0.1 * parts().plausible) / 2)
 
 
 def own_cam() -> int:
@@ -41,34 +20,23 @@ def own_cam() -> int:
     return int(np.flatnonzero(parts().effect == cams[0])[0])
 
 
-@cache
-def spread() -> Array:
-    of = influence() * 0.1 * parts().plausible
-    return np.asarray(np.eye(D) + of @ of.T)
-
-
-@cache
-def weight() -> Array:
-    return np.asarray(np.linalg.inv(spread()))
-
-
 def units(seed: int, count: int, freedom: float = np.inf) -> Array:
     """Normal, or of Student's distribution: a unit's amplitudes are all as far off as they are."""
     rng = np.random.default_rng(seed)
-    found = rng.standard_normal((count, D)) @ np.linalg.cholesky(spread()).T
+    found = SOME.drawn(rng, count)
     if np.isfinite(freedom):
         found *= np.sqrt(freedom / rng.chisquare(freedom, (count, 1)))
     return np.asarray(found)
 
 
 def asked(values: Array, members: Array) -> tuple[Outsider, ...]:
-    return outsiders(values - values.mean(axis=0), SERIALS, members, weight(), influence(), parts())
+    return outsiders(values - values.mean(axis=0), SERIALS, members, SOME.weight, SOME.influence, parts())
 
 
 def spoilt(seed: int, size: float, freedom: float = np.inf) -> Array:
     values = units(seed, UNITS, freedom)
     for serial in SPOILT:
-        values[SERIALS.index(serial)] += influence()[:, own_cam()] * size
+        values[SERIALS.index(serial)] += SOME.influence[:, own_cam()] * size
     return values
 
 

@@ -17,6 +17,7 @@ from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
+    check_jobs,
     check_output,
     check_outputs,
     given_twice,
@@ -284,7 +285,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    _check_jobs(options.jobs, "threads")
+    check_jobs(options.jobs, "threads")
     inputs = [options.model, *options.runs, *options.validate]
     inputs += [path for path in (options.mapping, options.prior) if path]
     check_outputs([options.json, options.report, options.save, options.plot], inputs)
@@ -309,16 +310,11 @@ def _diagnose(options: argparse.Namespace) -> None:
     _write_results(result, options, figure, input_files(inputs))
 
 
-def _check_jobs(jobs: int | None, what: str) -> None:
-    if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs: {jobs} {what} do no work; give 1 or more")
-
-
 def _diagnose_batch(options: argparse.Namespace) -> None:
     for name, path in (("FOLDER", options.folder), ("--out", options.out)):
         if not path.strip():
             raise InputError(f"{name}: {path!r} has no name; give a folder")
-    _check_jobs(options.jobs, "processes")
+    check_jobs(options.jobs, "processes")
     with closing(Progress()) as progress:
         batch = diagnose_folder(
             options.folder,

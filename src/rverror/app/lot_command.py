@@ -7,11 +7,12 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import replace
 from typing import Any
 
 from rverror.app import read_command
 from rverror.app.batch import processes
-from rverror.app.terminal import Progress, check_outputs, say_replaced, tell, write_json, write_output
+from rverror.app.terminal import Progress, check_jobs, check_outputs, say_replaced, tell, write_json, write_output
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import check_name
@@ -22,7 +23,6 @@ from rverror.lots.folder import TABLE
 from rverror.lots.made import lot
 from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
-from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.tolerances.tolerance_file import load_tolerances
 from rverror.views.envelope import InputFile, input_files
@@ -84,8 +84,7 @@ def _lot(options: argparse.Namespace) -> None:
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     if options.diagnose < 0:
         raise InputError(f"--diagnose: {options.diagnose} is below 0; give 0 or more")
-    if options.jobs is not None and options.jobs < 1:
-        raise InputError(f"--jobs: {options.jobs} processes do no work; give 1 or more")
+    check_jobs(options.jobs, "processes")
     outputs = [options.save, options.json, options.html, options.csv, options.compress]
     if options.compress is not None and any(output is not None for output in outputs[:-1]):
         raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
@@ -107,16 +106,18 @@ def _lot(options: argparse.Namespace) -> None:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-        found = _diagnosed(found, model, inputs, options, progress)
+        found = _diagnosed(found, inputs, options.diagnose, progress)
     print(to_text(found), end="")
     _write(found, options, files)
 
 
-def _diagnosed(found: Lot, model: Model, inputs: LotInputs, options: argparse.Namespace, progress: Progress) -> Lot:
+def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
     """The least likely members with their own diagnosis, where their runs are at hand."""
-    wanted = {one.serial for one in found.outsiders[: options.diagnose]}
-    mapping = read_command.given_mapping(options.mapping)
-    runs = {unit.serial: unit.read(model, mapping).runs for unit in inputs.unread if unit.serial in wanted}
+    wanted, model = {one.serial for one in found.outsiders[:most]}, inputs.model
+    runs = {unit.serial: unit.read(model, inputs.mapping).runs for unit in inputs.unread if unit.serial in wanted}
+    if lacking := len(wanted) - len(runs):
+        note = f"not diagnosed: {count_of(lacking, 'unit')} of which a compressed file has no runs"
+        found = replace(found, notes=(*found.notes, note))
     return diagnose_outsiders(model, found, runs, progress=progress)
 
 

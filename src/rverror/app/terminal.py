@@ -67,6 +67,12 @@ def check_output(path: str | None, inputs: Sequence[str]) -> None:
         raise InputError(f"{path}: no permission to write in {folder}; choose another place")
 
 
+def check_jobs(jobs: int | None, what: str) -> None:
+    """Refuse a number of threads or processes that do no work."""
+    if jobs is not None and jobs < 1:
+        raise InputError(f"--jobs: {jobs} {what} do no work; give 1 or more")
+
+
 def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
     """Refuse, before any work, outputs that cannot be written, or that share a name."""
     for output in outputs:

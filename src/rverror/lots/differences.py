@@ -513,6 +513,30 @@ def _largest_of(contrasts: Array) -> Callable[[Array], Array]:
     return lambda projected: surprise(np.max((contrasts @ projected) ** 2, keepdims=True), 1)
 
 
+def course(kind: str, first: int, end: int, units: int) -> Array:
+    """Share of a change that each unit has: none before the first; of a step all, of a ramp all from the end on.
+
+    Parameters
+    ----------
+    kind : str
+        ``"step"`` or ``"ramp"``.
+    first, end : int
+        First unit with any of it, and the unit behind the one with all of a ramp.
+    units : int
+
+    Returns
+    -------
+    ndarray, shape (units,)
+
+    Examples
+    --------
+    >>> course("ramp", 2, 4, 6), course("step", 2, 4, 6)
+    (array([0. , 0. , 0.5, 1. , 1. , 1. ]), array([0., 0., 1., 1., 1., 1.]))
+    """
+    length = end - first if kind == "ramp" else 1
+    return np.clip((np.arange(1, units + 1) - first) / length, 0.0, 1.0)
+
+
 def steady(changes: Sequence[Change], serials: Sequence[str]) -> slice:
     """Units of one and the same process: before a ramp, and on the longer side of a step.
 
@@ -534,11 +558,10 @@ def steady(changes: Sequence[Change], serials: Sequence[str]) -> slice:
 
 
 def _courses(units: int) -> tuple[npt.NDArray[np.intp], Array]:
-    """First changed units; and steps, then ramps from them on, shape (2 * beginnings, units), 1 at the last unit."""
+    """First changed units; and steps, then ramps from them on, shape (2 * beginnings, units)."""
     ends = max(1, math.ceil(_EDGE * units)), min(units - 1, math.floor((1 - _EDGE) * units))
     first = np.unique(np.linspace(*ends, _POSITIONS).round().astype(np.intp))
-    since = np.arange(1, units + 1) - first[:, None]
-    return first, np.concatenate([since > 0, np.maximum(since, 0) / (units - first[:, None])])
+    return first, np.array([course(kind, at, units, units) for kind in ("step", "ramp") for at in first])
 
 
 def _slope(sized: Array, course: Array) -> tuple[float, float]:

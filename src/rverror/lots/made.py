@@ -18,6 +18,7 @@ from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
     changes_over_serial,
+    course,
     detection_limit,
     group_differences,
     steady,
@@ -197,11 +198,12 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
         alike &= ~of
     about = left[members] - left[members].mean(axis=0)
     changes = changes_over_serial(about, serials, weight, candidates, level=LEVEL / 2, seed=seed)
+    places = np.flatnonzero(members)
     for number, change in enumerate(changes):
-        course = _course(change, amplitudes.serials, steady(changes[:number], amplitudes.serials))
-        left -= np.outer(course, _effect(candidates, (change.cause,)))
-    part, places = steady(changes, amplitudes.serials), np.arange(len(values))
-    steady_units = (places >= part.start) & (places < part.stop)
+        first, end = places[serials.index(change.since)], _end(steady(changes[:number], serials), places, len(values))
+        left -= np.outer(course(change.course, first, end, len(values)), _effect(candidates, (change.cause,)))
+    part, steady_units = steady(changes, serials), np.zeros(len(values), np.bool_)
+    steady_units[places[part.start] if part.start else 0 : _end(part, places, len(values))] = True
     alike &= steady_units
     odd = _outsiders(simulator, left, steady_units, estimate, seed)
     members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
@@ -241,11 +243,9 @@ def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array
     )
 
 
-def _course(change: Change, serials: Sequence[str], part: slice) -> Array:
-    """Share of a change that each unit has: none before it, all of a step, a ramp up to the end of the steady part."""
-    at = serials.index(change.since)
-    since = np.arange(1, len(serials) + 1) - at
-    return np.asarray((since > 0) * 1.0 if change.course == "step" else np.clip(since / (part.stop - at), 0.0, 1.0))
+def _end(part: slice, places: npt.NDArray[np.intp], units: int) -> int:
+    """Where a part of the members ends among all units."""
+    return int(places[part.stop]) if part.stop < len(places) else units
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------
@@ -389,13 +389,13 @@ def _predicted(
                 str(condition),
                 float(own.mean()),
                 Interval(value, value - math.hypot(more, value - low), value + math.hypot(more, high - value)),
-                (float(seen[:, number].mean()), float(np.quantile(seen[:, number], 0.95))),
+                (float(seen[:, number].mean()), float(np.quantile(seen[:, number], _SHARE))),
             )
         )
     return tuple(found)
 
 
-_SHARE = 0.95  # of the units to come that are foretold
+_SHARE = 0.95  # of the units, below whose quantile they are
 _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
 
 

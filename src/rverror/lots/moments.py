@@ -103,8 +103,7 @@ class LotEstimate:
         """
         prior, draws = simulator.parts.plausible, self.draws
         of, soft = draws.influence * prior, draws.by_compliance.mean(axis=0).T * STIFFNESS
-        noisy = np.cov(draws.values.T) + np.eye(draws.values.shape[1])
-        whole = noisy * (1 / units + 1 / len(draws.values)) + of @ of.T + soft @ soft.T
+        whole = draws.mean_covariance(units) + of @ of.T + soft @ soft.T
         scaled = rows * prior
         gain = np.linalg.solve(whole, of @ scaled.T).T
         variance = np.einsum("rp,rp->r", scaled, scaled) - np.einsum("rd,dr->r", gain, of @ scaled.T)
@@ -273,8 +272,7 @@ class MomentMatching:
         drawn = 1 / len(draws.values)
         count, prior = len(forms), self.simulator.parts.plausible
         shifted = draws.influence * prior
-        covariance = np.cov(draws.values.T) + np.eye(noisy.shape[1])
-        whole = covariance * (1 / units + drawn) + shifted @ shifted.T
+        whole = draws.mean_covariance(units) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T
         inverse = np.zeros((count + COMPLIANCES, count + COMPLIANCES))
         inverse[:count, :count] = _inverse(spread * (1 / self.sample.freedom + drawn))

@@ -67,6 +67,10 @@ class Draws:
         """Covariance, noise included, were all linear: no contact that opens makes it smaller, shape (d, d)."""
         return np.asarray(np.einsum("c,cde->de", deviation**2, self.squares) + np.eye(self.values.shape[1]))
 
+    def mean_covariance(self, units: int) -> Array:
+        """Covariance of the mean of so many units with noise, less that of these draws, shape (d, d)."""
+        return np.asarray((np.cov(self.values.T) + np.eye(self.values.shape[1])) * (1 / units + 1 / len(self.values)))
+
     @cached_property
     def mean(self) -> Array:
         """Mean amplitudes, shape (d,)."""

@@ -39,9 +39,7 @@ def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
     ----------
     found : Lot
     """
-    rows = [one for one in found.processes if one.deviation is not None][::-1]
-    if not rows:
-        raise InputError("no process shows in the lot, so there is none to draw")
+    rows = _shown(found)
     ax = axes_for(ax, height=_height(rows))
     for above, face, label in ((True, BLUE, "made, 95 % interval"), (False, "white", "not told from none")):
         chosen = [at for at, one in enumerate(rows) if one.above_zero == above]
@@ -71,9 +69,7 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
     ----------
     found : Lot
     """
-    rows = [one for one in found.processes if one.deviation is not None][::-1]
-    if not rows:
-        raise InputError("no process shows in the lot, so there is none to draw")
+    rows = _shown(found)
     ax = axes_for(ax, height=_height(rows))
     at = np.arange(len(rows))
     shares = np.array([100 * one.share for one in rows])
@@ -145,6 +141,14 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
     titled(ax, "Units to come", *_of(found))
     legend_below(ax, columns=2)
     return ax
+
+
+def _shown(found: Lot) -> list[MadeBy]:
+    """Processes that show, the largest share last: at the top of a picture."""
+    rows = [one for one in found.processes if one.deviation is not None][::-1]
+    if not rows:
+        raise InputError("no process shows in the lot, so there is none to draw")
+    return rows
 
 
 def _height(rows: Sequence[object]) -> float:
