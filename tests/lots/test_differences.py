@@ -241,6 +241,15 @@ def test_what_a_cause_leaves_widens_its_interval_and_brings_rivals() -> None:
     assert len(other.rivals) >= len(one.rivals)
 
 
+def test_a_second_change_is_found_in_the_steady_part() -> None:
+    cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
+    step, ramp = np.arange(UNITS) >= 30, np.maximum(np.arange(UNITS) - 89, 0) / (UNITS - 90)
+    values = lot(6) + np.outer(step * error_of(cams, 3), cams.columns[:, 0])
+    values += np.outer(ramp * error_of(encoder, 12), encoder.columns[:, 0])
+    found = changes_over_serial(values, SERIALS, SOME.weight, candidates())
+    assert {one.cause.key for one in found} == {cams.key, encoder.key}
+
+
 def test_steady_is_what_stands_before_a_ramp_and_on_the_longer_side_of_a_step() -> None:
     def change(since: int, course: str) -> Change:
         shift = Shift("crank.index", {"crank": 0}, "angle", "angle", Interval(1.0, 0.5, 1.5))

@@ -272,6 +272,10 @@ def test_units_to_come_are_as_those_that_are_there(told: Lot) -> None:
         assert one.quantile.low < one.quantile.value < one.quantile.high
         assert one.mean == pytest.approx(one.seen[0], rel=0.2)
         assert one.quantile.value == pytest.approx(one.seen[1], rel=0.25)
+    most = told.processes[0]
+    assert most.deviation is not None
+    known = most.share * (most.deviation.high - most.deviation.low) / most.deviation.value
+    assert one.quantile.high - one.quantile.low > 0.6 * known * one.quantile.value  # it grows with the largest process
 
 
 def test_capability_is_the_tolerance_over_what_the_process_needs(told: Lot) -> None:
@@ -315,7 +319,7 @@ def test_a_lot_of_noise_alone_is_refused_in_one_line() -> None:
 
 
 def test_limits_of_detection_are_of_the_same_information(told: Lot) -> None:
-    """Between halves of n units a shift has 2 / sqrt(n) of a unit's error; what exceeds the chance of all tests is found.
+    """Between halves of n units a shift has 2 / sqrt(n) of a unit's error; it has to exceed the chance of all tests.
 
     Components: 8 of cams, 32 of pins, 4 of the pitch, 2 of the encoder.
     """

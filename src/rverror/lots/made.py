@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 import numpy.typing as npt
@@ -187,8 +188,8 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
     members, candidates = before.members, candidates_of(influence, simulator.parts)
-    serials = tuple(np.array(amplitudes.serials)[members])
-    labels = {name: tuple(np.array(given)[members]) for name, given in amplitudes.labels.items()}
+    serials = tuple(compress(amplitudes.serials, members))
+    labels = {name: tuple(compress(given, members)) for name, given in amplitudes.labels.items()}
     about = values[members] - values[members].mean(axis=0)
     groups = group_differences(about, labels, weight, candidates, level=LEVEL / 2, seed=seed)
     left, alike = values.copy(), np.ones(len(values), np.bool_)
@@ -223,7 +224,7 @@ def _outsiders(
     members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
     found = outsiders(
         values[some] - np.median(values[some], axis=0),
-        tuple(np.array(simulator.amplitudes.serials)[some]),
+        tuple(compress(simulator.amplitudes.serials, some)),
         members,
         estimate.weight,
         estimate.draws.influence,
