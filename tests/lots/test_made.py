@@ -57,7 +57,7 @@ def made(
 ) -> list[LotUnit]:
     """Units with other stiffness than is declared, forward and reverse at 50 N*m.
 
-    With `odd` those of machine B have an encoder that is 5 arcsec off.
+    With `odd` those of machine B have an encoder that is 5 arcsec off, and the last ten are 3 arcsec off across it.
     """
     rng = np.random.default_rng(seed)
     truth = replace(OTHER, contact_law=curved(UNIT).contact_law, gear_backlash=UNIT.gear_backlash)
@@ -71,6 +71,8 @@ def made(
         ]
         if odd and number % 2:
             effects.append(rverror.effect("sensor.encoder_eccentricity", cos="5 arcsec"))
+        if odd and number >= count - 10:
+            effects.append(rverror.effect("sensor.encoder_eccentricity", sin="3 arcsec"))
         runs = []
         for direction in (1.0, -1.0):
             theta = THETA if direction > 0 else THETA[::-1]
@@ -253,7 +255,7 @@ def test_intervals_hold_what_the_processes_made(told: Lot) -> None:
 
 
 def test_what_is_odd_is_named_and_moves_nothing_else(told: Lot) -> None:
-    """The encoders of a machine; no unit is called odd for them, and nothing changes over the serials."""
+    """The encoders of a machine and those of the last units; no unit is called odd, and their spread has neither."""
     (group,) = told.differences
     assert (group.label, group.value, group.units) == ("machine", "B", 20)
     assert [(one.key, one.parameter) for one in group.causes] == [("sensor.encoder_eccentricity", "cos")]
@@ -261,7 +263,11 @@ def test_what_is_odd_is_named_and_moves_nothing_else(told: Lot) -> None:
     encoder = next(one for one in told.processes if one.key == "sensor.encoder_eccentricity")
     assert encoder.deviation is not None
     assert encoder.deviation.high < 1 * ARCSEC
-    assert (told.outsiders, told.changes, told.units) == ((), (), 40)
+    (change,) = told.changes
+    assert (change.cause.key, change.cause.parameter, change.course) == (group.causes[0].key, "sin", "step")
+    assert abs(int(change.since) - 30) <= 1
+    assert change.cause.size.value == pytest.approx(3 * ARCSEC, abs=0.15 * ARCSEC)  # four errors
+    assert (told.outsiders, told.units) == ((), 40)  # 15 of machine A before the change would be too few
     assert told.chance > 1e-3
     assert told.notes == ()
 

@@ -378,7 +378,9 @@ def _predicted(
     sizes = np.ptp(waves + common, axis=2)
     within = [_p95(simulator, values + lifted, waves.shape[-1]) for values in _within_errors(estimate, rng)]
     spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
-    seen = np.ptp(amplitudes.waves(amplitudes.values[cleaned.kept], waves.shape[-1]), axis=2)
+    rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, simulator.amplitudes.orders)
+    rows[:, np.tile(known, 2 * len(amplitudes.conditions))] = cleaned.values[cleaned.kept] / simulator.scale
+    seen = np.ptp(amplitudes.waves(rows, waves.shape[-1]), axis=2)
     found = []
     for number, condition in enumerate(amplitudes.conditions):
         own = np.sort(sizes[:, number])

@@ -186,7 +186,7 @@ class Predicted:
     quantile : Interval
         Which 95 % stay below, rad.
     seen : tuple of float
-        Mean and 95 % quantile of the measured units, rad, noise included.
+        Mean and 95 % quantile of the measured units, rad, noise included, less differences and changes that are named.
     """
 
     condition: str

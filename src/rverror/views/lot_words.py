@@ -13,7 +13,7 @@ from rverror.model.catalogue import source
 
 #: Below it the model lacks something.
 LACKING = 0.001
-COME = "Units to come are those without the differences and changes named above."
+COME = "Peak-to-peaks are those without the differences and changes named above."
 
 
 def process_name(one: MadeBy) -> str:
