@@ -64,7 +64,7 @@ def test_what_made_a_lot_is_told_where_most_pins_carry_nothing(seed: int) -> Non
     true = State(np.maximum(made, question.least), np.zeros(COMPLIANCES))
     found = estimated(question, true, seed)
     assert np.all(np.abs(found.state.deviation**2 - made**2) < 4 * found.variance_error)
-    assert found.objective < scipy.stats.chi2.isf(1e-4, found.freedom)
+    assert found.chi_square < scipy.stats.chi2.isf(1e-4, found.freedom)
     pins = question.simulator.parts.processes[0]
     assert pins.key == PINS
     assert found.state.deviation[0] == pytest.approx(2.5e-3, rel=0.3)
@@ -85,7 +85,7 @@ def test_statistics_are_made_of_other_units_than_those_they_are_compared_with() 
         )
         for some in others
     )
-    assert one.objective != other.objective
+    assert one.chi_square != other.chi_square
     for found in (one, other):
         np.testing.assert_array_equal(
             found.draws.values, question.simulator.draws(found.state, standard).values

@@ -137,7 +137,7 @@ def lot(
         )
     assert estimate is not None
     predicted = _predicted(simulator, amplitudes, estimate, cleaned, seed)
-    chance = float(scipy.stats.chi2.sf(estimate.objective, estimate.freedom))
+    chance = float(scipy.stats.chi2.sf(estimate.chi_square, estimate.freedom))
     orders = simulator.amplitudes.orders
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(

@@ -61,8 +61,8 @@ class LotEstimate:
         Standard errors of the variances.
     covariance : ndarray, shape (processes + 6, processes + 6)
         Of variances and compliances.
-    objective : float
-        Chi-square of what is left.
+    chi_square : float
+        Of the quadratic forms, as the lot has them and as the drawn units do.
     freedom : int
         Of the chi-square.
     draws : Draws
@@ -74,7 +74,7 @@ class LotEstimate:
     state: State
     variance_error: Array
     covariance: Array = field(repr=False)
-    objective: float
+    chi_square: float
     freedom: int
     draws: Draws = field(repr=False)
     weight: Array = field(repr=False)
@@ -82,7 +82,7 @@ class LotEstimate:
     @property
     def poor(self) -> bool:
         """Whether chance makes so large a chi-square less often than in one lot of 20."""
-        return self.objective > chi_square(0.95, self.freedom)
+        return self.chi_square > chi_square(0.95, self.freedom)
 
     def means(self, rows: Array, simulator: Simulator, mean: Array, units: int) -> tuple[Array, Array]:
         """Systematic errors that a lot's mean shows beside what is drawn, and their standard errors.
@@ -122,6 +122,7 @@ class _Distance(NamedTuple):
     """How far the statistics of a state are from those of a lot."""
 
     objective: float
+    chi_square: float  # of the quadratic forms alone
     away: Array
     slope: Array  # (statistics, variances and compliances)
 
@@ -177,7 +178,7 @@ class MomentMatching:
             weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
             draws = self.simulator.draws(state, self.standard)
             state, draws, distance = self._settled(state, draws, weights)
-            if again and not renewal and distance.objective > chi_square(0.95, self._freedom(weights)):
+            if again and not renewal and distance.chi_square > chi_square(0.95, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
@@ -242,7 +243,7 @@ class MomentMatching:
 
     @staticmethod
     def _freedom(weights: _Weights) -> int:
-        """Statistics less what is estimated: half of the forms, as each process has two."""
+        """Quadratic forms less the variances they tell, two for each; linear ones are as many as the compliances."""
         return max(len(weights.forms) // 2, 1)
 
     # --- statistics ---------------------------------------------------------------------------------------------------
@@ -297,7 +298,9 @@ class MomentMatching:
             slope[: len(forms), at] = np.einsum("ade,de->a", forms, draws.squares[at])
             slope[len(forms) :, at] = 0.0
         objective = float(away @ weights.inverse @ away + self._prior(state))
-        return _Distance(objective, away, slope)
+        of_forms = away[: len(forms)]
+        chi = float(of_forms @ weights.inverse[: len(forms), : len(forms)] @ of_forms)
+        return _Distance(objective, chi, away, slope)
 
     def _prior(self, state: State) -> float:
         """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""
@@ -353,12 +356,12 @@ class MomentMatching:
         unit, information, _ = self._normal(state, distance, weights)
         covariance = np.linalg.pinv(information + 1e-4 * np.eye(len(unit)), hermitian=True) * np.outer(unit, unit)
         count, freedom = len(state.deviation), self._freedom(weights)
-        covariance *= max(distance.objective / freedom, 1.0)  # what the model lacks widens all intervals
+        covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
         return LotEstimate(
             state,
             np.sqrt(np.diag(covariance)[:count]),
             covariance,
-            distance.objective,
+            distance.chi_square,
             freedom,
             draws,
             weight,
