@@ -96,6 +96,11 @@ if TYPE_CHECKING:
     from rverror.lots.outsider_diagnosis import diagnose_outsiders
     from rverror.lots.result import Lot
 
+    # A unit over its life: what grows and what jumped, told from runs at different times.
+    from rverror.life.compared import compare_runs
+    from rverror.life.over_life import trend
+    from rverror.life.result import RunsCompared, Trend
+
     # Pictures and tables: any result as text, JSON, page, table or plot.
     from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
     from rverror.views.envelope import input_files
@@ -134,9 +139,11 @@ _LATER = {
     "RollerBearing": "statics.hertz",
     "Run": "runs.measurement",
     "RunUp": "dynamics.running_up",
+    "RunsCompared": "life.result",
     "SpeedResponse": "dynamics.at_speed",
     "Stack": "tolerances.stacking",
     "Tolerance": "tolerances.stacking",
+    "Trend": "life.result",
     "TorsionCurve": "statics.rigidity",
     "VirtualUnits": "tolerances.sampling",
     "Wear": "statics.worn_contacts",
@@ -153,6 +160,7 @@ _LATER = {
     "coloured_noise": "runs.virtual_bench",
     "compare": "reference.comparison",
     "compensate": "compensation.making",
+    "compare_runs": "life.compared",
     "compress_lot": "lots.compressed",
     "contact_pressure": "statics.hertz",
     "cost_front": "tolerances.allocation",
@@ -205,6 +213,7 @@ _LATER = {
     "tolerances_as_made": "lots.as_made",
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",
+    "trend": "life.over_life",
     "validated": "diagnosis.validation",
     "virtual_units": "tolerances.sampling",
     "wear": "statics.worn_contacts",
@@ -257,6 +266,7 @@ __all__ = [
     "RollerBearing",
     "Run",
     "RunUp",
+    "RunsCompared",
     "Source",
     "SpeedResponse",
     "Stack",
@@ -264,6 +274,7 @@ __all__ = [
     "StiffnessUncertainty",
     "Tolerance",
     "TorsionCurve",
+    "Trend",
     "VirtualUnits",
     "Wear",
     "WearCoefficients",
@@ -280,6 +291,7 @@ __all__ = [
     "budget_text",
     "coloured_noise",
     "compare",
+    "compare_runs",
     "compensate",
     "compress_lot",
     "contact_pressure",
@@ -351,6 +363,7 @@ __all__ = [
     "torsional_stiffness",
     "transmission_error",
     "transmission_error_by_effect",
+    "trend",
     "validated",
     "virtual_units",
     "wear",

@@ -59,6 +59,7 @@ COMMANDS = {
     "read_command": ("read",),
     "tolerance_commands": ("budget", "allocate"),
     "lot_command": ("lot",),
+    "life_command": ("trend", "compare-runs"),
     "wear_command": ("wear",),
     "dynamics_commands": ("modes", "speeds"),
     "contact_commands": ("efficiency", "hysteresis", "pressure"),

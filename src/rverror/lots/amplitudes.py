@@ -17,6 +17,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_fit import whole_turns
@@ -26,6 +27,7 @@ HIGHEST = 200
 _GAP = 2.0  # steps: over a longer one the waves of the highest orders are anyone's guess
 _TURN = 2 * math.pi
 _QUARTER = 0.25  # of the orders about one: an RV-40E's parts make 7 of 38 about order 40, 3 of 17 about order 1
+_LEAST = 3  # units: of two that differ nobody can say which is the other's
 _WIDE, _LEAST_WIDE = 1.6, 16  # range about an order: that many times it, and so many orders at least
 
 
@@ -60,7 +62,8 @@ class Condition:
 
     def __str__(self) -> str:
         """For people."""
-        return f"{'forward' if self.direction > 0 else 'reverse'} at {self.torque / 1e3:.4g} N*m"
+        load = f" at {self.torque / 1e3:.4g} N*m" if self.torque else ""
+        return f"{'forward' if self.direction > 0 else 'reverse'}{load}"
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,8 @@ class UnitAmplitudes:
         Of a turn, of the run that has the fewest; 0 where no run is left.
     notes : tuple of str
         Runs that were left out.
+    offsets : mapping of Condition to float
+        Mean errors, rad; not kept in compressed files, as a lot has no common zero.
     """
 
     serial: str
@@ -135,6 +140,7 @@ class UnitAmplitudes:
     values: Mapping[Condition, Array | npt.NDArray[np.float32]]
     samples: int
     notes: tuple[str, ...] = ()
+    offsets: Mapping[Condition, float] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -168,13 +174,17 @@ def amplitudes_of(model: Model, units: Iterable[LotUnit]) -> Amplitudes:
     return joined_units([split_unit(model, unit) for unit in units])
 
 
-def joined_units(read: Sequence[UnitAmplitudes]) -> Amplitudes:
+def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: str = "unit") -> Amplitudes:
     """Units that are split into orders as one lot, with the noise that they tell together.
 
     Parameters
     ----------
     read : sequence of UnitAmplitudes
         In the order in which the units were made.
+    least : int
+        Units that it takes.
+    noun : str
+        What they are, for messages.
 
     Returns
     -------
@@ -184,7 +194,7 @@ def joined_units(read: Sequence[UnitAmplitudes]) -> Amplitudes:
     Raises
     ------
     InputError
-        If fewer than three units are left, or a serial number stands twice.
+        If fewer units are left, or a serial number stands twice.
     """
     _check_serials(read)
     conditions = _common(read)
@@ -194,11 +204,11 @@ def joined_units(read: Sequence[UnitAmplitudes]) -> Amplitudes:
     notes = [note for one in read for note in one.notes]
     if lacking:
         wanted = ", ".join(map(str, conditions))
-        notes.append(f"left out: {count_of(len(lacking), 'unit')} without a run of {wanted} ({some(lacking)})")
-    if len(whole) < _LEAST:
+        notes.append(f"left out: {count_of(len(lacking), noun)} without a run of {wanted} ({some(lacking)})")
+    if len(whole) < least:
         wanted = ", ".join(map(str, conditions)) or "of one condition"
         raise InputError(
-            f"{count_of(len(whole), 'unit')} with a run {wanted}: a spread takes {_LEAST} or more; measure more units"
+            f"{count_of(len(whole), noun)} with a run {wanted}: it takes {least} or more; measure more {noun}s"
         )
     count = min(one.count for one in whole)
     rows = np.empty((len(whole), 2 * count * len(conditions)))
@@ -210,9 +220,6 @@ def joined_units(read: Sequence[UnitAmplitudes]) -> Amplitudes:
         tuple(one.serial for one in whole), labels, conditions, np.arange(1, count + 1), rows,
         _noise(rows, len(conditions)), min(one.samples for one in whole), tuple(notes),
     )  # fmt: skip
-
-
-_LEAST = 3  # units: of two that differ nobody can say which is the other's
 
 
 def _check_serials(units: Sequence[UnitAmplitudes]) -> None:
@@ -232,7 +239,7 @@ def some(serials: Sequence[str]) -> str:
     return ", ".join(serials[:5]) + (", ..." if len(serials) > 5 else "")
 
 
-def split_unit(model: Model, unit: LotUnit) -> UnitAmplitudes:
+def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplitudes:
     """Split the error that the model leaves of a unit's runs into orders.
 
     Parameters
@@ -240,6 +247,8 @@ def split_unit(model: Model, unit: LotUnit) -> UnitAmplitudes:
     model : Model
         Its ratio makes the error of the angles; of its effects only what they need to know of a run is asked.
     unit : LotUnit
+    noun : str
+        What it is, for messages.
 
     Returns
     -------
@@ -250,24 +259,24 @@ def split_unit(model: Model, unit: LotUnit) -> UnitAmplitudes:
     InputError
         If runs do not fit the model, or cannot be split.
     """
-    found, notes, name = dict[Condition, tuple[Array, Array]](), list[str](), f"unit {unit.serial}"
+    found, notes, name = dict[Condition, tuple[Array, Array]](), list[str](), f"{noun} {unit.serial}"
     for run in unit.runs:
         run.check_effects(model, name)
         senses = set(run.direction.tolist())
         if len(senses) > 1:
             raise InputError(f"{name}: a run turns both ways; give one file for each direction")
-        if not run.torque:
+        if not run.torque and isinstance(model.mechanism, Reducer):
             raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
         if run.index == "unknown":
             raise InputError(
-                f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); a lot needs "
-                "aligned zeros: turn each unit to its marks"
+                f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); {noun}s are compared "
+                "at aligned zeros: turn each to its marks"
             )
-        condition = Condition(senses.pop(), abs(float(run.torque)))
+        condition = Condition(senses.pop(), abs(float(run.torque or 0.0)))
         theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
         step, longest = travel / theta.size, float(np.diff(theta).max())
         if travel < _TURN * (1 - 1e-9):
-            raise InputError(f"{name}: a run covers {travel / _TURN:.2f} turns of the output; a lot needs a whole turn")
+            raise InputError(f"{name}: a run covers {travel / _TURN:.2f} turns of the output; it takes a whole turn")
         if condition in found:
             notes.append(f"{name}: a second run {condition} is left out")
         elif longest > _GAP * step:
@@ -276,8 +285,10 @@ def split_unit(model: Model, unit: LotUnit) -> UnitAmplitudes:
             found[condition] = theta, error
     reach = [(theta.size, np.ptp(theta) * theta.size / (theta.size - 1)) for theta, _ in found.values()]
     samples = min((round(size * _TURN / travel) for size, travel in reach), default=0)
-    values = {condition: _fitted(theta, error, _orders(samples)) for condition, (theta, error) in found.items()}
-    return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes))
+    fits = {condition: _fitted(theta, error, _orders(samples)) for condition, (theta, error) in found.items()}
+    values = {condition: waves for condition, (_, waves) in fits.items()}
+    offsets = {condition: offset for condition, (offset, _) in fits.items()}
+    return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes), offsets)
 
 
 def _orders(samples: int) -> int:
@@ -285,8 +296,8 @@ def _orders(samples: int) -> int:
     return min(HIGHEST, max(samples // 2 - 1, 0))
 
 
-def _fitted(theta: Array, error: Array, count: int) -> Array:
-    """Least squares over the angles of whole turns, of orders 1 to `count` beside an offset.
+def _fitted(theta: Array, error: Array, count: int) -> tuple[float, Array]:
+    """Least squares over the angles of whole turns: the offset, and orders 1 to `count`.
 
     Of waves exp(i k theta) the normal equations are Toeplitz, from sums of powers of one: ten times as fast
     as with their matrix, which is never made.
@@ -299,8 +310,9 @@ def _fitted(theta: Array, error: Array, count: int) -> Array:
             given[order] = np.vdot(wave, error)
         wave *= turn
     both = np.concatenate([given[:0:-1].conj(), given])  # orders -count to count
-    found = scipy.linalg.solve_toeplitz((sums.conj(), sums), both)[count + 1 :] * math.sqrt(2)
-    return np.concatenate([found.real, -found.imag])
+    found = scipy.linalg.solve_toeplitz((sums.conj(), sums), both)[count:]
+    waves = found[1:] * math.sqrt(2)
+    return float(found[0].real), np.concatenate([waves.real, -waves.imag])
 
 
 def _noise(values: Array, conditions: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,7 +33,7 @@ class State:
     deviation : ndarray, shape (processes,)
         Standard deviations, core units.
     compliance : ndarray, shape (6,)
-        Logarithms of compliances over those of the model.
+        Logarithms of compliances over those of the model; all of `SOFTENING` may be given.
     """
 
     deviation: Array
@@ -118,7 +119,7 @@ class Simulator:
 
     def _loaded(self, compliance: Array) -> list[LoadedTurn]:
         """The turns with other stiffnesses, under their torques."""
-        changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - COMPLIANCES)])
+        changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
         found = []
         for turn, condition in zip(self._turns, self.amplitudes.conditions, strict=True):
             unit = turn.model.mechanism
@@ -148,29 +149,16 @@ class Simulator:
 
     def draws(self, state: State, standard: Array) -> Draws:
         """Units with what each process does to them."""
-        turns, errors, scale, process = (
-            self._loaded(state.compliance),
-            self.errors(state, standard),
-            self.scale,
-            self.parts.process,
-        )
+        turns, errors, process = self._loaded(state.compliance), self.errors(state, standard), self.parts.process
         members = [np.flatnonzero(process == number) for number in range(len(self.parts.processes))]
 
         def solve(number: int) -> tuple[Array, Array, Array, Array] | None:
-            found = []
             try:
-                for turn in turns:
-                    state_of = turn.state(errors[number])
-                    solved = state_of.some(state_of.places)
-                    waves = [turn.read(state_of, errors[number])[None], solved.influence().T]
-                    waves.append(solved.solution.softening[:, :COMPLIANCES].T)
-                    found.append(self.amplitudes.of_waves(np.concatenate(waves)))
+                value, influence, by_softening = self._solved(turns, errors[number])
             except NotConvergedError:
                 return None
-            rows = np.concatenate(found, axis=1) * scale
-            influence = rows[1:-COMPLIANCES]
             by_process = np.array([standard[number, some] @ influence[some] for some in members])
-            return rows[0], influence, by_process, rows[-COMPLIANCES:]
+            return value, influence, by_process, by_softening[:COMPLIANCES]
 
         solved = [one for one in each(solve, range(len(standard))) if one is not None]
         rows = np.array([one[1] for one in solved])
@@ -182,6 +170,42 @@ class Simulator:
             rows.mean(axis=0).T,
             np.array(squares) / len(solved),
         )
+
+    def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
+        """One unit with what each of its part errors does to it, and each of `SOFTENING`.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (components,)
+            Core units.
+        softening : ndarray, shape (10,)
+            Changes of `SOFTENING` over the model.
+
+        Returns
+        -------
+        values : ndarray, shape (d,)
+            Whitened amplitudes.
+        influence : ndarray, shape (components, d)
+            Change per core unit of each component.
+        by_softening : ndarray, shape (10, d)
+
+        Raises
+        ------
+        NotConvergedError
+            If it has no equilibrium.
+        """
+        return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))
+
+    def _solved(self, turns: Sequence[LoadedTurn], errors: Array) -> tuple[Array, Array, Array]:
+        found = []
+        for turn in turns:
+            state = turn.state(errors)
+            solved = state.some(state.places)
+            waves = [turn.read(state, errors)[None], solved.influence().T]
+            waves.append(solved.solution.softening.T)
+            found.append(self.amplitudes.of_waves(np.concatenate(waves)))
+        rows = np.concatenate(found, axis=1) * self.scale
+        return rows[0], rows[1 : -len(SOFTENING)], rows[-len(SOFTENING) :]
 
     def errors(self, state: State, standard: Array) -> Array:
         """Errors of the parts about the drawing's means, core units, shape (units, components)."""

@@ -26,6 +26,7 @@ from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
+from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.result import Lot, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
@@ -820,6 +821,64 @@ def _of_shifts(dim: str, prefix: str, shifts: Sequence[Shift], **beside: list[st
         size=([one.size.value for one in shifts], own),
         low=([one.size.low for one in shifts], own),
         high=([one.size.high for one in shifts], own),
+    )
+
+
+@_table.register
+def _of_trend(result: Trend) -> Table:
+    variables = {
+        **_of_changes(result.changed),
+        **_along("session", at=(result.at, NUMBER)),
+        "peak_to_peak": Variable(("session", "run"), result.peak_to_peak, ANGLE),
+        "lost_motion": Variable(("session", "load"), result.lost_motion, ANGLE),
+        "explained": Variable(("session", "load"), result.explained, ANGLE),
+    }
+    about = {
+        "model": result.model,
+        "time_unit": result.unit,
+        "conditions": "\n".join(result.conditions),
+        "chance": result.chance,
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Trend", "change", variables, about)
+
+
+@_table.register
+def _of_compared(result: RunsCompared) -> Table:
+    variables = {
+        **_along(
+            "order",
+            order=(np.array([one.order for one in result.orders], dtype=np.float64), NUMBER),
+            condition=[one.condition for one in result.orders],
+            before=([one.before for one in result.orders], ANGLE),
+            after=([one.after for one in result.orders], ANGLE),
+            low=([one.interval.low for one in result.orders], ANGLE),
+            high=([one.interval.high for one in result.orders], ANGLE),
+            difference=([one.difference for one in result.orders], ANGLE),
+            chance=([one.chance for one in result.orders], NUMBER),
+        ),
+        **_of_changes(result.changed),
+    }
+    about = {"conditions": "\n".join(result.conditions), "noise": result.noise, "notes": "\n".join(result.notes)}
+    return Table("RunsCompared", "order", variables, about)
+
+
+def _of_changes(changed: Sequence[Changed]) -> dict[str, Variable]:
+    """Parameters of causes that changed, a row for each."""
+    rows = [(one, grown) for one in changed for grown in one.parameters]
+    own = _each("change_unit", (grown.dimension for _, grown in rows))
+    return _along(
+        "change",
+        source=[describe(one.key, one.indices) for one, _ in rows],
+        key=[one.key for one, _ in rows],
+        indices=[_inside(one.indices) for one, _ in rows],
+        parameter=[grown.name for _, grown in rows],
+        course=[one.course for one, _ in rows],
+        since=([one.since for one, _ in rows], NUMBER),
+        size=([grown.change.value for _, grown in rows], own),
+        size_low=([grown.change.low for _, grown in rows], own),
+        size_high=([grown.change.high for _, grown in rows], own),
+        evidence=([one.evidence for one, _ in rows], NUMBER),
     )
 
 

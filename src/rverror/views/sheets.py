@@ -26,6 +26,7 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
+from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
@@ -48,6 +49,7 @@ from rverror.views.budget_report import SIZES, limited_by, within, worst_of
 from rverror.views.by_order import beside
 from rverror.views.html import escaped, table
 from rverror.views.kinds import described
+from rverror.views.life_words import compared_verdict, life_rivals, remaining_words, trend_verdict
 from rverror.views.lot_words import (
     COME,
     clean,
@@ -777,6 +779,71 @@ def _of_compensation(thing: Compensation) -> Sheet:
         *(Sentence(_BENCH_REPEATS) for _ in of_rms if thing.worth),
         *_notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_trend(thing: Trend) -> Sheet:
+    hours = f"{thing.unit}s"
+    return (
+        *_title("Trend", thing.model, f"{count_of(len(thing.at), 'session')}, {brief(thing.at[0])} to {brief(thing.at[-1])} {hours}"),
+        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
+        Sentence(*trend_verdict(thing)),
+        *_grid(
+            ("grows", "parameter", "course", "since", "change", "95 % interval", f"per 1000 {hours}", "95 % interval", "unit"),
+            [
+                (
+                    describe(one.key, one.indices), grown.name, one.course, one.since,
+                    *_sized(grown.change, grown.dimension), *_sized(grown.rate, grown.dimension, 1000),
+                    units.DISPLAY_UNITS[grown.dimension],
+                )
+                for one in thing.growing
+                for grown in one.parameters
+            ],
+        ),
+        *_jumped("jump at", thing.jumps),
+        *map(Sentence, life_rivals(thing.changed)),
+        *(_line(remaining_words(thing)) if thing.remaining else ()),
+        *_notes(thing.notes),
+    )  # fmt: skip
+
+
+@sheet.register
+def _of_compared(thing: RunsCompared) -> Sheet:
+    return (
+        *_title("Runs compared", "; ".join(thing.conditions)),
+        Sentence(*compared_verdict(thing)),
+        *_grid(
+            ("order", "condition", "before, arcsec", "after, arcsec", "95 % interval", "chance"),
+            [
+                (one.order, one.condition, one.before / ARCSEC, *_sized(one.interval, "angle"), one.chance)
+                for one in thing.orders
+            ],
+        ),
+        *_jumped("cause of the change", thing.changed),
+        *map(Sentence, life_rivals(thing.changed)),
+        *_notes(thing.notes),
+    )
+
+
+def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, _Interval]:
+    """Size and interval in the unit for people."""
+    value, low, high = (times * units.to_display(x, dimension) for x in (size.value, size.low, size.high))
+    return value, _Interval((low, high))
+
+
+def _jumped(head: str, changed: Sequence[Changed]) -> Sheet:
+    """Causes that are another size at once."""
+    return _grid(
+        (head, "cause", "parameter", "by", "95 % interval", "unit"),
+        [
+            (
+                one.since, describe(one.key, one.indices), grown.name, *_sized(grown.change, grown.dimension),
+                units.DISPLAY_UNITS[grown.dimension],
+            )
+            for one in changed
+            for grown in one.parameters
+        ],
+    )  # fmt: skip
 
 
 @sheet.register

@@ -1,0 +1,1 @@
+"""Units over their life: what grows, what jumped, what stayed, from runs of one unit at different times."""

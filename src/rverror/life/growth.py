@@ -1,0 +1,382 @@
+"""Which cause grows or jumped: a search over all sources and courses on the differences between sessions.
+
+Page ``theory/trend.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.life.courses import Course, courses_of
+from rverror.life.sessions import repeated
+from rverror.life.unit_state import UnitState, known_to
+from rverror.lots.differences import RIVAL, ShiftSource, candidates_of, single_parts
+from rverror.model.catalogue import source
+
+_DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
+EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
+_MOST = 6  # causes
+_TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
+_NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
+_SHARES = np.linspace(0, 1, 5)  # of a cause that are solved: a contact that opens stops to answer half way
+_NONE = 0.01  # of a plausible size, which is none
+_REFITS, _MOVED = 4, 0.1  # of sizes whose causes are solved at the load, until they move by so many standard errors
+
+
+@dataclass(frozen=True)
+class Term:
+    """A cause, by its number, with its course."""
+
+    cause: int
+    course: Course
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set of causes, fitted.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+    sizes : tuple of ndarray
+        Of each at the last session, core units.
+    covariance : tuple of ndarray
+        Of the sizes of each.
+    score : float
+        Minus twice the logarithm of the posterior over that of no cause.
+    left : ndarray, shape (sessions, d)
+        What is left of the rows about their mean.
+    missed : ndarray, shape (d,)
+        Variance that the model misses of the causes, over that of noise, summed over the sessions.
+    nodes : tuple of ndarray, shape (shares, d)
+        What shares of each cause do at the load beyond the first order.
+    """
+
+    terms: tuple[Term, ...]
+    sizes: tuple[Array, ...]
+    covariance: tuple[Array, ...]
+    score: float
+    left: Array
+    missed: Array
+    nodes: tuple[Array, ...] = ()
+
+
+@dataclass(frozen=True)
+class GrowthSearch:
+    """Sets of causes by their posterior.
+
+    Attributes
+    ----------
+    unit : UnitState
+    mounted : ndarray, shape (d, m)
+        What the mounting of the bench does, differently in each session: directions times standard deviations.
+    """
+
+    unit: UnitState
+    mounted: Array
+
+    @classmethod
+    def of(cls, unit: UnitState) -> GrowthSearch:
+        """With the mounting's spread from session to session."""
+        reads = np.array([source(e.key).acts == "reading" for e in unit.parts.effects])
+        columns = unit.history.whitening @ unit.influences[0][:, reads[unit.parts.effect]]
+        basis, size, _ = np.linalg.svd(columns, full_matrices=False)
+        basis = basis[:, size > size.max(initial=0.0) * 1e-6]
+        spread = np.maximum(repeated(unit.history.values @ basis) - 1.0, 0.0)
+        return cls(unit, basis * np.sqrt(spread))
+
+    # --- what may change ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def causes(self) -> tuple[ShiftSource, ...]:
+        """Every part by itself, and parts of a kind that change alike; each parameter, and all of them."""
+        influence = self.unit.history.whitening @ self.unit.influences.mean(axis=0)
+        found: dict[tuple[object, ...], ShiftSource] = {}
+        parts = self.unit.parts
+        for one in (*single_parts(influence, parts), *candidates_of(influence, parts)):
+            found.setdefault((one.key, tuple(sorted(one.indices.items())), one.parameters), one)
+        return tuple(found.values())
+
+    @cached_property
+    def at(self) -> Array:
+        """Times of the sessions."""
+        return self.unit.history.at
+
+    @cached_property
+    def courses(self) -> tuple[Course, ...]:
+        """Courses that are tried."""
+        return courses_of(self.at)
+
+    @cached_property
+    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Columns of each cause."""
+        ends = np.cumsum([len(one.parameters) for one in self.causes])
+        return tuple(np.arange(end - len(one.parameters), end) for one, end in zip(self.causes, ends, strict=True))
+
+    @cached_property
+    def components(self) -> Array:
+        """What one of each size of each cause is of all components, shape (components, columns)."""
+        parts, found = self.unit.parts, []
+        for one in self.causes:
+            mine = np.array([e.key == one.key and one.indices.items() <= e.indices.items() for e in parts.effects])
+            named = np.array([[p.name == name for name in one.parameters] for p in parts.parameters])
+            found.append(named & mine[parts.effect][:, None])
+        return np.concatenate(found, axis=1).astype(np.float64)
+
+    @cached_property
+    def columns(self) -> Array:
+        """Rows that one of each size of each cause makes, in the mean of the states, weighted, shape (d, columns)."""
+        return self._in_states.mean(axis=0)
+
+    @cached_property
+    def missing(self) -> Array:
+        """Variance of `columns`: what is not known of the unit, shape (d, columns)."""
+        return known_to(self._in_states)
+
+    @cached_property
+    def _in_states(self) -> Array:
+        made = self.unit.history.whitening @ (self.unit.influences @ self.components)
+        return np.stack([self.weighted(one.T).T for one in made])
+
+    @cached_property
+    def prior(self) -> Array:
+        """Standard deviation of each column's size, core units: a third of the largest that surprises no one."""
+        return np.concatenate([one.plausible for one in self.causes]) / 3
+
+    @cached_property
+    def least(self) -> Array:
+        """Least size of each column, core units: play that lessens where there is none is no cause."""
+        parts, own = self.unit.parts, self.components > 0
+        least = (parts.least - self.unit.values)[:, None]
+        return np.where(own, least, -math.inf).max(axis=0) - 1e-12
+
+    @cached_property
+    def start(self) -> Array:
+        """Rows of the sessions about their mean, weighted, shape (sessions, d)."""
+        return self.weighted(self.unit.history.values - self.unit.history.values.mean(axis=0))
+
+    def weighted(self, rows: Array) -> Array:
+        """Rows times a root of the inverse covariance of a session, shape (..., d)."""
+        if not self.mounted.any():
+            return rows
+        basis, size, _ = np.linalg.svd(self.mounted, full_matrices=False)
+        return np.asarray(rows - (rows @ basis) * (1 - 1 / np.sqrt(1 + size**2)) @ basis.T)
+
+    @cached_property
+    def _cost(self) -> float:
+        """Of one of so many causes."""
+        return 2 * math.log(len(self.causes))
+
+    # --- the search ---------------------------------------------------------------------------------------------------
+
+    def found(self) -> Fitted:
+        """The most probable set of causes, grown one by one, each judged again beside the others."""
+        best = self.fitted(())
+        while len(best.terms) < _MOST:
+            more = self.best(best)
+            if more is None or best.score - more.score < EVIDENCE:
+                break
+            best = self._settled(more)
+        return best
+
+    def _settled(self, now: Fitted) -> Fitted:
+        """Each cause exchanged for the best in its place, until none is better; what is then needless goes."""
+        for _ in range(_MOST):
+            for number in range(len(now.terms)):
+                others = self.fitted(now.terms[:number] + now.terms[number + 1 :])
+                if others.score - now.score < EVIDENCE:
+                    now = others
+                    break
+                other = self.best(others) if others.terms else None
+                if other is not None and other.score < now.score - 1.0:  # less is no matter of the data
+                    now = other
+                    break
+            else:
+                return now
+        return now
+
+    def best(self, beside: Fitted) -> Fitted | None:
+        """The set with the one cause more that makes it most probable."""
+        scores, course = self._promises(beside)
+        if beside.score - scores.min() < EVIDENCE / 2:  # the load gives no cause that the first order does not
+            return None
+        taken = {term.cause for term in beside.terms}
+        near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
+        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), at_load=False) for c in near]
+        chosen = sorted(rough, key=lambda one: one.score)[:_SOLVED]
+        best = min((self.fitted(one.terms) for one in chosen), key=lambda one: one.score)
+        return self._finest(best) if math.isfinite(best.score) else None
+
+    def _finest(self, now: Fitted) -> Fitted:
+        """The last cause of a set with the best of all courses of its kind."""
+        term = now.terms[-1]
+        if term.course.kind == "step":
+            return now
+        around = [c for c in courses_of(self.at, fine=True) if c.kind == term.course.kind]
+        rough = [self.fitted((*now.terms[:-1], replace(term, course=c)), beyond=now) for c in around]
+        best = min(rough, key=lambda one: one.score)
+        other = self.fitted(best.terms)
+        return other if other.score < now.score else now
+
+    def _promises(self, beside: Fitted) -> tuple[Array, npt.NDArray[np.intp]]:
+        """Score of each cause beside a set by a linear step, and the course with which it has it."""
+        scale = 1 / np.sqrt(1 + beside.missed)
+        columns, left = self.columns * scale[:, None], beside.left * scale
+        gram, products = columns.T @ columns, columns.T @ left.T
+        known = [self.places[t.cause] for t in beside.terms]
+        at = np.concatenate(known) if known else np.empty(0, np.intp)
+        grown = [t.course.centred(self.at) for t, p in zip(beside.terms, known, strict=True) for _ in p]
+        waves = np.array(grown).reshape(len(grown), len(self.at))
+        inverse = np.linalg.inv((waves @ waves.T) * gram[np.ix_(at, at)] + np.diag(1 / self.prior[at] ** 2))
+        widths = np.array([len(p) for p in self.places])
+        found = np.full((len(self.courses), len(self.causes)), math.inf)
+        for number, course in enumerate(self.courses):
+            wave = course.centred(self.at)
+            right, cross = products @ wave, (waves @ wave)[:, None] * gram[at]
+            for width in np.unique(widths):
+                chosen = np.flatnonzero(widths == width)
+                some = np.array([self.places[c] for c in chosen])
+                own = float(wave @ wave) * gram[some[:, :, None], some[:, None, :]]
+                if len(at):
+                    shared = cross[:, some]
+                    own = own - np.einsum("knp,kl,lnq->npq", shared, inverse, shared, optimize=True)
+                gain = _evidence(own, right[some], self.prior[some])
+                if width == 1:  # what would have to be less than nothing
+                    single = some[:, 0]
+                    gain[(right[single] < 0) & (self.least[single] > -_NONE * self.prior[single])] = -math.inf
+                found[number, chosen] = course.cost + self._cost - gain
+        return beside.score + found.min(axis=0), found.argmin(axis=0)
+
+    def fitted(self, terms: Sequence[Term], *, at_load: bool = True, beyond: Fitted | None = None) -> Fitted:
+        """Sizes of a set of causes with its score, solved at the load.
+
+        Parameters
+        ----------
+        terms : sequence of Term
+        at_load : bool
+            Else to the first order.
+        beyond : Fitted, optional
+            The same causes with other courses, from which what the load makes of them is taken.
+
+        Returns
+        -------
+        Fitted
+        """
+        chosen, d = tuple(terms), self.start.shape[1]
+        if not chosen:
+            return Fitted((), (), (), 0.0, self.start, np.zeros(d))
+        at = np.concatenate([self.places[t.cause] for t in chosen])
+        of = np.concatenate([np.full(len(self.places[t.cause]), n) for n, t in enumerate(chosen)])
+        waves = np.array([t.course.centred(self.at) for t in chosen])
+        ends = np.cumsum(np.bincount(of))[:-1]
+        columns, sizes, extra = self.columns[:, at], np.zeros(len(at)), np.zeros_like(self.start)
+        way, _ = np.linalg.qr(waves.T)  # of the sessions' contrasts those that the causes reach
+        reach = way.T @ waves.T
+        missed = np.zeros((len(chosen), d))
+        nodes = () if beyond is None else beyond.nodes
+        try:
+            for _ in range(_REFITS):
+                parts = np.split(sizes, ends)
+                missed = np.array([self._missed(t, s) for t, s in zip(chosen, parts, strict=True)])
+                variance = 1 + reach**2 @ missed
+                made = np.einsum("wk,dk->wdk", reach[:, of], columns)
+                rows = way.T @ (self.start - extra)
+                weighted = made / variance[:, :, None]
+                normal = np.einsum("wdk,wdl->kl", weighted, made, optimize=True)
+                covariance = np.linalg.inv(normal + np.diag(1 / self.prior[at] ** 2))
+                moved = covariance @ np.einsum("wdk,wd->k", weighted, rows) - sizes
+                sizes = sizes + moved
+                if np.any(sizes < self.least[at]):
+                    return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
+                if at_load and beyond is None:
+                    nodes = tuple(self._nodes(t, s) for t, s in zip(chosen, np.split(sizes, ends), strict=True))
+                extra = sum(
+                    (_between(t.course, n, self.at) for t, n in zip(chosen, nodes, strict=bool(nodes))),
+                    np.zeros_like(extra),
+                )
+                if np.all(np.abs(moved) < _MOVED * np.sqrt(np.diag(covariance))):
+                    break
+        except InputError:  # no unit holds such errors
+            return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
+        left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
+        reached = way.T @ left
+        gain = float(np.sum((way.T @ self.start) ** 2) - np.sum(reached**2 / variance) - np.sum(np.log(variance)))
+        gain -= float(np.sum((sizes / self.prior[at]) ** 2))
+        gain -= float(np.linalg.slogdet(normal * self.prior[at] * self.prior[at][:, None] + np.eye(len(at)))[1])
+        cost = sum(t.course.cost + self._cost for t in chosen)
+        blocks = [covariance[np.ix_(of == n, of == n)] for n in range(len(chosen))]
+        total = (waves**2).sum(axis=1) @ missed
+        return Fitted(chosen, tuple(np.split(sizes, ends)), tuple(blocks), cost - gain, left, total, nodes)
+
+    def _missed(self, term: Term, sizes: Array) -> Array:
+        """Variance that the model misses of what a cause does, over that of noise, shape (d,)."""
+        return np.asarray(self.missing[:, self.places[term.cause]] @ sizes**2)
+
+    def _nodes(self, term: Term, sizes: Array) -> Array:
+        """What shares of a cause do at the load beyond the first order, weighted, shape (shares, d)."""
+        change = self.spread(term.cause, sizes)
+        found = self.unit.with_changes(_SHARES[1:, None] * change) - self.unit.amplitudes
+        first = _SHARES[1:, None] * (self.unit.influences[0] @ change)
+        return self.weighted((found - first) @ self.unit.history.whitening.T)
+
+    def spread(self, cause: int, sizes: Array) -> Array:
+        """Sizes of a cause as changes of all components, shape (components,)."""
+        return np.asarray(self.components[:, self.places[cause]] @ sizes)
+
+    # --- what is said of a set ----------------------------------------------------------------------------------------
+
+    def rivals(self, now: Fitted, number: int) -> list[Fitted]:
+        """The set with other causes in place of one, as far as they are no less likely than a hundredth."""
+        others = self.fitted(now.terms[:number] + now.terms[number + 1 :])
+        scores, course = self._promises(others)
+        own = now.terms[number].cause
+        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + _NEAR and c != own][:_TRIED]
+        found = []
+        for cause in near:
+            kind = now.terms[number].course
+            alike = self.fitted((*others.terms, Term(cause, kind)), at_load=False)
+            tried = self.fitted((*others.terms, Term(cause, self.courses[course[cause]])), at_load=False)
+            found.append(min(alike, tried, key=lambda one: one.score))
+        found = sorted(found, key=lambda one: one.score)[: 2 * _SOLVED]
+        solved = [self.fitted(one.terms) for one in found]
+        return sorted((one for one in solved if one.score < now.score + RIVAL), key=lambda one: one.score)
+
+    def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
+        """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""
+        term = now.terms[number]
+        step = term.course.kind == "step"
+        found = []
+        for course in courses_of(self.at, fine=True):
+            if (course.kind == "step") == step:
+                terms = (*now.terms[:number], replace(term, course=course), *now.terms[number + 1 :])
+                found.append(self.fitted(terms, beyond=now))
+        lowest = min(one.score for one in found)
+        weights = np.exp(-0.5 * np.array([one.score - lowest for one in found]))
+        weights /= weights.sum()
+        return [(float(w), one) for w, one in zip(weights, found, strict=True) if w > 1e-4]
+
+
+def _between(course: Course, nodes: Array, at: Array) -> Array:
+    """What a cause does beyond the first order, about the mean of the sessions, from that of shares, (sessions, d)."""
+    grown = course.grown(at)
+    after = np.clip(np.searchsorted(_SHARES, grown), 1, len(_SHARES) - 1)
+    along = ((grown - _SHARES[after - 1]) / (_SHARES[after] - _SHARES[after - 1]))[:, None]
+    every = np.concatenate([np.zeros((1, nodes.shape[1])), nodes])
+    found = (1 - along) * every[after - 1] + along * every[after]
+    return np.asarray(found - found.mean(axis=0))
+
+
+def _evidence(own: Array, right: Array, prior: Array) -> Array:
+    """Twice the log of the evidence over none, of normal sizes, shape (n,)."""
+    scaled = own * prior[:, :, None] * prior[:, None, :] + np.eye(own.shape[1])
+    pressed = right * prior
+    gain = np.einsum("np,np->n", pressed, np.linalg.solve(scaled, pressed[:, :, None])[:, :, 0])
+    return np.asarray(gain - np.linalg.slogdet(scaled)[1])

@@ -1,0 +1,250 @@
+"""A unit over its life: from its runs at different times to what grows, what jumped, and how long it lasts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.numbers import count_of
+from rverror.life.courses import Course
+from rverror.life.growth import Fitted, GrowthSearch
+from rverror.life.result import Changed, Grown, Remaining, Trend
+from rverror.life.sessions import History, Session, history_of, sessions_of
+from rverror.life.unit_state import unit_state
+from rverror.lots.result import Interval
+from rverror.model.catalogue import source
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+from rverror.statics.loaded_state import reducer_of
+from rverror.tolerances.specification import Limit
+
+_WAVES = 512  # angles of a turn
+_DRAWS = 200  # of what is known of the causes, for the time that remains
+_FURTHEST = 100.0  # times the time that was measured: beyond it nothing is foretold
+_TIMES = 120  # at which a limit is asked for, each 10 % after the last
+_ROUNDS, _SAME = 2, 0.9  # of the noise: once what changed is known, it is no noise; and the share that is no change
+
+
+def trend(
+    model: Model,
+    runs: Sequence[Run],
+    *,
+    limit: Limit | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Trend:
+    """Tell what grows and what jumped in a unit that was measured again and again.
+
+    Parameters
+    ----------
+    model : Model
+        Of a reducer.  What the unit is off by itself need not be declared: only what changes is asked for.
+    runs : sequence of Run
+        Each over a turn of the output or more, with its torque, and with ``hours``, ``cycles`` or ``date`` in its
+        header.  Runs of one time are a session; forward and reverse with one ``index`` tell the lost motion.
+    limit : Limit, optional
+        Of ``"transmission_error"``, peak-to-peak, or ``"lost_motion"`` as the runs measure it, mean over a turn.
+    progress : callable, optional
+        Called with a line of text.
+
+    Returns
+    -------
+    Trend
+
+    Raises
+    ------
+    InputError
+        If runs do not fit the model, say no time, or make fewer than three sessions.
+
+    Notes
+    -----
+    Page ``theory/trend.md``.  A jump of the measuring chain is told as such; a mounting that differs from session to
+    session is taken for what it is.
+    """
+    reducer_of(model.mechanism, "a trend")
+    check_each("runs", runs, Run, "give a list of runs, such as [load_run(path)]")
+    tell = progress or (lambda text: None)
+    unit, sessions = sessions_of(runs)
+    if len(sessions) < 3:
+        raise InputError(f"runs: {count_of(len(sessions), 'session')}; a trend takes 3 or more, two are compared")
+    _check_limit(limit)
+    search, found = searched(model, unit, sessions, tell)
+    history = search.unit.history
+    changed = told(search, found)
+    waves = _waveforms(history, history.amplitudes.values)
+    made = made_by(search, found)
+    lost, explained = _lost_motions(history, made)
+    return Trend(
+        model.mechanism.name or "reducer", unit, history.at, tuple(map(str, history.amplitudes.conditions)), changed,
+        None if limit is None else _remaining(search, found, made, limit), np.ptp(waves, axis=2), lost, explained,
+        _chance(search, found), history.amplitudes.notes,
+    )  # fmt: skip
+
+
+def searched(
+    model: Model, unit: str, sessions: Sequence[Session], tell: Callable[[str], None]
+) -> tuple[GrowthSearch, Fitted]:
+    """Causes of the changes between sessions, with the noise that they leave."""
+    tell(f"{count_of(len(sessions), 'session')}: amplitudes of orders")
+    history = history_of(model, unit, sessions)
+    tell("the unit at the load")
+    state = unit_state(model, history)
+    for _ in range(_ROUNDS):
+        tell("causes that change")
+        search = GrowthSearch.of(state)
+        found = search.found()
+        if not found.terms:
+            break
+        again = history_of(model, unit, sessions, made_by(search, found))
+        if np.median(again.amplitudes.noise / history.amplitudes.noise) > _SAME:
+            break
+        history = again
+        state = replace(state, history=history)
+    return search, found
+
+
+def made_by(search: GrowthSearch, found: Fitted) -> Array:
+    """Amplitudes that causes add to each session, rad, shape (sessions, conditions * 2 * k)."""
+    unit = search.unit
+    changes = np.zeros((len(unit.history.at), len(unit.values)))
+    for term, sizes in zip(found.terms, found.sizes, strict=True):
+        changes += term.course.grown(unit.history.at)[:, None] * search.spread(term.cause, sizes)
+    some, back = np.unique(changes, axis=0, return_inverse=True)
+    return unit.with_changes(some)[back] - unit.amplitudes
+
+
+def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
+    """Causes of a fitted set with their intervals and rivals, the most evident first."""
+    changed = []
+    for number, term in enumerate(found.terms):
+        others = search.fitted(found.terms[:number] + found.terms[number + 1 :])
+        ways = search.ways(found, number)
+        cause, course = search.causes[term.cause], term.course
+        since = _mixed([(weight, one.terms[number].course.since, 0.0) for weight, one in ways])
+        rivals = [search.causes[one.terms[-1].cause] for one in search.rivals(found, number)]
+        changed.append(
+            Changed(
+                cause.key, cause.indices, course.kind, course.since, since.low, since.high, course.settling,
+                tuple(_grown(ways, number, k, name, cause.dimension) for k, name in enumerate(cause.parameters)),
+                source(cause.key).acts == "reading",
+                tuple(dict.fromkeys((one.key, tuple(one.indices.items())) for one in rivals if one.label != cause.label)),
+                others.score - found.score,
+            )
+        )  # fmt: skip
+    return tuple(sorted(changed, key=lambda one: -one.evidence))
+
+
+def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str, dimension: str) -> Grown:
+    """A parameter of a cause, over its possible courses."""
+    sizes = [(weight, float(one.sizes[number][k]), float(one.covariance[number][k, k]) ** 0.5) for weight, one in ways]
+    rates = [one.terms[number].course.rate for _, one in ways]
+    return Grown(
+        name,
+        dimension,
+        _mixed(sizes),
+        _mixed([(weight, rate * size, rate * error) for rate, (weight, size, error) in zip(rates, sizes, strict=True)]),
+    )
+
+
+def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
+    """Mean and 95 % interval of a mixture of normal distributions: weight, mean, standard deviation of each."""
+    weight, mean, error = (np.array(column) for column in zip(*ways, strict=True))
+    low, high = float((mean - 6 * error).min()), float((mean + 6 * error).max())
+    if not error.any():
+        order = np.argsort(mean)
+        share = np.cumsum(weight[order])
+        ends = mean[order][np.minimum(np.searchsorted(share, [0.025, 0.975]), len(mean) - 1)]
+        return Interval(float(weight @ mean), float(ends[0]), float(ends[1]))
+    at = np.linspace(low, high, 4001)
+    below = (scipy.special.ndtr((at[:, None] - mean) / np.maximum(error, 1e-300)) * weight).sum(axis=1)
+    ends = np.interp([0.025, 0.975], below, at)
+    return Interval(float(weight @ mean), float(ends[0]), float(ends[1]))
+
+
+def _waveforms(history: History, values: Array) -> Array:
+    return history.amplitudes.waves(values, _WAVES)
+
+
+def _lost_motions(history: History, made: Array) -> tuple[Array, Array]:
+    """Lost motions of the sessions, and as the causes make them about the same mean, rad.
+
+    Forward the load holds the output back, in reverse it does so the other way: their difference is below 0.
+    """
+    rows = -history.rows[list(history.lost_motion)]
+    measured, explained = history.amplitudes.values @ rows.T, made @ rows.T
+    return measured, explained - explained.mean(axis=0) + measured.mean(axis=0)
+
+
+def _chance(search: GrowthSearch, found: Fitted) -> float:
+    """How often noise leaves as much between sessions as the causes do."""
+    freedom = (len(found.left) - 1) * found.left.shape[1]
+    left = found.left / np.sqrt(1 + found.missed)
+    return float(scipy.special.chdtrc(freedom, float(np.sum(left**2))))
+
+
+def _check_limit(limit: Limit | None) -> None:
+    if limit is None:
+        return
+    check_kind("limit", limit, Limit, "give limit('lost_motion', '90 arcsec')")
+    if limit.quantity not in ("transmission_error", "lost_motion") or limit.value is None:
+        raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
+
+
+def _remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) -> Remaining:
+    """Time until a limit is met no more, by draws of what is known of the causes."""
+    assert limit.value is not None
+    history = search.unit.history
+    start = history.amplitudes.values.mean(axis=0) + made[-1] - made.mean(axis=0)
+    now = float(_quantity(history, start[None], limit)[0])
+    ways = _ways(search, found)
+    if not ways:
+        return Remaining(limit.quantity, limit.value, now, None)
+    span = float(history.at[-1] - history.at[0])
+    ahead = np.concatenate([[0.0], np.geomspace(1e-3, _FURTHEST, _TIMES)]) * span
+    random = np.random.default_rng(0)  # the same draws each time: a result is not a matter of luck
+    left = []
+    for _ in range(_DRAWS):
+        change = np.zeros((len(ahead), history.amplitudes.values.shape[1]))
+        for columns, options, weights in ways:
+            course, size, error = options[random.choice(len(options), p=weights)]
+            drawn = size + error @ random.standard_normal(len(size))
+            more = course.grown(history.at[-1] + ahead) - 1.0
+            change += more[:, None] * (columns @ drawn)
+        over = np.flatnonzero(_quantity(history, start + change, limit) > limit.value)
+        left.append(math.inf if not over.size else float(ahead[over[0]]))
+    low, middle, high = (float(np.quantile(left, q, method="inverted_cdf")) for q in (0.025, 0.5, 0.975))
+    if math.isinf(low):
+        return Remaining(limit.quantity, limit.value, now, None)
+    return Remaining(limit.quantity, limit.value, now, Interval(middle, low, high))
+
+
+def _ways(search: GrowthSearch, found: Fitted) -> list[tuple[Array, list[tuple[Course, Array, Array]], Array]]:
+    """Of each cause that grows: what it does to amplitudes, and its courses with sizes and a root of their covariance."""
+    result = []
+    for number, term in enumerate(found.terms):
+        if term.course.kind != "step":
+            columns = search.unit.influences.mean(axis=0) @ search.components[:, search.places[term.cause]]
+            ways = search.ways(found, number)
+            options = [
+                (one.terms[number].course, one.sizes[number], np.linalg.cholesky(one.covariance[number]))
+                for _, one in ways
+            ]
+            weights = np.array([weight for weight, _ in ways])
+            result.append((columns, options, weights / weights.sum()))
+    return result
+
+
+def _quantity(history: History, amplitudes: Array, limit: Limit) -> Array:
+    """What a limit is about, of some amplitudes, the worst condition's, rad."""
+    if limit.quantity == "lost_motion":
+        if not history.lost_motion:
+            raise InputError(
+                "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
+            )
+        return np.asarray(np.abs(amplitudes @ history.rows[list(history.lost_motion)].T).max(axis=1))
+    return np.asarray(np.ptp(history.amplitudes.waves(amplitudes, _WAVES), axis=2).max(axis=1))

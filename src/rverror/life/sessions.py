@@ -1,0 +1,339 @@
+"""Sessions: the runs of one unit that were measured at one time, as amplitudes of orders and lost motion.
+
+Page ``theory/trend.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.text import shown
+from rverror.lots.amplitudes import Amplitudes, LotUnit, UnitAmplitudes, joined_units, split_unit
+from rverror.model.effects import Model
+from rverror.runs.measurement import Run
+
+#: Header keys that say when a run was measured, the first that all runs have counts.
+CLOCKS = ("hours", "cycles", "date")
+_NEAR, _SHARE = 16, 1.6  # orders to either side at least, and a factor, within which noise is alike
+#: Steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
+POOLED = 150
+_QUARTER = 0.25  # of the powers about an order: what few orders and few sessions have, does not reach it
+_MEDIAN = 0.4549  # of a chi-square of one degree of freedom
+_FEW = 5  # sessions, of which too few differences tell how well a zero or a mounting repeats
+
+
+@dataclass(frozen=True)
+class Session:
+    """Runs of one time.
+
+    Attributes
+    ----------
+    at : float
+        Hours, or cycles; of dates the hours since the first.
+    label : str
+        As the header has it.
+    runs : tuple of Run
+        One for each condition.
+    """
+
+    at: float
+    label: str
+    runs: tuple[Run, ...]
+
+
+def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
+    """Sort the runs of a unit by the time at which they were measured.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+        Each with ``hours``, ``cycles`` or ``date`` in its header, all of them with the same.
+
+    Returns
+    -------
+    unit : str
+        Of the time: ``"hour"`` or ``"cycle"``.
+    sessions : tuple of Session
+        In the order of time; runs of one time are one session.
+
+    Raises
+    ------
+    InputError
+        If a run does not say when it was measured, or the time cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np, rverror
+    >>> angle = np.linspace(0, 7, 100)
+    >>> runs = [
+    ...     rverror.run_from_arrays(input_angle=angle, te=0 * angle, metadata={"hours": text}) for text in ("5", "0", "5")
+    ... ]
+    >>> unit, sessions = sessions_of(runs)
+    >>> unit, [(one.at, len(one.runs)) for one in sessions]
+    ('hour', [(0.0, 1), (5.0, 2)])
+    """
+    given = list(runs)
+    heads = [{key.lower(): value for key, value in run.metadata.items()} for run in given]
+    clock = next((name for name in CLOCKS if heads and all(name in head for head in heads)), None)
+    if clock is None:
+        odd = next((run.path for run, head in zip(given, heads, strict=True) if not head.keys() & set(CLOCKS)), "")
+        raise InputError(
+            f"{odd or 'runs'}: the header does not say when it was measured; give all runs a line "
+            "'# hours: 120', '# cycles: 2e5' or '# date: 2026-03-01'"
+        )
+    times = [_time(run, clock, head[clock]) for run, head in zip(given, heads, strict=True)]
+    first = min(times) if clock == "date" else 0.0
+    found: dict[float, list[int]] = {}
+    for number, time in enumerate(times):
+        found.setdefault(time, []).append(number)
+    sessions = tuple(
+        Session(time - first, heads[some[0]][clock], tuple(given[number] for number in some))
+        for time, some in sorted(found.items())
+    )
+    return "cycle" if clock == "cycles" else "hour", sessions
+
+
+def _time(run: Run, clock: str, text: str) -> float:
+    """Hours or cycles of a header's line."""
+    try:
+        if clock == "date":
+            when = datetime.fromisoformat(text)
+            return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp() / 3600
+        try:
+            time = float(text)
+        except ValueError:
+            if clock == "cycles":
+                raise
+            time = units.to_core(text, "time") / 3600
+    except ValueError as error:
+        example = {"hours": "120", "cycles": "2e5", "date": "2026-03-01"}[clock]
+        raise InputError(f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read; write '{example}'") from error
+    if not 0 <= time < math.inf:
+        raise InputError(f"{run.path or 'a run'}: {clock} = {shown(text)}: must be 0 or more")
+    return time
+
+
+@dataclass(frozen=True)
+class History:
+    """Sessions of a unit as rows of what they have in common.
+
+    A row holds amplitudes of orders 1 and up of each condition, then lost motions and what else conditions with a
+    common zero tell.
+
+    Attributes
+    ----------
+    unit : str
+        Of the time.
+    at : ndarray, shape (sessions,)
+    labels : tuple of str
+    amplitudes : Amplitudes
+        Of orders from 0 up, with the noise of a session.
+    rows : ndarray, shape (d, conditions * 2 * k)
+        What makes a row of amplitudes: the orders from 1 up, and contrasts of offsets.
+    variance : ndarray, shape (d,)
+        Of the noise of a row, rad^2.
+    lost_motion : tuple of int
+        Entries of a row that are lost motions, in the order of torques.
+    """
+
+    unit: str
+    at: Array
+    labels: tuple[str, ...]
+    amplitudes: Amplitudes
+    rows: Array
+    variance: Array
+    lost_motion: tuple[int, ...]
+
+    @property
+    def own_zeros(self) -> int:
+        """Entries at the end of a row that are contrasts of offsets."""
+        return len(self.rows) - 2 * len(self.amplitudes.conditions) * (self.amplitudes.orders.size - 1)
+
+    @cached_property
+    def values(self) -> Array:
+        """Rows over the root of their noise, shape (sessions, d)."""
+        return self.amplitudes.values @ self.whitening.T
+
+    @cached_property
+    def whitening(self) -> Array:
+        """What makes whitened rows of amplitudes, shape (d, conditions * 2 * k)."""
+        return np.asarray(self.rows / np.sqrt(self.variance)[:, None])
+
+    @cached_property
+    def of_whitened(self) -> Array:
+        """What makes whitened rows of amplitudes that are whitened by their own noise."""
+        return np.asarray(self.whitening * np.sqrt(self.amplitudes.noise))
+
+
+def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Array | None = None) -> History:
+    """Amplitudes and lost motions of sessions, with the noise that they tell.
+
+    Parameters
+    ----------
+    model : Model
+    unit : str
+        Of the time.
+    sessions : sequence of Session
+        Two or more, in the order of time.
+    fitted : ndarray, shape (sessions, conditions * 2 * k), optional
+        What is known to have changed, which is no noise, rad.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    InputError
+        If runs do not fit the model, or fewer than two sessions have a condition in common.
+    """
+    read = [split_unit(model, LotUnit(one.label, one.runs), noun="session") for one in sessions]
+    joined = joined_units(read, least=2, noun="session")
+    kept = {serial: number for number, serial in enumerate(joined.serials)}
+    chosen = [(one, part) for one, part in zip(sessions, read, strict=True) if one.label in kept]
+    zeros = np.array([[part.offsets[c] for c in joined.conditions] for _, part in chosen])
+    amplitudes = _with_offsets(joined, zeros)
+    changed = amplitudes.values - (0.0 if fitted is None else fitted)
+    noise = _noise(changed, len(amplitudes.conditions))
+    amplitudes = replace(amplitudes, noise=noise)
+    contrasts, lost = _contrasts(joined, [part for _, part in chosen], [one for one, _ in chosen])
+    rows = np.concatenate([_waves(amplitudes), contrasts])
+    variance = rows**2 @ noise
+    own = len(contrasts)
+    if own:
+        variance[-own:] = np.maximum(variance[-own:], repeated(changed @ contrasts.T))
+    at = np.array([one.at for one, _ in chosen])
+    first = len(rows) - own
+    return History(unit, at, joined.serials, amplitudes, rows, variance, tuple(first + number for number in lost))
+
+
+def repeated(values: Array) -> Array:
+    """Variance with which each of some series repeats from session to session, that a jump or a growth hardly alters.
+
+    Parameters
+    ----------
+    values : ndarray, shape (sessions, series)
+
+    Returns
+    -------
+    ndarray, shape (series,)
+        Half the median square of the steps, over what it is of normal ones; 0 where sessions are too few to tell.
+
+    Examples
+    --------
+    >>> series = np.array([0.0, 1, 0, 1, 0, 1, 0, 1, 80])[:, None]
+    >>> repeated(series).round(2)
+    array([1.1])
+    """
+    if len(values) < _FEW:
+        return np.zeros(values.shape[1])
+    return np.asarray(np.median(np.diff(values, axis=0) ** 2, axis=0) / (2 * _MEDIAN))
+
+
+def _with_offsets(joined: Amplitudes, zeros: Array) -> Amplitudes:
+    """Amplitudes with order 0, which over the root of two is the offset, as `Amplitudes.of_waves` has it."""
+    sessions, conditions = zeros.shape
+    parts = joined.values.reshape(sessions, conditions, 2, -1)
+    mean = np.stack([zeros * math.sqrt(2), np.zeros_like(zeros)], axis=-1)[..., None]
+    values = np.concatenate([mean, parts], axis=-1).reshape(sessions, -1)
+    return replace(joined, orders=np.concatenate([[0], joined.orders]), values=values, noise=np.ones(values.shape[1]))
+
+
+def _noise(values: Array, conditions: int) -> Array:
+    """Variance of each amplitude that noise makes, from steps between sessions.
+
+    About an order the lower quartile of the steps' powers, over sessions and orders, over what it is of noise: what one
+    session, a few orders, or a slow growth add does not reach it.
+    """
+    parts = values.reshape(len(values), conditions, 2, -1)
+    power = (np.diff(parts, axis=0) ** 2).sum(axis=2) / 4  # of noise: its variance times an exponential of mean 1
+    count = power.shape[-1]
+    wide = max(_NEAR, -(-POOLED // (2 * len(power))))
+    order, found = np.arange(count), np.empty((conditions, count))
+    for k in range(count):
+        near = (order >= min(k / _SHARE, k - wide)) & (order <= max(k * _SHARE, k + wide)) & (order > 0)
+        found[:, k] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / -math.log1p(-_QUARTER)
+    found[:, 0] *= 2  # order 0 is the offset times the root of two
+    return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
+
+
+def _waves(amplitudes: Amplitudes) -> Array:
+    """Rows that take the orders from 1 up."""
+    kept = np.tile(amplitudes.orders > 0, 2 * len(amplitudes.conditions))
+    return np.asarray(np.eye(kept.size)[kept])
+
+
+def _contrasts(
+    joined: Amplitudes, read: Sequence[UnitAmplitudes], sessions: Sequence[Session]
+) -> tuple[Array, list[int]]:
+    """Contrasts of the offsets of conditions whose runs share a zero in every session; which of them are lost motions.
+
+    Of a torque in both directions the difference; of several torques each with the mean of those before it.
+    """
+    count = 1 + joined.orders.size
+    places = np.arange(len(joined.conditions)) * 2 * count
+    zeros = [tuple(_zero(one, c.direction, c.torque) for one in sessions) for c in joined.conditions]
+    rows, lost = list[Array](), list[int]()
+    for label in dict.fromkeys(zeros):
+        if not all(label):
+            continue
+        means = list[Array]()
+        for torque in dict.fromkeys(c.torque for c in joined.conditions):
+            some = [(places[n], c) for n, c in enumerate(joined.conditions) if zeros[n] == label and c.torque == torque]
+            row = np.zeros(2 * count * len(places))
+            for place, _ in some:
+                row[place] = 1 / (len(some) * math.sqrt(2))
+            if len(some) == 2:
+                way = row.copy()
+                for place, condition in some:
+                    way[place] = condition.direction / math.sqrt(2)
+                lost.append(len(rows))
+                rows.append(way)
+            if means and some:
+                rows.append(row - np.mean(means, axis=0))
+            if some:
+                means.append(row)
+    return np.array(rows).reshape(len(rows), 2 * count * len(places)), lost
+
+
+def _zero(session: Session, direction: float, torque: float) -> str:
+    """Label of the zero of a session's run; empty where it has one of its own."""
+    for run in session.runs:
+        if run.direction[0] == direction and abs(float(run.torque or 0.0)) == torque:
+            return run.index
+    return ""
+
+
+def run_files(paths: Sequence[str], suffixes: tuple[str, ...]) -> list[str]:
+    """Files of runs: those given, and of folders all that have one of the endings, their subfolders' too.
+
+    Raises
+    ------
+    InputError
+        If a folder holds none, or a file stands twice.
+    """
+    found = list[str]()
+    for path in paths:
+        folder = Path(path)
+        if not folder.is_dir():
+            found.append(path)
+            continue
+        inside = [p for p in folder.rglob("*") if p.is_file() and p.name.lower().endswith(suffixes)]
+        seen = sorted(str(p) for p in inside if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+        if not seen:
+            raise InputError(f"{path}: the folder holds no run ({', '.join(suffixes)}); give runs of one unit")
+        found += seen
+    twice = [path for number, path in enumerate(found) if path in found[:number]]
+    if twice:
+        raise InputError(f"{twice[0]}: is given twice; give each run once")
+    return found

@@ -1,0 +1,65 @@
+"""What runs over a unit's life say, in sentences for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from rverror.base.numbers import brief, count_of
+from rverror.base.text import describe
+from rverror.base.units import ARCSEC
+from rverror.life.result import Changed, RunsCompared, Trend
+
+_LACKING = 0.001  # chance below which what is left is more than noise
+_NAMED = 4  # rivals
+
+
+def trend_verdict(trend: Trend) -> tuple[str, str]:
+    """What grows and jumped, and the words of it to be read first."""
+    if not trend.changed:
+        strong = "Nothing has changed"
+        rest = "beyond noise" if trend.chance >= _LACKING else "that a cause explains, yet sessions differ beyond noise"
+        return f"{strong} {rest} (chance {brief(trend.chance, 2)})", strong
+    grows, jumped = len(trend.growing), len(trend.jumps)
+    parts = [f"{count_of(grows, 'cause')} {'grows' if grows == 1 else 'grow'}"] if grows else []
+    parts += [count_of(jumped, "jump")] if jumped else []
+    strong = " and ".join(parts)
+    left = (
+        f"what is left between sessions is noise (chance {brief(trend.chance, 2)})"
+        if trend.chance >= _LACKING
+        else f"more than noise is left between sessions (chance {brief(trend.chance, 2)}): intervals are wider for it"
+    )
+    return f"{strong}; {left}", strong
+
+
+def compared_verdict(found: RunsCompared) -> tuple[str, str]:
+    """What differs, and the words of it to be read first."""
+    orders = len({one.order for one in found.orders})
+    strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
+    return f"{strong} beyond noise of {brief(found.noise / ARCSEC, 2)} arcsec an order", strong
+
+
+def life_rivals(changed: Sequence[Changed]) -> Iterator[str]:
+    """A sentence for each cause that others would replace, and one for each that is of the bench."""
+    for one in changed:
+        name = describe(one.key, one.indices)
+        if one.measuring:
+            yield f"{name} is of the measuring chain, not of the unit"
+        if one.rivals:
+            others = [describe(key, dict(indices)) for key, indices in one.rivals]
+            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+            yield f"{name} is not told apart from {', '.join(others[:_NAMED])}{more}"
+
+
+def remaining_words(trend: Trend) -> str:
+    """How long the limit is met."""
+    left = trend.remaining
+    assert left is not None
+    what = f"{left.quantity.replace('_', ' ')} {brief(left.now / ARCSEC, 3)} arcsec now, limit {brief(left.limit / ARCSEC, 3)}"
+    if left.time is None:
+        return f"{what}: nothing that grows is known to reach it, so the time that remains is not to be told"
+    high = "no end" if math.isinf(left.time.high) else brief(left.time.high, 3)
+    middle = "" if math.isinf(left.time.value) else f"some {brief(left.time.value, 3)} "
+    return (
+        f"{what}: reached in {middle}{trend.unit}s from the last session on (95 %: {brief(left.time.low, 3)} to {high})"
+    )
