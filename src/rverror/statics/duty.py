@@ -22,6 +22,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import with_unit
 from rverror.base.viewed import OneLine
 from rverror.geartrain.mechanism import Friction
+from rverror.geartrain.thermal import GROWTH
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.statics.friction import Efficiency, declared_friction, efficiency
 from rverror.statics.hertz import above_zero
@@ -221,7 +222,7 @@ class DutyEfficiency(OneLine):
         """Growth of housing and parts by their rise above the surroundings, to add to a model."""
         rise = units.InCore(self.inside - self.ambient)
         inside = dict.fromkeys(("discs", "cranks", "carrier", "gears"), rise)
-        return effect("thermal.growth", housing=units.InCore(self.housing - self.ambient), **inside, origin="duty")
+        return effect(GROWTH, housing=units.InCore(self.housing - self.ambient), **inside, origin="duty")
 
 
 def duty_efficiency(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -18,7 +17,7 @@ from rverror.statics.worn_contacts import RunningIn, Wear, WearCoefficients, wea
 
 #: What may be fitted.
 FREE = ("depth", "running_in", "lasting")
-_FURTHEST = math.log(1e3)  # by which a size may leave what it was begun with
+_FURTHEST = 1e3  # by which a size may be larger or smaller than what it was begun with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +90,8 @@ def fit_running_in(
 
     Notes
     -----
-    Least squares over the logarithms of the factors.  A course whose first measured hour comes when the unit is run in
-    tells the depth and not how fast: leave "running_in" out of `free` then.
+    Least squares over the factors, within 0.001 to 1000.  A course whose first measured hour comes when the unit is run
+    in tells the depth and not how fast: leave "running_in" out of `free` then.
 
     Examples
     --------
@@ -103,7 +102,7 @@ def fit_running_in(
     ...     [0, 600, 1550],
     ...     [0, 10.6 * rverror.ARCSEC, 12.9 * rverror.ARCSEC],
     ...     coefficients=WearCoefficients(disc="1e-10 mm^3/(N*m)"),
-    ...     running_in={"disc": RunningIn(depth="1 um", coefficient="1e-8 mm^3/(N*m)")},
+    ...     running_in={"disc": RunningIn(depth="1 um", coefficient="5e-8 mm^3/(N*m)")},
     ...     free=["depth", "lasting"],
     ...     torque="412 N*m",
     ...     speed="1815 rpm",
@@ -114,7 +113,7 @@ def fit_running_in(
     True
     """
     check_model(model)
-    times, measured = np.asarray(hours, dtype=np.float64), units.to_core_array(lost_motion, "angle")
+    times, measured = units.to_core_array(hours, "number"), units.to_core_array(lost_motion, "angle")
     chosen = tuple(free)
     if not set(chosen) <= set(FREE) or not chosen:
         raise ValueError(f"free = {free!r}: give some of {', '.join(FREE)}")
@@ -125,8 +124,8 @@ def fit_running_in(
         )
     growth = measured - measured[0]
 
-    def at(logs: Array) -> FittedRunningIn:
-        factor = dict.fromkeys(FREE, 1.0) | dict(zip(chosen, np.exp(logs).tolist(), strict=True))
+    def at(factors: Array) -> FittedRunningIn:
+        factor = dict.fromkeys(FREE, 1.0) | dict(zip(chosen, factors.tolist(), strict=True))
         lasting = {item.name: factor["lasting"] * getattr(coefficients, item.name) for item in fields(coefficients)}
         by = WearCoefficients(**{name: units.InCore(value) for name, value in lasting.items()})
         rough = {
@@ -137,11 +136,11 @@ def fit_running_in(
         return FittedRunningIn(coefficients=by, running_in=rough, growth=growth, wear=found, free=chosen)
 
     found = scipy.optimize.least_squares(
-        lambda logs: at(logs).residual / np.abs(growth).max(),
-        np.zeros(len(chosen)),
-        bounds=(-_FURTHEST, _FURTHEST),
-        diff_step=1e-2,  # of a logarithm, far above what equilibria leave
-        gtol=1e-5,  # some thousandths of the last growth
+        lambda factors: at(factors).residual / np.abs(growth).max(),
+        np.ones(len(chosen)),
+        bounds=(1 / _FURTHEST, _FURTHEST),
+        diff_step=1e-2,  # far above what equilibria leave
+        gtol=1e-4,  # some thousandths of the largest growth, and less after the last step
         xtol=1e-4,
     )
     return at(found.x)

@@ -574,7 +574,7 @@ def _of_duty(duty: Sequence[DutyPhase]) -> dict[str, Variable]:
     )
 
 
-_WATT = Unit("N*mm/s", "W", 1e-3)
+_WATT = Unit("N*mm/s", "W", 1e3)
 
 
 @_table.register

@@ -40,7 +40,7 @@ def to_text(result: Any, /, **options: Any) -> str:
     ----------
     result
         A Diagnosis, Lot, Compensation, Budget, ErrorBudget, VirtualUnits, Allocation, Comparison,
-        Equilibrium, TorsionCurve, Hysteresis, Efficiency, ContactPressure, Wear, Modes, SpeedResponse, RunUp,
+        Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure, Wear, Modes, SpeedResponse, RunUp,
         Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
     **options
