@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rverror
+from pages import DOCS, text
 from rverror import DutyPhase, Friction, Lubricant, Model, duty_efficiency
 
 UNIT = rverror.reducer("RV-40E")
@@ -147,3 +149,30 @@ def test_a_unit_that_is_warm_all_over_moves_its_output_by_nothing() -> None:
 def test_what_is_refused(call: Any, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         call()
+
+
+def test_the_table_of_the_page_is_what_it_says() -> None:
+    (table,) = re.findall(
+        r"\| \$R_h\$.*?\n\| ---.*?\n(.*?)\n\n", text(DOCS / "theory" / "thermal-and-load.md"), re.DOTALL
+    )
+    rubs = Friction(
+        pin=0.05,
+        mesh=0.05,
+        crank_bearing=0.0025,
+        crank_bearing_radius="10 mm",
+        carrier_bearing=0.0018,
+        carrier_bearing_radius="10 mm",
+        drag="4 N*m",
+    )
+    phases = [("412 N*m", "1815 rpm", 1), ("103 N*m", "3630 rpm", 2), ("0 N*m", "0 rpm", 1)]
+    cycle = [DutyPhase(torque=torque, speed=speed, hours=hours) for torque, speed, hours in phases]
+    oil = Lubricant(viscosity_40=150, viscosity_100=15, temperature="20 degC", speed="1815 rpm")
+    for row in table.splitlines():
+        resistance, *told = (float(cell) for cell in row.strip("|").split("|"))
+        around = rverror.to_core(f"{resistance} K/W", "thermal_resistance")
+        found = over(cycle, rubs, lubricant=oil, thermal_resistance=around, inside_resistance=around / 3)
+        moved = rverror.transmission_error(NEW.with_effects(found.growth), THETA, direction=1.0).mean()
+        lost = sum(found.losses.values()), found.losses["drag"]
+        expected = [100 * found.mean, *(power / WATT for power in lost)]
+        expected += [found.housing - 273.15, found.inside - 273.15, moved / rverror.ARCSEC]
+        np.testing.assert_allclose(told, expected, atol=0.051)

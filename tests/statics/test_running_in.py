@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rverror
+from pages import DOCS, text
 from rverror import ARCSEC, DutyPhase, Model, RunningIn, Wear, WearCoefficients, fit_running_in, wear
 
 UNIT = rverror.reducer("RV-40E")
@@ -190,3 +192,32 @@ def fitted(hours: list[float], free: list[str]) -> Any:
     return fit_running_in(
         NEW, hours, course, coefficients=WearCoefficients(disc=1e-13), running_in={}, free=free, torque=TORQUE
     )
+
+
+def test_the_course_of_the_life_test_is_what_the_page_says() -> None:
+    """Two printed numbers are fitted; the others of the printed line are foretold within 10 %."""
+    (table,) = re.findall(r"\| hours \| printed.*?\n\| ---.*?\n(.*?)\n\n", text(DOCS / "theory" / "wear.md"), re.DOTALL)
+    rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
+    hours, told = (np.array([float(row[at]) for row in rows]) for at in (0, 2))
+    printed = {float(row[0]): float(row[1]) for row in rows if row[1] != "-"}
+    duty = {"torque": TORQUE, "speed": "1815 rpm", **BEARS}
+    fitted = fit_running_in(
+        NEW,
+        [0, 600, 1550],
+        np.array([0, printed[600], printed[1550]]) * ARCSEC,
+        coefficients=WearCoefficients(**dict.fromkeys(("disc", "pin", "sun", "planet"), 1e-13)),
+        running_in=dict.fromkeys(("disc", "pin"), RunningIn(depth=0.5e-3, coefficient=1e-11)),
+        free=["depth", "lasting"],
+        **duty,
+    )
+    assert fitted.running_in["pin"].depth == pytest.approx(0.54e-3, abs=0.006e-3)
+    assert fitted.coefficients.sun == pytest.approx(0.7e-13, abs=0.01e-13)
+    course = wear(NEW, hours=hours, coefficients=fitted.coefficients, running_in=fitted.running_in, **duty)
+    growth = (course.lost_motion[1:] - course.lost_motion[0]) / ARCSEC
+    np.testing.assert_allclose(growth, told, atol=0.02)
+    for at, size in zip(hours, growth, strict=True):
+        assert size == pytest.approx(printed.get(at, size), rel=0.1)
+    late = (printed[1550] - printed[600]) / 950
+    assert late == pytest.approx(0.0024, abs=1e-5)
+    assert printed[1075] == pytest.approx(printed[600] + 0.0024 * 475, abs=0.005)
+    assert np.ptp(course.peak_to_peak) < 0.05 * ARCSEC
