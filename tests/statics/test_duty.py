@@ -131,8 +131,8 @@ def test_a_unit_that_is_warm_all_over_moves_its_output_by_nothing() -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: DutyPhase(torque=-1e3, speed=1.0), r"torque = -1: must be 0 or more"),
-        (lambda: DutyPhase(torque=1e3, speed=1.0, hours=0), "hours = 0 h: must be above 0"),
+        (lambda: DutyPhase(torque=-1e3, speed=1.0), r"torque = -1000.0: must be 0 or more"),
+        (lambda: DutyPhase(torque=1e3, speed=1.0, hours=0), "hours = 0: must be above 0"),
         (lambda: over([]), "give one or several DutyPhase"),
         (lambda: over(3.0), "give one or several DutyPhase"),
         (lambda: over(DutyPhase(torque=0, speed=1.0)), "no phase both carries and turns; give"),

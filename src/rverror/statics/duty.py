@@ -65,9 +65,8 @@ class DutyPhase:
         for name, dimension in (("torque", "torque"), ("speed", "angular_speed"), ("hours", "number")):
             value = units.named_core(name, getattr(self, name), dimension)
             if value < 0 or (name == "hours" and value == 0):
-                shown = f"{units.to_display(value, dimension):g}" if name != "hours" else f"{value:g} h"
                 least = "above 0" if name == "hours" else "0 or more"
-                raise ValueError(f"{name} = {shown}: must be {least} in a phase of a duty")
+                raise ValueError(f"{name} = {getattr(self, name)}: must be {least} in a phase of a duty")
             object.__setattr__(self, name, value)
 
 
@@ -291,25 +290,18 @@ def duty_efficiency(
     phases = checked_duty(duty)
     friction = declared_friction(model) if friction is None else friction
     around = above_zero("ambient", ambient, "temperature")
-    outer, inner = (
-        units.named_core(name, value, "thermal_resistance")
-        for name, value in (("thermal_resistance", thermal_resistance), ("inside_resistance", inside_resistance))
-    )
+    outer = units.named_core("thermal_resistance", thermal_resistance, "thermal_resistance")
+    inner = units.named_core("inside_resistance", inside_resistance, "thermal_resistance")
     if min(outer, inner) < 0:
         raise ValueError(f"a thermal resistance of {1e3 * min(outer, inner):g} K/W: must be 0 or more")
 
     def at(housing: float, inside: float) -> DutyEfficiency:
+        asked: dict[str, Any] = {"direction": direction, "drives": drives, "method": method}
         found = []
         for one in phases:
-            drag = friction.drag
-            if lubricant is not None:
-                drag = lubricant.drag(drag, temperature=inside, speed=one.speed)
+            drag = lubricant.drag(friction.drag, temperature=inside, speed=one.speed) if lubricant else friction.drag
             rubs, torque = replace(friction, drag=units.InCore(drag)), units.InCore(one.torque)
-            found.append(
-                efficiency(
-                    model, theta, torque=torque, friction=rubs, direction=direction, drives=drives, method=method
-                )
-            )
+            found.append(efficiency(model, theta, torque=torque, friction=rubs, **asked))
         return DutyEfficiency(duty=phases, phases=tuple(found), ambient=around, housing=housing, inside=inside)
 
     def warmed(power: float) -> DutyEfficiency:
@@ -321,6 +313,5 @@ def duty_efficiency(
     most = sum(warmed(0.0).losses.values())
     if lubricant is None or outer + inner == 0:  # they do not follow the temperature
         return warmed(most)
-    return warmed(
-        float(scipy.optimize.brentq(lambda power: sum(warmed(power).losses.values()) - power, 0, most, rtol=1e-10))
-    )
+    left = scipy.optimize.brentq(lambda power: sum(warmed(power).losses.values()) - power, 0, most, rtol=1e-10)
+    return warmed(float(left))

@@ -127,7 +127,7 @@ def fit_running_in(
     def at(factors: Array) -> FittedRunningIn:
         factor = dict.fromkeys(FREE, 1.0) | dict(zip(chosen, factors.tolist(), strict=True))
         lasting = {item.name: factor["lasting"] * getattr(coefficients, item.name) for item in fields(coefficients)}
-        by = WearCoefficients(**{name: units.InCore(value) for name, value in lasting.items()})
+        by = WearCoefficients(**lasting)
         rough = {
             body: replace(one, depth=one.depth * factor["depth"], coefficient=one.coefficient * factor["running_in"])
             for body, one in running_in.items()

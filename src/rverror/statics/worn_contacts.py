@@ -311,7 +311,9 @@ def wear(
         doubt_torque(unit, torque)
         duty = DutyPhase(torque=units.InCore(size), speed=units.InCore(at_input))
     cycle = checked_duty(duty)
-    rough = running_in or {}
+    rough = {} if running_in is None else running_in
+    if not (isinstance(rough, Mapping) and all(isinstance(one, RunningIn) for one in rough.values())):
+        raise ValueError(f"running_in = {rough!r}: give a mapping, {{'pin': RunningIn(depth=.., coefficient=..)}}")
     if bad := [name for name in rough if name not in BODIES]:
         raise ValueError(f"running_in: no body {bad[0]!r}; give one of {', '.join(BODIES)}")
     errors = felt(model.effects)

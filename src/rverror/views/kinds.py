@@ -589,14 +589,8 @@ def _of_duty_efficiency(result: DutyEfficiency) -> Table:
             drag=([float(one.losses["drag"].mean()) for one in result.phases], TORQUE),
         ),
         **_along("part", part=list(result.losses), power_lost=(list(result.losses.values()), _WATT)),
-        **_single(
-            mean_efficiency=(result.mean, PERCENT),
-            power_out=(out, _WATT),
-            power_in=(into, _WATT),
-            ambient=(result.ambient, TEMPERATURE),
-            housing=(result.housing, TEMPERATURE),
-            inside=(result.inside, TEMPERATURE),
-        ),
+        **_single(mean_efficiency=(result.mean, PERCENT), power_out=(out, _WATT), power_in=(into, _WATT)),
+        **_single(**{name: (getattr(result, name), TEMPERATURE) for name in ("ambient", "housing", "inside")}),
     }
     return Table("DutyEfficiency", "duty_phase", variables, {"drives": result.phases[0].drives})
 

@@ -502,28 +502,11 @@ def _of_pressure(thing: ContactPressure) -> Sheet:
 
 @sheet.register
 def _of_duty_efficiency(thing: DutyEfficiency) -> Sheet:
-    found, _ = _shown(thing)
-    heads = {
-        "torque, N*m": "torque",
-        "input, rpm": "input_speed",
-        "hours": "duty_hours",
-        "efficiency, %": "efficiency",
-        "torque at the input, N*m": "input_torque",
-        "drag, N*m": "drag",
-    }
-    watts = {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
-    facts = {
-        "efficiency of the cycle": f"{brief(100 * thing.mean)} %",
-        **watts,
-        "temperature": ", ".join(
-            f"{where} {with_unit(getattr(thing, where), 'temperature')}" for where in ("ambient", "housing", "inside")
-        ),
-    }
-    return (
-        _title("Duty", f"the {thing.phases[0].drives} drives")
-        + _facts(facts)
-        + _beside({head: found[name] for head, name in heads.items()})
-    )
+    facts = {"efficiency of the cycle": f"{brief(100 * thing.mean)} %"}
+    facts |= {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
+    facts |= {where: with_unit(getattr(thing, where), "temperature") for where in ("ambient", "housing", "inside")}
+    rows = _columns(thing, "torque", "input_speed", "duty_hours", "efficiency", "input_torque", "drag")
+    return _title("Duty", f"the {thing.phases[0].drives} drives") + _facts(facts) + rows
 
 
 @sheet.register
