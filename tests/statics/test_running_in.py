@@ -114,12 +114,13 @@ def test_a_duty_of_one_phase_is_the_simple_case_and_equal_phases_are_one() -> No
 def test_phases_share_the_hours_in_any_order() -> None:
     """Little wear is the sum of what each phase takes in its share of the hours; standing takes hours alone."""
     heavy, light = (DutyPhase(torque=t, speed=s, hours=h) for t, s, h in ((TORQUE, SPEED, 1), (TORQUE / 4, 300.0, 2)))
-    rest = DutyPhase(torque=0, speed=0, hours=1)
+    rest = DutyPhase(torque=2 * TORQUE, speed=0, hours=1)  # held, and heavier than all that turns
     found, turned = (
         worn({"disc": SLIGHT}, torque=None, speed=None, duty=duty)
         for duty in ([heavy, light, rest], [rest, light, heavy])
     )
     np.testing.assert_allclose(found.lobe_depth, turned.lobe_depth, rtol=1e-9, atol=1e-9 * found.lobe_depth.max())
+    assert found.peak_to_peak[0] == pytest.approx(worn().peak_to_peak[0])
     one, other = worn(hours=25.0).lobe_depth[-1], worn(hours=50.0, torque=TORQUE / 4, speed=300.0).lobe_depth[-1]
     np.testing.assert_allclose(found.lobe_depth[-1], one + other, rtol=1e-9, atol=1e-9 * one.max())
 
@@ -172,6 +173,10 @@ def test_a_fit_finds_what_a_course_was_made_with() -> None:
     ("call", "said"),
     [
         (lambda: worn(duty=DutyPhase(torque=1e3, speed=1.0)), "give torque and speed, or a duty"),
+        (
+            lambda: worn(torque=None, speed=None, duty=DutyPhase(torque=1e3, speed=0)),
+            "no phase both carries and turns; give",
+        ),
         (lambda: worn(torque=None), "give torque and speed, or a duty"),
         (lambda: worn(torque=None, speed=None, duty=[3]), "give one or several DutyPhase"),
         (lambda: worn(rough={"pni": RunningIn(depth=1e-3, coefficient=1e-11)}), "no body 'pni'; give one of disc"),

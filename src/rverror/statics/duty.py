@@ -21,7 +21,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import with_unit
 from rverror.base.viewed import OneLine
-from rverror.geartrain.mechanism import Friction
+from rverror.geartrain.mechanism import Friction, doubt_torque
 from rverror.geartrain.thermal import GROWTH
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.statics.friction import Efficiency, declared_friction, efficiency
@@ -63,11 +63,13 @@ class DutyPhase:
     def __post_init__(self) -> None:
         """Convert to core units and check."""
         for name, dimension in (("torque", "torque"), ("speed", "angular_speed"), ("hours", "number")):
-            value = units.named_core(name, getattr(self, name), dimension)
+            given = getattr(self, name)
+            value = units.named_core(name, given, dimension)
             if value < 0 or (name == "hours" and value == 0):
                 least = "above 0" if name == "hours" else "0 or more"
-                raise ValueError(f"{name} = {getattr(self, name)}: must be {least} in a phase of a duty")
-            object.__setattr__(self, name, value)
+                raise ValueError(f"{name} = {given}: must be {least} in a phase of a duty")
+            # a plain number may still be doubted
+            object.__setattr__(self, name, value if isinstance(given, (int, float)) else units.InCore(value))
 
 
 def duty_words(duty: Sequence[DutyPhase]) -> str:
@@ -98,13 +100,11 @@ def checked_duty(duty: Any) -> tuple[DutyPhase, ...]:
     Raises
     ------
     ValueError
-        If it is neither, or all phases carry nothing or stand.
+        If it is neither.
     """
     phases = (duty,) if isinstance(duty, DutyPhase) else tuple(duty) if isinstance(duty, Sequence) else ()
     if not phases or not all(isinstance(one, DutyPhase) for one in phases):
         raise ValueError(f"duty = {duty!r}: give one or several DutyPhase(torque='412 N*m', speed='1815 rpm', hours=3)")
-    if not any(one.torque * one.speed for one in phases):
-        raise ValueError("duty: no phase both carries and turns; give one a torque and a speed")
     return phases
 
 
@@ -206,9 +206,9 @@ class DutyEfficiency(OneLine):
 
     @property
     def mean(self) -> float:
-        """Energy that comes out over energy that goes in."""
+        """Energy that comes out over energy that goes in; 0 where none does."""
         out, into = self.power
-        return out / into
+        return out / into if into else 0.0
 
     @property
     def losses(self) -> Mapping[str, float]:
@@ -288,6 +288,7 @@ def duty_efficiency(
     """
     check_model(model)
     phases = checked_duty(duty)
+    doubt_torque(model.mechanism, [one.torque for one in phases])
     friction = declared_friction(model) if friction is None else friction
     around = above_zero("ambient", ambient, "temperature")
     outer = units.named_core("thermal_resistance", thermal_resistance, "thermal_resistance")

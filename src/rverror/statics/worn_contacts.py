@@ -222,8 +222,8 @@ class Wear(Viewed):
 def wear(
     model: Model,
     *,
-    torque: Any | None = None,
-    speed: Any | None = None,
+    torque: Any = None,
+    speed: Any = None,
     duty: DutyPhase | Sequence[DutyPhase] | None = None,
     hours: Any,
     coefficients: WearCoefficients,
@@ -277,9 +277,8 @@ def wear(
     output cannot tell it from one on all lobes.  Pins that lose unlike, or turn, become ``cycloid.pin_radius``, gears
     ``involute.tooth_thinning``, half of it on either flank even where one direction wears one alone: a constant of the
     error, none of the lost motion.  Turning pins creep: their volume is the same however fast they turn, and the discs'
-    an upper bound.  Running in is that of the mean lobe and the mean
-    pin: how unlike they are passes with it.  Lost motion is taken at 3 % of the
-    rated torque, or of the duty's where none is given.
+    an upper bound.  Running in is that of the mean lobe and the mean pin: how unlike they are passes with it.  Lost
+    motion is taken at 3 % of the rated torque, or of the duty's largest where none is given.
 
     Examples
     --------
@@ -307,10 +306,14 @@ def wear(
     if (duty is None) == (torque is None) or (speed is None) != (torque is None):
         raise ValueError("give torque and speed, or a duty of DutyPhase in place of both")
     if duty is None:
-        size, at_input = above_zero("torque", torque, "torque"), above_zero("speed", speed, "angular_speed")
-        doubt_torque(unit, torque)
-        duty = DutyPhase(torque=units.InCore(size), speed=units.InCore(at_input))
+        above_zero("torque", torque, "torque")
+        above_zero("speed", speed, "angular_speed")
+        duty = DutyPhase(torque=torque, speed=speed)
     cycle = checked_duty(duty)
+    doubt_torque(unit, [one.torque for one in cycle])
+    works = [one for one in cycle if one.torque and one.speed]
+    if not works:
+        raise ValueError("duty: no phase both carries and turns; give one a torque and a speed")
     rough = {} if running_in is None else running_in
     if not (isinstance(rough, Mapping) and all(isinstance(one, RunningIn) for one in rough.values())):
         raise ValueError(f"running_in = {rough!r}: give a mapping, {{'pin': RunningIn(depth=.., coefficient=..)}}")
@@ -334,7 +337,7 @@ def wear(
     turn = 2 * math.pi / fundamental_orders(unit)["carrier"] if alike else 2 * math.pi * true_period(unit)
     angles = _ANGLES["turn of the crank" if alike else "period"]
     theta, told = np.asarray(turn * np.arange(angles) / angles), _row_of_hours(hours)
-    whole, size = sum(one.hours for one in cycle), max(one.torque for one in cycle)
+    whole, size = sum(one.hours for one in cycle), max(one.torque for one in works)
     # every side of every phase, the output's turn that one hour of the duty has of it, rad, and whether it is told
     parts = [
         (
@@ -342,8 +345,7 @@ def wear(
             3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides),
             one.torque == size,
         )
-        for one in cycle
-        if one.torque and one.speed
+        for one in works
         for side in sides
     ]
     worn, swings = zip(*_states(wearing, errors, parts, told), strict=True)
