@@ -65,6 +65,12 @@ def test_a_surface_that_is_run_in_has_lost_its_roughness_and_the_output_its_play
     assert np.ptp(found.peak_to_peak) < 0.01 * lost[-1]  # the error stays flat
 
 
+def test_steps_are_short_enough_however_fast_it_runs_in() -> None:
+    rough = dict.fromkeys(("disc", "pin"), RunningIn(depth=3e-3, coefficient=1e-10))
+    once, often = (worn({"disc": 1e-13}, rough, hours=hours) for hours in ([0, 600], [0, *np.geomspace(0.1, 600, 12)]))
+    assert once.lost_motion[-1] == pytest.approx(often.lost_motion[-1], rel=0.01)
+
+
 @pytest.mark.parametrize(("direction", "flanks"), [(1.0, 1), (None, 2)])
 def test_roughness_of_teeth_in_closed_form(direction: float | None, flanks: int) -> None:
     """The force on flanks is given by the torque, so their course is d (1 - exp(-t / t0)) on each that carries."""
