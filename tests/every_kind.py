@@ -282,6 +282,18 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         ),
         "Efficiency": (_efficiency(few, "input", 1.0), {}),
         "Efficiencies": ([_efficiency(few, "input", 1.0), _efficiency(few, "output", -1.0)], {}),
+        "DutyEfficiency": (
+            rverror.duty_efficiency(
+                MODEL,
+                few,
+                duty=[rverror.DutyPhase(torque=TORQUE, speed=190.0), rverror.DutyPhase(torque=20e3, speed=300.0)],
+                friction=FRICTION,
+                direction=1.0,
+                method="closed",
+                thermal_resistance="0.3 K/W",
+            ),
+            {},
+        ),
         "ContactPressure": (
             rverror.contact_pressure(
                 MODEL, few, torque=TORQUE, direction=1.0, disc_width="9 mm", gear_width="8 mm", cam_bearing=ROLLERS

@@ -44,11 +44,13 @@ from rverror.base import viewed as _viewed
 # Loaded when they are first asked for: making their classes takes longer than numpy.
 if TYPE_CHECKING:
     # What errors do to the output under load and at speed.
+    from rverror.statics.duty import DutyEfficiency, DutyPhase, Lubricant, duty_efficiency
     from rverror.statics.friction import Efficiency, Hysteresis, efficiency, hysteresis
     from rverror.statics.hertz import ContactPressure, PressurePeak, RollerBearing, contact_pressure
     from rverror.statics.loaded_state import Linearisation, NotConvergedError, equilibrium, linearise
     from rverror.statics.rigidity import TorsionCurve, backlash, lost_motion, torsion_curve, torsional_stiffness
-    from rverror.statics.worn_contacts import Wear, WearCoefficients, wear
+    from rverror.statics.running_in import FittedRunningIn, fit_running_in
+    from rverror.statics.worn_contacts import RunningIn, Wear, WearCoefficients, wear
     from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse, speed_response
     from rverror.dynamics.natural_modes import Modes, modes
     from rverror.dynamics.running_up import RunUp, run_up
@@ -124,13 +126,17 @@ _LATER = {
     "Correction": "compensation.correction",
     "CriticalSpeed": "dynamics.at_speed",
     "Diagnosis": "diagnosis.result",
+    "DutyEfficiency": "statics.duty",
+    "DutyPhase": "statics.duty",
     "Efficiency": "statics.friction",
     "ErrorBudget": "tolerances.full_budget",
+    "FittedRunningIn": "statics.running_in",
     "FrontPoint": "tolerances.allocation",
     "Hysteresis": "statics.friction",
     "Limit": "tolerances.specification",
     "Linearisation": "statics.loaded_state",
     "Lot": "lots.result",
+    "Lubricant": "statics.duty",
     "Modes": "dynamics.natural_modes",
     "NotConvergedError": "statics.loaded_state",
     "OrderTable": "runs.order_table",
@@ -139,12 +145,13 @@ _LATER = {
     "RollerBearing": "statics.hertz",
     "Run": "runs.measurement",
     "RunUp": "dynamics.running_up",
+    "RunningIn": "statics.worn_contacts",
     "RunsCompared": "life.result",
     "SpeedResponse": "dynamics.at_speed",
     "Stack": "tolerances.stacking",
     "Tolerance": "tolerances.stacking",
-    "Trend": "life.result",
     "TorsionCurve": "statics.rigidity",
+    "Trend": "life.result",
     "VirtualUnits": "tolerances.sampling",
     "Wear": "statics.worn_contacts",
     "WearCoefficients": "statics.worn_contacts",
@@ -169,9 +176,11 @@ _LATER = {
     "diagnose_outsiders": "lots.outsider_diagnosis",
     "draft_mapping": "runs.bench.draft",
     "draw": "views.plots.drawing",
+    "duty_efficiency": "statics.duty",
     "efficiency": "statics.friction",
     "equilibrium": "statics.loaded_state",
     "error_budget": "tolerances.full_budget",
+    "fit_running_in": "statics.running_in",
     "hysteresis": "statics.friction",
     "input_files": "views.envelope",
     "limit": "tolerances.specification",
@@ -239,12 +248,15 @@ __all__ = [
     "CriticalSpeed",
     "Diagnosis",
     "Drive",
+    "DutyEfficiency",
+    "DutyPhase",
     "Effect",
     "Efficiency",
     "Encoders",
     "Equilibrium",
     "ErrorBudget",
     "ErrorVector",
+    "FittedRunningIn",
     "Friction",
     "FrontPoint",
     "Hysteresis",
@@ -255,6 +267,7 @@ __all__ = [
     "Limit",
     "Linearisation",
     "Lot",
+    "Lubricant",
     "Model",
     "Modes",
     "NotConvergedError",
@@ -266,6 +279,7 @@ __all__ = [
     "RollerBearing",
     "Run",
     "RunUp",
+    "RunningIn",
     "RunsCompared",
     "Source",
     "SpeedResponse",
@@ -304,11 +318,13 @@ __all__ = [
     "distributions",
     "draft_mapping",
     "draw",
+    "duty_efficiency",
     "effect",
     "efficiency",
     "equilibrium",
     "error_budget",
     "extended",
+    "fit_running_in",
     "folded_order",
     "frame_orders",
     "fundamental_orders",

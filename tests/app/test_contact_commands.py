@@ -62,6 +62,38 @@ def test_one_efficiency_at_the_rated_torque_both_ways(
     assert values(out)["direction"] == ["forward", "reverse"]
 
 
+def test_a_duty_and_its_heat(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, picture, saved = (tmp_path / name for name in ("d.json", "d.png", "warm.toml"))
+    asked = ["--phase", "412 N*m, 1815 rpm, 1 h", "--phase", "0 N*m, 3630 rpm, 120 min", "--count", "5"]
+    asked += ["--lubricant", "150 cSt", "15 cSt", "20 degC", "1815 rpm", "--ambient", "15 degC"]
+    asked += ["--thermal-resistance", "0.3 K/W", "--inside-resistance", "0.1 K/W"]
+    files = ["--json", str(out), "--plot", str(picture), "--save", str(saved)]
+    assert main(["efficiency", path, *asked, *files]) == 0
+    found = rverror.duty_efficiency(
+        MODEL,
+        2 * math.pi / 5 * np.arange(5),
+        duty=[
+            rverror.DutyPhase(torque="412 N*m", speed="1815 rpm", hours=1),
+            rverror.DutyPhase(torque=0, speed="3630 rpm", hours=2),
+        ],
+        direction=1.0,
+        lubricant=rverror.Lubricant(
+            viscosity_40="150 cSt", viscosity_100="15 cSt", temperature="20 degC", speed="1815 rpm"
+        ),
+        ambient="15 degC",
+        thermal_resistance="0.3 K/W",
+        inside_resistance="0.1 K/W",
+    )
+    told = values(out)
+    assert told["mean_efficiency"] == pytest.approx(100 * found.mean)
+    assert told["housing"] == pytest.approx(found.housing)
+    assert told["power_lost"] == pytest.approx([power / 1e3 for power in found.losses.values()])
+    assert sum(told["power_lost"]) == pytest.approx(told["power_in"] - told["power_out"], rel=1e-6)
+    assert rverror.load_model(saved).effects[-1].values == pytest.approx(found.growth.values, rel=1e-4)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "15 degC" in capsys.readouterr().out
+
+
 def test_a_loop_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, picture = tmp_path / "h.json", tmp_path / "h.png"
     assert main(["hysteresis", path, "--angle", "12 deg", "--json", str(out), "--plot", str(picture)]) == 0
@@ -108,6 +140,13 @@ def test_pressure_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFix
 REFUSED = {
     ("efficiency", "--torque", "3"): "--torque: '3' has no unit; write it like '20 N*m'",
     ("efficiency", "--torque", "3 N*m", "--drives", "output"): "m.toml: torque = 3 N*m: the output drives with more",
+    ("efficiency", "--phase", "3 N*m, 9 rpm"): "'3 N*m, 9 rpm' is not torque, speed and time; write it like",
+    ("efficiency", "--phase", "3 N*m, 9 rpm, 0 h"): "hours = 0.0: must be above 0 in a phase of a duty; write it like",
+    ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--torque", "3 N*m"): "--torque: the phases of a duty have theirs",
+    ("efficiency", "--ambient", "20 degC"): "--ambient: is of a duty; give its phases with --phase",
+    ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--lubricant", *["9 cSt"] * 2, "20 degC", "9 rpm"): (
+        "--lubricant: viscosity_100 = 9 mm^2/s: must be below viscosity_40"
+    ),
     ("efficiency", "--count", "0"): "--count: 0 angles are none; give 1 or more",
     ("efficiency", "--plot", "m.toml"): "this output is also an input",
     ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' makes no loop; give more than 0",

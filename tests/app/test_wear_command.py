@@ -40,9 +40,34 @@ def test_what_it_prints_and_writes(model: str, tmp_path: Path, capsys: pytest.Ca
     assert drawn.read_bytes().startswith(b"\x89PNG")
 
 
+def test_phases_running_in_and_joints(model: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two equal phases are the one duty; a later word of one body counts before that of all."""
+    told = [str(tmp_path / name) for name in ("one.json", "two.json")]
+    by = ["--coefficient", "1e-10 mm^3/(N*m)", "--coefficient", "spline=1e-8 um/kN", *ONE_WAY]
+    by += ["--running-in", "pin=1 um, 1e-8 mm^3/(N*m)", "--running-in", "0.5 um, 1e-9 mm^3/(N*m)"]
+    half = ["--phase", "412 N*m, 1815 rpm, 30 min"]
+    assert main(["wear", model, *DUTY, *by, "--json", told[0]]) == 0
+    assert main(["wear", model, *half, *half, *DUTY[4:], *by, "--json", told[1]]) == 0
+    said = capsys.readouterr().out
+    assert "Wear: 412 N*m, 1815 rpm at the input, 0.5 h; 412 N*m" in said
+    assert "spline looser, um" in said
+    assert "cam bearing looser" not in said
+    one, two = (json.loads(Path(name).read_text(encoding="utf-8"))["variables"] for name in told)
+    assert one["lost_motion"]["values"] == pytest.approx(two["lost_motion"]["values"])
+    assert one["deepest_of_pin"]["values"][-1] > 1
+    assert 0.5 < one["deepest_of_lobe"]["values"][-1] < 1
+    assert two["duty_hours"]["values"] == [0.5, 0.5]
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
+        (["--coefficient", "spline=1e-10 mm^3/(N*m)"], "write it like '1e-8 um/kN'"),
+        (["--coefficient", "1e-10 mm^3/(N*m)", "--running-in", "1 um"], "write it like '0.5 um, 1e-10 mm^3/(N*m)'"),
+        (
+            ["--coefficient", "1e-10 mm^3/(N*m)", "--phase", "1 N*m, 1 rpm, 1 h"],
+            "give --torque and --speed, or --phase",
+        ),
         (["--coefficient", "pni=1e-10 mm^3/(N*m)"], "no body 'pni'; did you mean 'pin'?"),
         (["--coefficient", "1e-10"], "--coefficient: '1e-10' has no unit"),
         (["--coefficient", "1e-4 mm^3/(N*m)"], "mm would be worn off"),

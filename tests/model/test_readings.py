@@ -74,6 +74,13 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "efficiency": lambda model: (
         rverror.efficiency(model, THETA, torque=20e3, friction=rverror.Friction(pin=0.1, mesh=0.1)).error_change
     ),
+    "duty_efficiency": lambda model: (
+        rverror.duty_efficiency(
+            model, THETA, duty=rverror.DutyPhase(torque=20e3, speed=1.0), friction=rverror.Friction(pin=0.1, mesh=0.1)
+        )
+        .phases[0]
+        .error_change
+    ),
     "hysteresis": lambda model: (
         rverror.hysteresis(model, THETA, torques=[-20e3, 20e3], friction=rverror.Friction(pin=0.1)).rising
     ),
@@ -92,6 +99,7 @@ OTHERS = {
     "diagnose_outsiders": "each by `diagnose`: tests/lots/test_outsider_diagnosis.py",
     "lot": "of units whose orders are told from the marks on: tests/lots/test_made.py",
     "modes": "at one angle: below",
+    "fit_running_in": "by `wear`: tests/statics/test_running_in.py",
     "wear": "over whole turns: tests/statics/test_wear.py",
     "diagnose": "test_unknown_index: marks off are found again",
     "virtual_units": "of a stack, which is above",

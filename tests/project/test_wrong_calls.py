@@ -37,9 +37,26 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "cost_front": ((STACK, [CAMS[0].cost], ["60 arcsec"]), {"kind": "worst", "verify": 1000}),
     "diagnose": ((MODEL, [RUN]), {}),
     "effect": (("crank.index",), {"crank": 0, "angle": "1 mrad"}),
+    "duty_efficiency": (
+        (MODEL, THETA),
+        {"duty": rverror.DutyPhase(torque=20e3, speed=100.0), "friction": FRICTION, "method": "closed"},
+    ),
     "efficiency": ((MODEL, THETA), {"torque": 20e3, "friction": FRICTION}),
     "equilibrium": ((MODEL, THETA), {"torque": 20e3}),
     "error_budget": ((MODEL, CAMS, THETA), {"count": 64, "index_count": 64}),
+    "fit_running_in": (
+        (MODEL, [0, 1], [0, 1e-6]),
+        {
+            "coefficients": rverror.WearCoefficients(disc=1e-13),
+            "running_in": {},
+            "free": ["lasting"],
+            "torque": 20e3,
+            "speed": 100.0,
+            "disc_width": 9.0,
+            "gear_width": 8.0,
+            "direction": 1.0,
+        },
+    ),
     "frame_orders": ((UNIT,), {}),
     "fundamental_orders": ((UNIT,), {}),
     "hysteresis": ((MODEL, THETA), {"torques": [20e3], "friction": FRICTION}),
@@ -103,7 +120,15 @@ MISTAKEN = {
     "a dict": {"crank": 0},
 }
 #: Those that take a row of one output turn for no angles at all, which is right, but long.
-LONG_WITHOUT = {"hysteresis", "torsion_curve", "torsional_stiffness", "contact_pressure", "efficiency", "influence"}
+LONG_WITHOUT = {
+    "hysteresis",
+    "torsion_curve",
+    "torsional_stiffness",
+    "contact_pressure",
+    "duty_efficiency",
+    "efficiency",
+    "influence",
+}
 #: Functions of a few plain values or of other tools' files, and those that take any result.
 LEFT_OUT = {
     "allocation_json", "allocation_text", "bench_uncertainty", "budget_json", "budget_text", "coloured_noise",

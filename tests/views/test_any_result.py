@@ -17,7 +17,7 @@ from rverror.base.units import ARCSEC
 
 KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Hysteresis", "Efficiency", "Efficiencies", "ContactPressure",
+    "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
     "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
     "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",

@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from rverror.app.terminal import check_outputs, quantity, tell, write_json, write_picture
+from rverror.app.terminal import (
+    add_phases,
+    check_outputs,
+    duty_phases,
+    quantity,
+    rounded,
+    say_replaced,
+    tell,
+    write_json,
+    write_picture,
+)
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
@@ -18,7 +28,8 @@ from rverror.base.numbers import with_unit
 from rverror.base.text import check_name
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
-from rverror.model.model_file import load_model
+from rverror.model.model_file import append_effects, load_model
+from rverror.statics.duty import Lubricant, duty_efficiency
 from rverror.statics.friction import Efficiency, efficiency, hysteresis
 from rverror.statics.hertz import RollerBearing, contact_pressure
 from rverror.views.envelope import input_files
@@ -32,6 +43,22 @@ _SIDES = {"input": ("input",), "output": ("output",), "both": ("input", "output"
 #: Of the largest torque of a loop: denser where play and drag bend it.
 _SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
 _LOST_MOTION = 0.03  # of the rated torque, at which makers read it
+
+
+#: Options of a duty's heat: name, dimension, how it is written, what it is.
+_HEAT = (
+    ("thermal-resistance", "thermal_resistance", "0.3 K/W", "from the housing to the surroundings (default 0)"),
+    ("inside-resistance", "thermal_resistance", "0.1 K/W", "from what is inside to the housing (default 0)"),
+    ("ambient", "temperature", "20 degC", "of the surroundings (default 20 degC)"),
+    ("temperature", "temperature", "50 degC", "of the whole unit, where it is known"),
+)
+#: What `--lubricant` takes, in order: dimension, and how it is written.
+_OIL = {
+    "viscosity_40": ("viscosity", "150 cSt"),
+    "viscosity_100": ("viscosity", "15 cSt"),
+    "temperature": ("temperature", "20 degC"),
+    "speed": ("angular_speed", "1815 rpm"),
+}
 
 
 def add_commands(commands: Any) -> None:
@@ -53,6 +80,17 @@ def add_commands(commands: Any) -> None:
         "--drives", choices=tuple(_SIDES), default="both", help="where power comes from (default both)"
     )
     command.add_argument("--direction", choices=tuple(_WAYS), default="forward")
+    add_phases(command)
+    for option, _, example, told in _HEAT:
+        command.add_argument(f"--{option}", metavar=f'"{example}"', help=f"with --phase: {told}")
+    command.add_argument(
+        "--lubricant",
+        nargs=4,
+        metavar=("AT_40", "AT_100", "TEMPERATURE", "SPEED"),
+        help='with --phase: viscosity at 40 and 100 degC, like "150 cSt" "15 cSt", and the temperature and input speed '
+        'at which the drag counts, like "20 degC" "1815 rpm"',
+    )
+    command.add_argument("--save", metavar="NEW.toml", help="with --phase: write the model as it has grown with heat")
     _add_angles(command, EFFICIENCY_ANGLES)
     _add_outputs(command)
     command.set_defaults(run=_efficiency)
@@ -95,6 +133,11 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
 
 def _efficiency(options: argparse.Namespace) -> None:
     theta = _turn(options)
+    if options.phase:
+        return _of_cycle(options, theta)
+    for name in (*(one for one, *_ in _HEAT), "lubricant", "save"):
+        if _given(options, name) is not None:
+            raise InputError(f"--{name}: is of a duty; give its phases with --phase")
     torques = [_torque(text) for text in options.torque or ()]
     model, unit = _loaded(options)
     found: list[Efficiency] = []
@@ -109,6 +152,38 @@ def _efficiency(options: argparse.Namespace) -> None:
                     found.append(efficiency(model, theta, torque=torque, direction=sense, drives=side))
     print(to_text(found[0] if len(found) == 1 else found), end="")
     _write(options, found, lambda: found[0].plot(beside=found[1:]))
+
+
+def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
+    """Efficiency of a duty cycle, and its heat."""
+    if options.torque:
+        raise InputError("--torque: the phases of a duty have theirs; give --phase alone")
+    phases = duty_phases(options.phase)
+    heat: dict[str, Any] = {
+        name.replace("-", "_"): quantity(f"--{name}", text, dimension, example=example)
+        for name, dimension, example, _ in _HEAT
+        if (text := _given(options, name)) is not None
+    }
+    if options.lubricant:
+        sizes = [
+            quantity("--lubricant", text, dimension, example=example)
+            for text, (dimension, example) in zip(options.lubricant, _OIL.values(), strict=True)
+        ]
+        with _of_file("--lubricant"):
+            heat["lubricant"] = Lubricant(**dict(zip(_OIL, sizes, strict=True)))
+    model, _ = _loaded(options)
+    way, side = _WAYS[options.direction][0], _SIDES[options.drives][0]
+    with _of_file(options.model):
+        found = duty_efficiency(model, theta, duty=phases, direction=way, drives=side, **heat)
+    print(to_text(found), end="")
+    _write(options, found, lambda: found.phases[0].plot(beside=found.phases[1:]))
+    if options.save:
+        say_replaced(options.save)
+        append_effects(options.model, options.save, [rounded(found.growth)], overwrite=True)
+
+
+def _given(options: argparse.Namespace, name: str) -> Any:
+    return getattr(options, name.replace("-", "_"))
 
 
 def _hysteresis(options: argparse.Namespace) -> None:
@@ -192,7 +267,7 @@ def _bearing(option: str, given: list[str] | None) -> RollerBearing | None:
 def _loaded(options: argparse.Namespace) -> tuple[Model, Reducer]:
     """Model and reducer, once the outputs are known to be usable."""
     check_name(options.model)
-    check_outputs([options.json, options.plot], [options.model])
+    check_outputs([options.json, options.plot, getattr(options, "save", None)], [options.model])
     if options.plot:
         from rverror.views.plots.figure import check_axes  # says what is missing before the work
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import sys
@@ -16,6 +17,9 @@ from rverror.base.errors import InputError
 from rverror.base.text import write_bytes, write_text
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
+from rverror.statics.duty import DutyPhase
+
+_PHASE = "412 N*m, 1815 rpm, 3 h"
 
 
 class Progress:
@@ -119,6 +123,34 @@ def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
         return units.InCore(units.parse(text, dimension))
     except ValueError as problem:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
+
+
+def add_phases(command: argparse.ArgumentParser) -> None:
+    """Add the option for phases of a duty."""
+    command.add_argument(
+        "--phase",
+        action="append",
+        metavar=f'"{_PHASE}"',
+        help="of a duty cycle, in place of --torque: at the output, of the input, its hours; again for each phase",
+    )
+
+
+def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
+    """Phases of a duty, each torque, speed and hours."""
+    phases = []
+    for text in texts:
+        parts = text.split(",")
+        if len(parts) != 3:
+            raise InputError(f"--phase: {text!r} is not torque, speed and time; write it like '{_PHASE}'")
+        torque, speed, time_ = (
+            quantity("--phase", part, dimension, example=_PHASE)
+            for part, dimension in zip(parts, ("torque", "angular_speed", "time"), strict=True)
+        )
+        try:
+            phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
+        except ValueError as problem:
+            raise InputError(f"--phase {text!r}: {problem}; write it like '{_PHASE}'") from problem
+    return phases
 
 
 def rounded(effect: Effect) -> Effect:

@@ -37,6 +37,8 @@ CORE_UNITS = {
     "torsional_stiffness": "N*mm/rad",
     "pressure": "N/mm^2",
     "wear_coefficient": "mm^2/N",
+    "thermal_resistance": "kelvin*s/(N*mm)",
+    "viscosity": "mm^2/s",
     "slope": "dimensionless",
     "number": "dimensionless",
 }
@@ -58,6 +60,8 @@ DISPLAY_UNITS = {
     "torsional_stiffness": "N*m/rad",
     "pressure": "MPa",
     "wear_coefficient": "mm^3/(N*m)",
+    "thermal_resistance": "kelvin/W",
+    "viscosity": "mm^2/s",
     "slope": "arcsec/turn",
     "number": "dimensionless",
 }
@@ -88,6 +92,8 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
     "pressure": {"N/mm^2": (1.0, 0.0), "MPa": (1.0, 0.0), "GPa": (1e3, 0.0)},
     "wear_coefficient": {"mm^2/N": (1.0, 0.0), "mm^3/(N*m)": (1e-3, 0.0)},
+    "thermal_resistance": {"kelvin*s/(N*mm)": (1.0, 0.0), "kelvin/W": (1e-3, 0.0), "K/W": (1e-3, 0.0)},
+    "viscosity": {"mm^2/s": (1.0, 0.0), "cSt": (1.0, 0.0)},
     "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
     "number": {"dimensionless": (1.0, 0.0)},
 }

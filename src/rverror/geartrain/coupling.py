@@ -24,6 +24,8 @@ from rverror.geartrain.source import (
     rv,
 )
 
+BEARING_CLEARANCE = "coupling.bearing_clearance"
+
 
 def carrier_forces(*, cam_forces: Array, mesh_forces: Array) -> Array:
     """Force of each crank on its carrier bore per unit of output torque: what the discs and the sun put on the crank.
@@ -168,7 +170,7 @@ SOURCES = (
         starts=around(0.17),
     ),
     Source(
-        "coupling.bearing_clearance", bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
         starts=OPENS,

@@ -30,6 +30,8 @@ from rverror.geartrain.source import (
     rv,
 )
 
+BEARING_CLEARANCE = "crank.bearing_clearance"
+
 
 def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
     """Force of each disc on each cam per unit of output torque, rigid bearings.
@@ -209,7 +211,7 @@ SOURCES = (
         equation=r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
     ),
     Source(
-        "crank.bearing_clearance", bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",

@@ -29,7 +29,7 @@ from rverror.geartrain.source import (
 #: The source that wear makes.
 SUN_ECCENTRICITY, PLANET_ECCENTRICITY = "involute.sun_eccentricity", "involute.planet_eccentricity"
 SUN_PITCH, PLANET_PITCH = "involute.sun_pitch", "involute.planet_pitch"
-TOOTH_THINNING = "involute.tooth_thinning"
+TOOTH_THINNING, SPLINE_CLEARANCE = "involute.tooth_thinning", "involute.spline_clearance"
 #: Sign of the tangential motion that each flank drives: flank 0 forward, flank 1 reverse.
 _FLANK_SIGN = np.array([1.0, -1.0])
 
@@ -423,7 +423,7 @@ SOURCES = (
         hidden="sets the place of the loaded flank only; which gear lost the tooth is never visible",
     ),
     Source(
-        "involute.spline_clearance", spline_clearance, (CRANK,), clearance(100),
+        SPLINE_CLEARANCE, spline_clearance, (CRANK,), clearance(100),
         "direction", constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
         needs=("spline_radius",),
         equation=r"$\delta = \pm e / (2 r_s)$, an angle",

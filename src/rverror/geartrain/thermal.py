@@ -11,6 +11,8 @@ from rverror.geartrain.source import Parameter, Source, pin_wave_orders
 #: Thermal expansion of steel, 1/K.  For a part of another material scale its rise: 2 for aluminium.
 EXPANSION = 11.5e-6
 
+GROWTH = "thermal.growth"
+
 #: Parts that have a temperature of their own, in the order of the terms.
 _PARTS = ("housing", "discs", "cranks", "carrier", "gears")
 
@@ -68,7 +70,7 @@ def _grown(contact: str, **parts: Array) -> ErrorVector:
 
 SOURCES = (
     Source(
-        "thermal.growth", growth, (),
+        GROWTH, growth, (),
         tuple(Parameter(part, "temperature_rise", 60.0) for part in _PARTS),
         "direction", pin_wave_orders, "000 and 001, named as missing; 003, outlook",
         "temperature rise of each part, grown as steel", tried=False,

@@ -79,18 +79,18 @@ class Efficiency(Viewed):
     @property
     def efficiency(self) -> Array:
         """Power that comes out over power that goes in, (n,); 0 where none goes in, below 0 where self-locking."""
-        return _over(*self._out_and_in())
+        return _over(*self.out_and_in())
 
     @property
     def mean(self) -> float:
         """Work that comes out over work that goes in, over all angles."""
-        out, into = (np.array([side.sum()]) for side in self._out_and_in())
+        out, into = (np.array([side.sum()]) for side in self.out_and_in())
         return float(_over(out, into)[0])
 
     @property
     def by_part(self) -> Mapping[str, float]:
         """Share of the work put in that each kind of contact takes, keyed as `losses`."""
-        into = np.array([self._out_and_in()[1].sum()])
+        into = np.array([self.out_and_in()[1].sum()])
         return {part: float(_over(np.array([lost.sum()]), into)[0]) for part, lost in self.losses.items()}
 
     @property
@@ -98,8 +98,8 @@ class Efficiency(Viewed):
         """Whether the output cannot drive it at some angle."""
         return self.drives == "output" and bool((self.input_torque <= 0).any())
 
-    def _out_and_in(self) -> tuple[Array, Array]:
-        """Torques that stand for the power, at the speed of the output."""
+    def out_and_in(self) -> tuple[Array, Array]:
+        """Power that comes out and power that goes in over the speed of the output, N*mm, (n,) each."""
         at_input, at_output = abs(self.ratio) * self.input_torque, np.full(self.theta.size, self.torque)
         return (at_output, at_input) if self.drives == "input" else (at_input, at_output)
 
@@ -167,7 +167,7 @@ def efficiency(
     """
     check_model(model)
     unit = _reducer(model)
-    friction = _declared(unit) if friction is None else friction
+    friction = declared_friction(model) if friction is None else friction
     if drives not in ("input", "output"):
         raise ValueError(f"drives = {drives!r}: must be 'input' or 'output'")
     if method not in ("closed", "equilibrium"):
@@ -284,7 +284,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     True
     """
     check_model(model)
-    friction = _declared(_reducer(model)) if friction is None else friction
+    friction = declared_friction(model) if friction is None else friction
     unit, turns = _straight(unread(model)), row_of_torques(torques)
     doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
@@ -315,7 +315,23 @@ def _reducer(model: Model) -> Reducer:
     return reducer_of(model.mechanism, "friction")
 
 
-def _declared(unit: Reducer) -> Friction:
+def declared_friction(model: Model) -> Friction:
+    """Coefficients of a model's reducer.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Friction
+
+    Raises
+    ------
+    ValueError
+        If the model is no reducer, or nothing is said of friction.
+    """
+    unit = _reducer(model)
     if unit.friction == Friction():
         raise ValueError(
             "friction: nothing is said of it; give its coefficients in [reducer.friction] or as friction=Friction(...)"

@@ -8,6 +8,11 @@ carries F over a length b and runs over a profile's point at v, sliding at v_s, 
 whatever the pressure's half-width is.  On a disc's profile rho is the distance of a pin's centre from the pitch point,
 kappa the curvature of the curve that it draws on the disc, and v_s / v = (rho - r) / (rho (1 - kappa r)).
 
+New surfaces are rough.  What stands proud wears faster until it is gone: with x = h / k, pressure times sliding, a
+surface whose roughness gives way by d in all and at first wears by the coefficient k_0 has lost
+
+.. math:: h = k x + d \, (1 - \exp(-k_0 x / d)) .
+
 What is worn opens the contact and sheds its load, so the law is integrated in steps, each with the equilibrium of the
 unit as it is worn by then.
 """
@@ -25,14 +30,17 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
+from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
+from rverror.geartrain.crank import BEARING_CLEARANCE
 from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
-from rverror.geartrain.involute import TOOTH_THINNING
+from rverror.geartrain.involute import SPLINE_CLEARANCE, TOOTH_THINNING
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer, doubt_torque
 from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.readings import felt
+from rverror.statics.duty import DutyPhase, checked_duty
 from rverror.statics.friction import mean_mesh_slip, path_of_contact, pin_slip
 from rverror.statics.hertz import above_zero, pin_contact_radius, pressing, strip_half_width
 from rverror.statics.loaded_state import Statics, reducer_of, statics_of
@@ -40,6 +48,8 @@ from rverror.statics.rigidity import lost_motion
 
 #: Bodies that wear, as in `WearCoefficients` and `Wear.volume`.
 BODIES = ("disc", "pin", "sun", "planet")
+#: Joints whose clearance grows.
+JOINTS = ("cam_bearing", "carrier_bearing", "spline")
 #: How pins stand in the housing.
 PINS = ("fixed", "turning")
 _WAVES = 16  # on each lobe: 0.2 % rms of the depth, by kinks where a flank begins to carry, are left out
@@ -54,12 +64,15 @@ _LOST_AT = 16  # angles over which lost motion is averaged
 
 @dataclass(frozen=True, kw_only=True)
 class WearCoefficients:
-    """Archard's wear coefficient of each body: worn volume over force and sliding distance.
+    """Archard's wear coefficient of each body: worn volume over force and sliding distance; and what joints gain.
 
     Parameters
     ----------
     disc, pin, sun, planet : float or quantity
         mm^2/N, which is mm^3/(N mm); a string such as ``"1e-10 mm^3/(N*m)"``.  A body that is left out does not wear.
+    cam_bearing, carrier_bearing, spline : float or quantity
+        Clearance that the cranks' bearings in the discs, those in the carrier, and the planets' splines gain per newton
+        of mean load and turn of the crank against the carrier, mm/N; ``"1e-8 um/kN"``.
 
     Raises
     ------
@@ -81,18 +94,54 @@ class WearCoefficients:
     pin: float = 0.0
     sun: float = 0.0
     planet: float = 0.0
+    cam_bearing: float = 0.0
+    carrier_bearing: float = 0.0
+    spline: float = 0.0
 
     def __post_init__(self) -> None:
-        """Convert to mm^2/N and check."""
-        for name in BODIES:
-            value = units.named_core(name, getattr(self, name), "wear_coefficient")
+        """Convert to core units and check."""
+        for name in (*BODIES, *JOINTS):
+            dimension = "wear_coefficient" if name in BODIES else "contact_compliance"
+            value = units.named_core(name, getattr(self, name), dimension)
             if not value >= 0:
-                raise ValueError(f"{name} = {value * 1e3:g} mm^3/(N*m): a wear coefficient must be 0 or more")
+                shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
+                raise ValueError(f"{name} = {shown}: a wear coefficient must be 0 or more")
             object.__setattr__(self, name, value)
-        if not any(getattr(self, name) for name in BODIES):
+        if not any(getattr(self, name) for name in (*BODIES, *JOINTS)):
             raise ValueError(
                 f"no wear coefficient is above 0; give one of {', '.join(BODIES)}, e.g. '1e-10 mm^3/(N*m)'"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunningIn:
+    """How the roughness of a new body wears off.
+
+    Parameters
+    ----------
+    depth : float or quantity
+        By which its surface gives way until it is run in, mm.
+    coefficient : float or quantity
+        Archard's of the new surface beyond the lasting one, mm^2/N; it falls with the roughness that is left.
+
+    Raises
+    ------
+    ValueError
+        If a value is not above 0.
+
+    Examples
+    --------
+    >>> RunningIn(depth="0.5 um", coefficient="1e-8 mm^3/(N*m)").depth
+    0.0005
+    """
+
+    depth: float
+    coefficient: float
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check."""
+        object.__setattr__(self, "depth", above_zero("depth", self.depth, "length"))
+        object.__setattr__(self, "coefficient", above_zero("coefficient", self.coefficient, "wear_coefficient"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,16 +152,17 @@ class Wear(Viewed):
     ----------
     model : Model
         As it was before.
-    torque, speed : float
-        Of the duty: at the output, N*mm, and of the input, rad/s.
+    duty : tuple of DutyPhase
+        What it has run through, over and over.
     hours : ndarray, shape (m,)
         Hours of operation.
     peak_to_peak : ndarray, shape (m,)
-        Of the gear train's output error under the duty's torque, rad; of two directions the larger.
+        Of the gear train's output error under the duty's largest torque, rad; of two directions the larger.
     lost_motion : ndarray, shape (m,)
         rad, mean over a turn; as `lost_motion` has it.
     volume : mapping of str to ndarray, shape (m,)
-        Lost by all bodies of a kind, mm^3: ``"disc"``, ``"pin"``, ``"sun"``, ``"planet"``.
+        Lost by all bodies of a kind, mm^3: ``"disc"``, ``"pin"``, ``"sun"``, ``"planet"``; without what running in
+        takes, since the depth of a roughness tells no volume.
     roll_angle : ndarray, shape (q,)
         Where on a lobe, or on a fixed pin: angle by which the eccentric leads the pin that touches there, rad.
     lobe_depth : ndarray, shape (m, q)
@@ -123,6 +173,8 @@ class Wear(Viewed):
         Depth of each pin where it carries, less the mean pin's, mm.
     thinning : mapping of str to ndarray, shape (m,)
         Tooth thickness that ``"sun"`` and ``"planet"`` lost on the pitch circle, both flanks together, mm.
+    clearance : mapping of str to ndarray, shape (m,)
+        What ``"cam_bearing"`` and ``"carrier_bearing"``, in the radius, and ``"spline"`` have gained, mm.
     effects : tuple of Effect
         What wear adds to the model, at the last of the hours.
     sizes : ndarray, shape (m, parameters)
@@ -130,8 +182,7 @@ class Wear(Viewed):
     """
 
     model: Model
-    torque: float
-    speed: float
+    duty: tuple[DutyPhase, ...]
     hours: Array
     peak_to_peak: Array
     lost_motion: Array
@@ -141,6 +192,7 @@ class Wear(Viewed):
     pin_depth: Array
     each_pin: Array
     thinning: Mapping[str, Array]
+    clearance: Mapping[str, Array]
     effects: tuple[Effect, ...]
     sizes: Array
 
@@ -170,30 +222,36 @@ class Wear(Viewed):
 def wear(
     model: Model,
     *,
-    torque: Any,
-    speed: Any,
+    torque: Any = None,
+    speed: Any = None,
+    duty: DutyPhase | Sequence[DutyPhase] | None = None,
     hours: Any,
     coefficients: WearCoefficients,
     disc_width: Any,
     gear_width: Any,
+    running_in: Mapping[str, RunningIn] | None = None,
     pins: str = "fixed",
     direction: float | None = None,
 ) -> Wear:
-    """Wear of pins, discs and gear flanks at one duty, and the error and lost motion that come of it.
+    """Wear of pins, discs, gear flanks and joints over a duty, and the error and lost motion that come of it.
 
     Parameters
     ----------
     model : Model
         Of a reducer; its errors, stiffnesses and play share the load.
-    torque : float or quantity
+    torque : float or quantity, optional
         Size of the output torque, N*mm; it resists the motion.
-    speed : float or quantity
+    speed : float or quantity, optional
         Size of the input speed, rad/s.
+    duty : DutyPhase or sequence of DutyPhase, optional
+        In place of torque and speed: phases of a cycle that is run through many times, and shares the hours.
     hours : float or array_like or quantity
         Hours of operation: those at which it is told, growing, or the last of seven evenly spaced.
     coefficients : WearCoefficients
     disc_width, gear_width : float or quantity
         Length over which a pin touches one disc, and a planet the sun, mm.
+    running_in : mapping of str to RunningIn, optional
+        Of ``"disc"``, ``"pin"``, ``"sun"``, ``"planet"``; what is left out is smooth from the first.
     pins : {"fixed", "turning"}
         Fixed pins wear each at its own patch, turning ones evenly all around.
     direction : float, optional
@@ -219,8 +277,8 @@ def wear(
     output cannot tell it from one on all lobes.  Pins that lose unlike, or turn, become ``cycloid.pin_radius``, gears
     ``involute.tooth_thinning``, half of it on either flank even where one direction wears one alone: a constant of the
     error, none of the lost motion.  Turning pins creep: their volume is the same however fast they turn, and the discs'
-    an upper bound.  Rolling bearings wear by no such law and stay as they are.  Lost motion is taken at 3 % of the
-    rated torque, or of the duty's where none is given.
+    an upper bound.  Running in is that of the mean lobe and the mean pin: how unlike they are passes with it.  Lost
+    motion is taken at 3 % of the rated torque, or of the duty's largest where none is given.
 
     Examples
     --------
@@ -245,14 +303,30 @@ def wear(
         raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")
     if direction not in (None, 1, -1):
         raise ValueError(f"direction = {direction!r}: must be +1 (forward), -1 (reverse), or left out for both")
-    size = above_zero("torque", torque, "torque")
-    doubt_torque(unit, torque)
-    per_hour = 3600 * above_zero("speed", speed, "angular_speed") / abs(unit.ratio)
+    if (duty is None) == (torque is None) or (speed is None) != (torque is None):
+        raise ValueError("give torque and speed, or a duty of DutyPhase in place of both")
+    if duty is None:
+        above_zero("torque", torque, "torque")
+        above_zero("speed", speed, "angular_speed")
+        duty = DutyPhase(torque=torque, speed=speed)
+    cycle = checked_duty(duty)
+    doubt_torque(unit, [one.torque for one in cycle])
+    works = [one for one in cycle if one.torque and one.speed]
+    if not works:
+        raise ValueError("duty: no phase both carries and turns; give one a torque and a speed")
+    rough = {} if running_in is None else running_in
+    if not (isinstance(rough, Mapping) and all(isinstance(one, RunningIn) for one in rough.values())):
+        raise ValueError(f"running_in = {rough!r}: give a mapping, {{'pin': RunningIn(depth=.., coefficient=..)}}")
+    if bad := [name for name in rough if name not in BODIES]:
+        raise ValueError(f"running_in: no body {bad[0]!r}; give one of {', '.join(BODIES)}")
     errors = felt(model.effects)
     alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in errors)
-    duty = _Duty(
+    sides = (1.0, -1.0) if direction is None else (float(direction),)
+    wearing = _Wearing(
         reducer=unit,
         by=coefficients,
+        rough=rough,
+        flanks=len(sides),
         disc_width=above_zero("disc_width", disc_width, "length"),
         gear_width=above_zero("gear_width", gear_width, "length"),
         fixed=pins == "fixed",
@@ -263,17 +337,25 @@ def wear(
     turn = 2 * math.pi / fundamental_orders(unit)["carrier"] if alike else 2 * math.pi * true_period(unit)
     angles = _ANGLES["turn of the crank" if alike else "period"]
     theta, told = np.asarray(turn * np.arange(angles) / angles), _row_of_hours(hours)
-    sides = (1.0, -1.0) if direction is None else (float(direction),)
-    statics = [statics_of(unit, Conditions(theta, side, size)) for side in sides]
-    worn, swings = zip(*_states(duty, errors, statics, told * per_hour), strict=True)
+    whole, size = sum(one.hours for one in cycle), max(one.torque for one in works)
+    # every side of every phase, the output's turn that one hour of the duty has of it, rad, and whether it is told
+    parts = [
+        (
+            statics_of(unit, Conditions(theta, side, one.torque)),
+            3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides),
+            one.torque == size,
+        )
+        for one in works
+        for side in sides
+    ]
+    worn, swings = zip(*_states(wearing, errors, parts, told), strict=True)
     rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size))
-    effects = [duty.effects(one) for one in worn]
+    effects = [wearing.effects(one) for one in worn]
     places = theta[:: max(theta.size // _LOST_AT, 1)]
     depths = _Worn(*(np.array([getattr(one, item.name) for one in worn]) for item in fields(_Worn)))
     return Wear(
         model=model,
-        torque=size,
-        speed=per_hour * abs(unit.ratio) / 3600,
+        duty=cycle,
         hours=told,
         peak_to_peak=np.array(swings),
         lost_motion=np.array([lost_motion(rated.with_effects(*more), places).mean() for more in effects]),
@@ -283,6 +365,7 @@ def wear(
         pin_depth=depths.pin,
         each_pin=depths.each_pin,
         thinning=dict(zip(("sun", "planet"), depths.thinning.T, strict=True)),
+        clearance=dict(zip(JOINTS, depths.joints.T, strict=True)),
         effects=effects[-1],
         sizes=np.array([[value for one in more for value in one.values] for more in effects]),
     )
@@ -303,7 +386,7 @@ def _row_of_hours(hours: Any) -> Array:
 
 @dataclass(frozen=True)
 class _Worn:
-    """What is worn off, or what wears per rad of output: lengths in mm, volumes in mm^3.
+    """What is worn off: lengths in mm, volumes in mm^3; or x, all of that over the coefficient of the body or joint.
 
     Attributes
     ----------
@@ -317,6 +400,8 @@ class _Worn:
         Depth of each pin where it carries, less that of the mean pin.
     thinning : ndarray, shape (2,)
     volume : ndarray, shape (4,)
+    joints : ndarray, shape (3,)
+        Clearance gained.
     """
 
     lobes: Any
@@ -325,6 +410,7 @@ class _Worn:
     each_pin: Array
     thinning: Array
     volume: Array
+    joints: Array
 
     def plus(self, other: _Worn, share: float) -> _Worn:
         """This and a share of another."""
@@ -363,11 +449,13 @@ def _waves_of(depth: Array) -> Any:
 
 
 @dataclass(frozen=True)
-class _Duty:
+class _Wearing:
     """What wears, and by how much for what it carries."""
 
     reducer: Reducer
     by: WearCoefficients
+    rough: Mapping[str, RunningIn]
+    flanks: int  # of each tooth that carry
     disc_width: float
     gear_width: float
     fixed: bool
@@ -378,10 +466,10 @@ class _Duty:
         """A new unit."""
         unit = self.reducer
         lobes, slow = (np.zeros((unit.discs, waves.size), dtype=np.complex128) for waves in (_H, _SLOW))
-        return _Worn(lobes, slow, np.zeros(_PHASES), np.zeros(unit.pins), np.zeros(2), np.zeros(4))
+        return _Worn(lobes, slow, np.zeros(_PHASES), np.zeros(unit.pins), np.zeros(2), np.zeros(4), np.zeros(3))
 
     def rate(self, statics: Statics, state: Equilibrium) -> _Worn:
-        """Wear per rad of output in the mean over a motion."""
+        """What x grows by per rad of output in the mean over a motion."""
         where, force, unit = statics.motion, pressing(state), self.reducer
         slip, turns = pin_slip(where), frame_orders(unit)
         work = force["pin"] * np.abs(slip)  # N mm per rad
@@ -389,16 +477,48 @@ class _Duty:
         lobes, slow = self._on_discs(where, slip, work)
         pin, each_pin = self._on_pins(where, force["pin"], work)
         flank = abs(turns["planet"] - turns["sun"]) * mean_mesh_slip(unit) * force["mesh"].sum() / n
-        volume = np.array([self.by.disc, self.by.pin, self.by.sun, self.by.planet])
-        volume = volume * np.array([work.sum() / n, work.sum() / n, flank, flank])
-        return _Worn(lobes, slow, pin, each_pin, volume[2:] * self._thinning(), volume)
+        volume = np.array([work.sum() / n, work.sum() / n, flank, flank])
+        splines = np.abs(state.contact_forces["spline"]).sum(axis=1).mean() / (unit.spline_radius or math.inf)
+        joints = np.array([force["cam"].mean(), force["carrier"].mean(), splines])
+        joints = joints * abs(turns["crank"] - turns["carrier"]) / (2 * math.pi)
+        return _Worn(lobes, slow, pin, each_pin, volume[2:] * self._thinning(), volume, joints)
+
+    def lost(self, x: _Worn) -> _Worn:
+        """What is worn off, from pressure times sliding."""
+        by, deep = self.by, 1 / math.cos(self.reducer.pressure_angle)
+        lobes = by.disc * x.lobes
+        if "disc" in self.rough:
+            lobes = lobes + _waves_of(self._run_in("disc", _over_phases(x.lobes)))
+        thinning = [
+            getattr(by, body) * one + self._run_in(body, one, surfaces=self.flanks * deep)
+            for body, one in zip(("sun", "planet"), x.thinning, strict=True)
+        ]
+        return _Worn(
+            lobes,
+            by.disc * x.slow,
+            by.pin * x.pin + self._run_in("pin", x.pin),
+            by.pin * x.each_pin,
+            np.array(thinning),
+            x.volume * [getattr(by, body) for body in BODIES],
+            x.joints * [getattr(by, joint) for joint in JOINTS],
+        )
+
+    def _run_in(self, body: str, x: Array, *, surfaces: float = 1.0) -> Array:
+        """What of its roughness a body has lost; where several surfaces add, x is their sum."""
+        if body not in self.rough:
+            return np.zeros_like(x)
+        depth = surfaces * self.rough[body].depth
+        return np.asarray(-depth * np.expm1(-self.rough[body].coefficient * np.maximum(x, 0.0) / depth))
+
+    def _wears(self, body: str) -> bool:
+        return bool(getattr(self.by, body)) or body in self.rough
 
     def _on_discs(self, where: Contacts, slip: Array, work: Array) -> tuple[Any, Any]:
         unit, n = self.reducer, work.shape[-1]
         lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
         from_pitch_point = unit.pin_radius - slip / (frame_orders(unit)["disc"] * where.direction)
         per_phase = from_pitch_point * pin_contact_radius(where) / unit.pin_radius  # of profile, z_c lobes together
-        taken = self.by.disc * work / (per_phase * self.disc_width * n)
+        taken = work / (per_phase * self.disc_width * n)
         lobes = _sums(taken, lead, _H) / (2 * math.pi) * np.where(_H == 0, 1.0, 2.0)
         worked = work.sum(axis=(1, 2))
         by_phase = np.stack([_by_phase(one, phi) for one, phi in zip(work, lead, strict=True)])
@@ -409,12 +529,12 @@ class _Duty:
 
     def _on_pins(self, where: Contacts, force: Array, work: Array) -> tuple[Array, Array]:
         unit = self.reducer
-        if not self.by.pin or not work.any():
+        if not self._wears("pin") or not work.any():
             return np.zeros(_PHASES), np.zeros(unit.pins)
         mean = work.sum(axis=(0, 2)) / (unit.discs * work.shape[-1])  # of each pin against one disc
         more = np.zeros(unit.pins) if self.alike else mean / mean.mean() - 1
         if not self.fixed:
-            depth = self.by.pin * mean.mean() / (2 * math.pi * unit.pin_radius * self.disc_width)
+            depth = mean.mean() / (2 * math.pi * unit.pin_radius * self.disc_width)
             return np.full(_PHASES, depth), depth * more
         lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
         strip = strip_half_width(force / self.disc_width, pin_contact_radius(where)) / unit.pin_radius
@@ -427,7 +547,7 @@ class _Duty:
         off = _normal(unit, _PHASE)[:, None] - middle
         pressed = (_pressed_before((off + moves / 2) / half) - _pressed_before((off - moves / 2) / half)) / moves
         depth = pressed @ worked / (unit.discs * unit.pins * work.shape[-1])
-        depth = depth * self.by.pin / (self.disc_width * unit.pin_radius)
+        depth = depth / (self.disc_width * unit.pin_radius)
         return depth, more * float(worked @ depth / worked.sum())
 
     def _thinning(self) -> Array:
@@ -448,7 +568,7 @@ class _Duty:
         """What is worn as errors of the catalogue."""
         patch = _waves_of(worn.pin) if self.fixed else np.zeros(_H.size)
         told = {
-            LOBE_PROFILE: (_H, worn.lobes + patch, self.by.disc or (self.by.pin and self.fixed)),
+            LOBE_PROFILE: (_H, worn.lobes + patch, self._wears("disc") or (self._wears("pin") and self.fixed)),
             DISC_PROFILE: (_SLOW, worn.slow, self.by.disc and self.errors),
         }
         made = [
@@ -458,7 +578,7 @@ class _Duty:
             for disc, waves in enumerate(discs)
             for h, wave in zip(harmonics, waves, strict=True)
         ]
-        if self.by.pin and not self.fixed:
+        if self._wears("pin") and not self.fixed:
             made.append(effect(PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
         if self.by.pin and not self.alike:
             made += [
@@ -466,13 +586,24 @@ class _Duty:
                 for pin, depth in enumerate(worn.each_pin)
             ]
         for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
-            if getattr(self.by, member):
+            if self._wears(member):
                 made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
+        cam, carrier, spline = map(float, worn.joints)
+        if self.by.cam_bearing:
+            made.append(effect(BEARING_CLEARANCE, clearance=cam, origin=_ORIGIN))
+        if self.by.carrier_bearing:
+            made.append(effect(CARRIER_CLEARANCE, clearance=carrier, origin=_ORIGIN))
+        if self.by.spline:
+            made += [
+                effect(SPLINE_CLEARANCE, crank=crank, clearance=spline, origin=_ORIGIN)
+                for crank in range(self.reducer.cranks)
+            ]
         return tuple(made)
 
     def deepest(self, worn: _Worn) -> float:
-        """Largest depth between a lobe and a pin."""
-        return float(np.max(worn.lobe + worn.pin) + np.abs(worn.slow).sum(axis=1).max() + np.abs(worn.each_pin).max())
+        """Largest depth between a lobe and a pin, and with it what joints gave."""
+        unlike = np.abs(worn.slow).sum(axis=1).max() + np.abs(worn.each_pin).max()
+        return float(np.max(worn.lobe + worn.pin) + unlike + worn.joints.max())
 
 
 def _sums(amount: Array, angle: Array, harmonics: Any) -> Any:
@@ -500,40 +631,47 @@ _ORIGIN = "wear"
 
 
 def _states(
-    duty: _Duty, effects: tuple[Effect, ...], sides: Sequence[Statics], turned: Array
+    wearing: _Wearing, effects: tuple[Effect, ...], parts: Sequence[tuple[Statics, float, bool]], hours: Array
 ) -> Iterator[tuple[_Worn, float]]:
-    """What is worn after each of some turns of the output, rad, by Heun's steps, and the error's peak-to-peak."""
-    near: list[Array | None] = [None] * len(sides)
+    """What is worn after each of some hours, by Heun's steps in x, and the error's peak-to-peak."""
+    near: list[Array | None] = [None] * len(parts)
 
-    def solved(worn: _Worn) -> tuple[_Worn, float, float]:
-        """Rate, elastic approach of the most loaded pin, and peak-to-peak."""
-        rate, force, swing = duty.nothing(), 0.0, 0.0
-        errors = (*effects, *duty.effects(worn))
-        for at, one in enumerate(sides):
+    def solved(x: _Worn) -> tuple[_Worn, float, float]:
+        """What x grows by in an hour, elastic approach of the most loaded pin, and peak-to-peak."""
+        rate, force, swing = wearing.nothing(), 0.0, 0.0
+        errors = (*effects, *wearing.effects(wearing.lost(x)))
+        for at, (one, turn, told) in enumerate(parts):
             (settled,) = one.solutions(errors, near[at])
             near[at], state = settled.x, settled.equilibrium()
-            rate = rate.plus(duty.rate(one, state), 1 / len(sides))
+            rate = rate.plus(wearing.rate(one, state), turn)
             force = max(force, float(pressing(state)["pin"].max()))
-            swing = max(swing, float(np.ptp(state.transmission_error)))
-        return rate, force / duty.reducer.stiffness.pin_contact, swing
+            if told:
+                swing = max(swing, float(np.ptp(state.transmission_error)))
+        return rate, force / wearing.reducer.stiffness.pin_contact, swing
 
-    worn, at, steps = duty.nothing(), 0.0, 0
-    first, approach, swing = solved(worn)
-    for end in turned:
+    x, at, steps = wearing.nothing(), 0.0, 0
+    first, approach, swing = solved(x)
+    for end in hours:
         while at < end:
-            fastest = duty.deepest(first)
-            parts = math.ceil((end - at) * fastest / (_AT_ONCE * approach)) or 1
-            if steps + parts > _MOST_STEPS:
+            before, allowed = wearing.lost(x), _AT_ONCE * approach
+
+            def deeper(span: float) -> float:
+                return wearing.deepest(wearing.lost(x.plus(first, span)).plus(before, -1.0))  # noqa: B023
+
+            whole, count = deeper(hours[-1] - at), 1
+            if steps + whole / allowed > _MOST_STEPS:
                 raise ValueError(
-                    f"some {fastest * turned[-1]:.2g} mm would be worn off, more than {_MOST_STEPS} steps of a quarter "
+                    f"some {whole:.2g} mm would be worn off, more than {_MOST_STEPS} steps of a quarter "
                     f"of the pins' elastic approach, {approach:.2g} mm; give fewer hours or a smaller coefficient"
                 )
-            step = (end - at) / parts
-            second, *_ = solved(worn.plus(first, step))
-            worn = worn.plus(first, step / 2).plus(second, step / 2)
-            first, approach, swing = solved(worn)
-            at, steps = (end if parts == 1 else at + step), steps + 1
-        yield worn, swing
+            while (now := deeper((end - at) / count)) > allowed:
+                count = max(count + 1, math.ceil(count * now / allowed))
+            step = (end - at) / count
+            second, *_ = solved(x.plus(first, step))
+            x = x.plus(first, step / 2).plus(second, step / 2)
+            first, approach, swing = solved(x)
+            at, steps = (end if count == 1 else at + step), steps + 1
+        yield wearing.lost(x), swing
 
 
 def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:

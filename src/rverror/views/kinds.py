@@ -34,6 +34,7 @@ from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
+from rverror.statics.duty import DutyEfficiency, DutyPhase
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.rigidity import TorsionCurve
@@ -564,6 +565,37 @@ def _of_run_up(result: RunUp) -> Table:
     return Table("RunUp", "sample", variables, {"direction": way(result.direction)})
 
 
+def _of_duty(duty: Sequence[DutyPhase]) -> dict[str, Variable]:
+    """Phases of a duty."""
+    return _along(
+        "duty_phase",
+        **_fields(duty, TORQUE, "torque"),
+        input_speed=([one.speed for one in duty], SPEED),
+        duty_hours=([one.hours for one in duty], _HOURS),
+    )
+
+
+_WATT = Unit("N*mm/s", "W", 1e3)
+
+
+@_table.register
+def _of_duty_efficiency(result: DutyEfficiency) -> Table:
+    out, into = result.power
+    variables = {
+        **_of_duty(result.duty),
+        **_along(
+            "duty_phase",
+            efficiency=([one.mean for one in result.phases], PERCENT),
+            input_torque=([float(one.input_torque.mean()) for one in result.phases], TORQUE),
+            drag=([float(one.losses["drag"].mean()) for one in result.phases], TORQUE),
+        ),
+        **_along("part", part=list(result.losses), power_lost=(list(result.losses.values()), _WATT)),
+        **_single(mean_efficiency=(result.mean, PERCENT), power_out=(out, _WATT), power_in=(into, _WATT)),
+        **_single(**{name: (getattr(result, name), TEMPERATURE) for name in ("ambient", "housing", "inside")}),
+    }
+    return Table("DutyEfficiency", "duty_phase", variables, {"drives": result.phases[0].drives})
+
+
 @_table.register
 def _of_wear(result: Wear) -> Table:
     variables = {
@@ -576,12 +608,13 @@ def _of_wear(result: Wear) -> Table:
             deepest_of_pin=(result.pin_depth.max(axis=1), LENGTH),
             **{f"{member}_thinning": (row, LENGTH) for member, row in result.thinning.items()},
             **{f"{body}_volume": (row, _VOLUME) for body, row in result.volume.items()},
+            **{f"{joint}_clearance": (row, LENGTH) for joint, row in result.clearance.items()},
         ),
         "roll_angle": Variable(("phase",), result.roll_angle, POSITION),
         "lobe_depth": Variable(("hour", "phase"), result.lobe_depth, LENGTH),
         "pin_depth": Variable(("hour", "phase"), result.pin_depth, LENGTH),
         "each_pin": Variable(("hour", "pin"), result.each_pin, LENGTH),
-        **_single(torque=(result.torque, TORQUE), input_speed=(result.speed, SPEED)),
+        **_of_duty(result.duty),
     }
     return Table("Wear", "hour", variables, {"model": _name(result.model)}, frozenset({"hours", "roll_angle"}))
 

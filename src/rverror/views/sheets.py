@@ -35,6 +35,7 @@ from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.runs.order_table import OrderTable
+from rverror.statics.duty import DutyEfficiency, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.rigidity import TorsionCurve
@@ -502,8 +503,16 @@ def _of_pressure(thing: ContactPressure) -> Sheet:
 
 
 @sheet.register
+def _of_duty_efficiency(thing: DutyEfficiency) -> Sheet:
+    facts = {"efficiency of the cycle": f"{brief(100 * thing.mean)} %"}
+    facts |= {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
+    facts |= {where: with_unit(getattr(thing, where), "temperature") for where in ("ambient", "housing", "inside")}
+    rows = _columns(thing, "torque", "input_speed", "duty_hours", "efficiency", "input_torque", "drag")
+    return _title("Duty", f"the {thing.phases[0].drives} drives") + _facts(facts) + rows
+
+
+@sheet.register
 def _of_wear(thing: Wear) -> Sheet:
-    duty = f"{with_unit(thing.torque, 'torque')}, {with_unit(thing.speed, 'angular_speed')} at the input"
     found, _ = _shown(thing)
     heads = {
         "hours": "hours",
@@ -514,7 +523,9 @@ def _of_wear(thing: Wear) -> Sheet:
         "sun thinner, um": "sun_thinning",
         "planets thinner, um": "planet_thinning",
     }
-    return _title("Wear", duty) + _beside({head: found[name] for head, name in heads.items()})
+    gained = {joint: f"{joint}_clearance" for joint, row in thing.clearance.items() if row.any()}
+    heads |= {f"{joint.replace('_', ' ')} looser, um": name for joint, name in gained.items()}
+    return _title("Wear", duty_words(thing.duty)) + _beside({head: found[name] for head, name in heads.items()})
 
 
 @sheet.register

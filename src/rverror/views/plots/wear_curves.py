@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rverror.base.numbers import with_unit
+from rverror.statics.duty import duty_words
 from rverror.statics.worn_contacts import Wear
 from rverror.views.plots.figure import axes_for, in_shown_unit, legend_beside, line_style
 
@@ -51,4 +51,4 @@ def worn_lobe(found: Wear, *, ax: Axes | None = None) -> Axes:
 
 
 def _duty(found: Wear) -> str:
-    return f"wear at {with_unit(found.torque, 'torque')}, {with_unit(found.speed, 'angular_speed')} at the input"
+    return f"wear at {duty_words(found.duty)}"
