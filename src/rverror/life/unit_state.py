@@ -30,7 +30,7 @@ _START, _LEAST = 0.15, 1e-3  # spreads of parts over a workshop's: the first, an
 _TOLD = 0.1  # of a size of a kind, with which its spread is told
 #: Shares of an amplitude that the model may miss, one after another: with the least alone the first step of a unit
 #: whose contacts open would be a leap.  The last is what exact poses and contacts make.
-_MISSED, _STEPS, _SETTLED = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003), 5, 0.02
+_MISSED, _STEPS, _SETTLED = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003), 16, 0.02
 _SPREADS = 0.1  # share below which the sessions tell the spreads of parts
 _FLOOR = 0.1  # of the mean power of orders, which every order's has in addition
 _DRAWS = 7  # states within what the sessions tell
