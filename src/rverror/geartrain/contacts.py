@@ -22,9 +22,9 @@ from rverror.geartrain.kinematics import (
     Conditions,
     DrivePose,
     Pose,
-    driven,
     frame_orders,
     motion_direction,
+    resisted_motion,
     stated_load,
 )
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, core_torque, doubt_torque
@@ -83,7 +83,8 @@ def told(torque: Any | None) -> dict[str, Any]:
     >>> sorted(told("20 N*m")), sorted(told([20e3, -20e3]))
     (['torque'], ['load'])
     """
-    many = callable(torque) or np.ndim(getattr(torque, "magnitude", torque)) > 0
+    size: Any = getattr(torque, "magnitude", torque)
+    many = callable(torque) or np.ndim(size) > 0
     return {"load" if many else "torque": torque}
 
 
@@ -153,7 +154,7 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
         ratio=reducer.ratio,
         reducer=reducer,
         turns=turns,
-        sense=frame_orders(reducer)["carrier"] * driven(same["direction"], same["load"]),
+        sense=frame_orders(reducer)["carrier"] * resisted_motion(same["direction"], same["load"]),
         eccentric=eccentric,
         crank_position=position,
         pin_normal=pins.normal,
@@ -191,9 +192,9 @@ def closed_form_forces(where: Pose) -> ContactForces:
         **load,
         "pin": pins,
         "cam": cams,
-        "cam direction": unit_vectors(cams * where.drive),
+        "cam direction": unit_vectors(cams * where.resisted),
         "carrier": bores,
-        "carrier direction": unit_vectors(bores * where.drive),
+        "carrier direction": unit_vectors(bores * where.resisted),
         "mesh": meshes,
         "spline": spline_torque(where.reducer, where.sense),
         "output": output,

@@ -77,12 +77,12 @@ class Pose(Conditions):
     direction: Array
 
     @property
-    def drive(self) -> Array:
+    def resisted(self) -> Array:
         """Motion that the load resists, +1 or -1, shape (n,): that at hand, unless a load drives it."""
-        return driven(self.direction, self.load)
+        return resisted_motion(self.direction, self.load)
 
 
-def driven(direction: Array, load: Array | None) -> Array:
+def resisted_motion(direction: Array, load: Array | None) -> Array:
     """Motion that a load resists; the one at hand where it vanishes.
 
     Parameters
@@ -98,7 +98,7 @@ def driven(direction: Array, load: Array | None) -> Array:
 
     Examples
     --------
-    >>> driven(np.array([1.0, 1.0, 1.0]), np.array([2.0, 0.0, -2.0])).tolist()
+    >>> resisted_motion(np.array([1.0, 1.0, 1.0]), np.array([2.0, 0.0, -2.0])).tolist()
     [1.0, 1.0, -1.0]
     """
     return direction if load is None else np.where(load == 0, direction, np.sign(load))

@@ -41,8 +41,8 @@ class Known(Protocol):
         ...
 
     @property
-    def torque(self) -> float | None:
-        """Size of the output torque, N*mm."""
+    def torque(self) -> object:
+        """Size of the output torque, N*mm, or what it is over the angle."""
         ...
 
 

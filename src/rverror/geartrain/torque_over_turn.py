@@ -70,7 +70,9 @@ class GravityArm:
             value = units.named_core(name, getattr(self, name), dimension)
             if not 0 < value < math.inf:
                 unit = units.CORE_UNITS[dimension]
-                raise ValueError(f"{name} = {value:g} {unit}: must be above 0; the offset says which way the arm points")
+                raise ValueError(
+                    f"{name} = {value:g} {unit}: must be above 0; the offset says which way the arm points"
+                )
             object.__setattr__(self, name, value)
         object.__setattr__(self, "offset", units.named_core("offset", self.offset, "angle"))
 
@@ -159,6 +161,6 @@ def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:
     if scatter > _SCATTER * peak:
         raise ValueError(
             f"output_torque is {scatter / 1e3:.3g} N*m rms off what it is over the output angle, {peak / 1e3:.3g} N*m "
-            f"at most, and may be {100 * _SCATTER:g} % of that: split the run where the load changes, or repair the column"
+            f"at most, and may be {100 * _SCATTER:g} % of that: split the run where the load changes, or repair it"
         )
     return TorqueWaves(tuple(sizes[: harmonics + 1].tolist()), tuple(sizes[harmonics + 1 :].tolist()))

@@ -86,7 +86,9 @@ def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> Error
         If the pose has no torque.
     """
     load = stated_load(pose, "empirical.order_by_load")
-    return ErrorVector(contact="output", vector=(load if sense == "opposite" else np.abs(load)) * _wave(pose, frame, harmonic))
+    return ErrorVector(
+        contact="output", vector=(load if sense == "opposite" else np.abs(load)) * _wave(pose, frame, harmonic)
+    )
 
 
 def _wave(pose: Pose, frame: str, harmonic: int) -> Array:

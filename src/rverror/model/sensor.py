@@ -112,7 +112,7 @@ def output_tilt(pose: Pose) -> ErrorVector:
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
     load = stated_load(pose, "sensor.output_tilt")
-    push = (pin_forces(pose)[0] * pose.drive).sum(axis=0)
+    push = (pin_forces(pose)[0] * pose.resisted).sum(axis=0)
     seen = dot(np.stack(radial_and_tangential(pose.turns[pose.reducer.held])), push)
     return _reading(-load * seen / np.hypot(*push))
 

@@ -13,13 +13,15 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.waveform import Conditioned
+from rverror.diagnosis.gears.waveform import Conditioned, under
 from rverror.diagnosis.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions, Pose
+from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
@@ -27,6 +29,7 @@ from rverror.runs.measurement import Run
 _LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anything
 _SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
 _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
+_BESIDE = 12  # samples to either side of a jump that tell it well enough to search for faults
 _TURN = 2 * math.pi
 
 
@@ -40,7 +43,7 @@ class Record:
     theta, error : ndarray, shape (n,)
         Nominal output angle and transmission error in the order of time, rad.
     direction : float
-    torque : float, optional
+    torque : float or TorqueWaves, optional
         N*mm.
     kept : ndarray of bool, shape (n,)
         Samples that were not set aside.
@@ -70,7 +73,7 @@ class Record:
     theta: Array
     error: Array
     direction: float
-    torque: float | None
+    torque: float | TorqueWaves | None
     kept: Flags
     starts: tuple[int, ...] = (0,)
     slips: tuple[int, ...] = ()
@@ -109,7 +112,7 @@ class Record:
 
     def pose(self, unit: Reducer) -> Pose:
         """Motion at the samples."""
-        return motion(unit, Conditions(self.theta, self.direction, self.torque, self.time))
+        return motion(unit, under(self.theta, self.direction, self.torque, self.time))
 
     @property
     def turns(self) -> float:
@@ -155,21 +158,68 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
                 f"{name}: {theta.size} samples; {_LEAST_ROWS} or more are needed to tell noise from error: "
                 "measure a longer stretch, or more samples a turn"
             )
+        waves = run.torque_waves(model)
+        light = _light(waves, theta, policy)
         try:
-            faults = find_faults(theta, error)
+            faults = find_faults(theta, levelled(error, light))
         except ValueError as problem:
             raise InputError(f"{name}: {problem}") from problem
         notes += [f"{name}: {note}" for note in faults.notes()]
         shared = label if labels.count(label) > 1 and label else ""
-        if shared and not run.torque:
+        torque = waves or run.torque or None
+        if shared and not torque:
             notes.append(f"{name}: index {label}: without output_torque its windup is unknown; it has its own offset")
             shared = ""
         made = Record(
-            name, theta, error, float(run.direction[0]), run.torque or None, np.ones(theta.size, dtype=np.bool_),
+            name, theta, error, float(run.direction[0]), torque, np.ones(theta.size, dtype=np.bool_),
             time=run.time, zero=shared,
         )  # fmt: skip
-        result.append(_with_faults(made, faults))
+        result.append(_loaded(_with_faults(made, faults), policy))
+        if light.any():
+            notes.append(
+                f"{name}: output_torque changes its sign; {count_of(int(light.sum()), 'sample')} below "
+                f"{100 * policy.light_load:g} % of its largest left out, where friction decides which side carries"
+            )
     return result, notes
+
+
+def _light(torque: float | TorqueWaves | None, theta: Array, policy: Policy) -> Flags:
+    """Where a torque that changes its sign is too small to say which side carries."""
+    if not isinstance(torque, TorqueWaves) or not torque.crossings():
+        return np.zeros(theta.size, dtype=np.bool_)
+    return np.asarray(np.abs(torque(theta)) < policy.light_load * torque.peak)
+
+
+def _zones(light: Flags) -> list[tuple[int, int]]:
+    """First sample of each stretch, and first after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], light, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _loaded(record: Record, policy: Policy) -> Record:
+    """The record without samples under hardly any load; on the other side of them the noise begins anew."""
+    light = _light(record.torque, record.theta, policy)
+    ends = [after for _, after in _zones(light) if after < light.size]
+    return replace(
+        record,
+        kept=record.kept & ~light,
+        starts=tuple(sorted({*record.starts, *ends})),
+        slips=tuple(at for at in record.slips if not light[at]),
+    )
+
+
+def levelled(error: Array, light: Flags) -> Array:
+    """The error without its jumps over stretches in which the torque changes its sign, for the search for faults."""
+    found = error.copy()
+    for first, after in _zones(light):
+        if first and after < error.size:
+            before, behind = (
+                float(np.median(found[part]))
+                for part in (slice(max(first - _BESIDE, 0), first), slice(after, after + _BESIDE))
+            )
+            found[after:] += before - behind
+            found[first:after] = np.linspace(found[first - 1], found[after], after - first + 2)[1:-1]
+    return found
 
 
 def _with_faults(record: Record, faults: Faults) -> Record:
@@ -215,7 +265,8 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
         key = (record.direction, record.torque)
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
-            found.append(Conditioned(*key, grid))
+            breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()
+            found.append(Conditioned(*key, replace(grid, breaks=breaks)))
             at = len(found) - 1
         which.append(at)
     return found, which
