@@ -137,8 +137,8 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command.add_argument(
         "--arm",
         metavar=f'"{_ARM}"',
-        help="weight in place of a torque: mass, lever, and output angle at which it is level and forward motion lifts it; "
-        "the run has a column output_torque",
+        help="in place of a torque a weight: mass, lever, output angle at which it is level and forward motion lifts "
+        "it; the run has a column output_torque",
     )
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
     command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")

@@ -208,13 +208,17 @@ class Whitening:
         Where the series begins anew: the first sample, and those after gaps.
     nuisance : ndarray, shape (k, n)
         What may have any size in this run: its offset, slips, lines.
+    doubtful : ndarray, shape (k, n), optional
+        What may be in this run by a normal chance, each row one standard deviation, rad.
     """
 
     noise: RunNoise
     kept: Flags
     starts: tuple[int, ...]
     nuisance: Array
+    doubtful: Array | None = None
     _basis: Array = field(init=False)
+    _doubts: tuple[Array, Array] | None = field(init=False)
 
     def __post_init__(self) -> None:
         """Span what is to be taken out."""
@@ -226,6 +230,15 @@ class Whitening:
         shows = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
         basis = np.linalg.qr((rows[shows] / size[shows, None]).T)[0]
         object.__setattr__(self, "_basis", np.ascontiguousarray(basis.T))
+        doubts = None
+        if self.doubtful is not None:  # their covariance beside noise of variance 1: large along a few waves
+            _, size, waves = np.linalg.svd(self._asked(self.filtered(self.doubtful)), full_matrices=False)
+            doubts = np.ascontiguousarray(waves), size**2
+        object.__setattr__(self, "_doubts", doubts)
+
+    def _asked(self, white: Array) -> Array:
+        """Whitened rows less what nuisances make of them."""
+        return np.asarray(white - (white @ self._basis.T) @ self._basis)
 
     @cached_property
     def usable(self) -> npt.NDArray[np.intp]:
@@ -246,10 +259,7 @@ class Whitening:
 
     def _stilled(self, white: Array) -> Array:
         """Waves of a random walk made as large as all others."""
-        if self.noise.walk:
-            waves, excess = self._walk
-            white = white - ((white @ waves.T) * (1 - 1 / np.sqrt(1 + excess))) @ waves
-        return white
+        return _evened(white, *self._walk) if self.noise.walk else white
 
     @cached_property
     def _walk(self) -> tuple[Array, Array]:
@@ -263,6 +273,7 @@ class Whitening:
     def log_variance(self) -> float:
         """Sum of the logarithms of the variances of all values, given those before."""
         more = float(np.log1p(self._walk[1]).sum()) if self.noise.walk else 0.0
+        more += 0.0 if self._doubts is None else float(np.log1p(self._doubts[1]).sum())
         return 2 * self.freedom * math.log(self.noise.sigma) + more
 
     @cached_property
@@ -278,6 +289,10 @@ class Whitening:
 
     def __call__(self, rows: Array) -> Array:
         """Rows (k, n) whitened, less what nuisances make of them."""
-        white = self.filtered(rows)
-        white -= (white @ self._basis.T) @ self._basis
-        return white
+        white = self._asked(self.filtered(rows))
+        return white if self._doubts is None else _evened(white, *self._doubts)
+
+
+def _evened(white: Array, waves: Array, excess: Array) -> Array:
+    """Rows whose variance along waves of unit length exceeds 1, made of variance 1."""
+    return np.asarray(white - ((white @ waves.T) * (1 - 1 / np.sqrt(1 + excess))) @ waves)

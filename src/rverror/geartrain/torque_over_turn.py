@@ -25,6 +25,7 @@ _TURN = 2 * math.pi
 _HARMONICS = 6
 #: Share of the largest torque that a column may be off its waves by, rms: more is no function of the angle.
 _SCATTER = 0.2
+_FINEST = 1e-9  # of the torque, rms: what is off by less is rounded
 _PLACES = 4096  # angles of a turn between which crossings are looked for: far more than the waves have
 
 
@@ -138,8 +139,8 @@ def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:
     Returns
     -------
     TorqueWaves
-        Of six waves a turn at most, of fewer over a part of a turn: what the windup of gears tells.  White noise of
-        sigma is left in it as sigma sqrt(13 / n).
+        Of six waves a turn at most, of fewer over a part of a turn, as many as the noise lets stand out (Schwarz's
+        criterion): each takes noise into the windup, white one of sigma as sigma sqrt((1 + 2 h) / n).
 
     Raises
     ------
@@ -154,7 +155,14 @@ def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:
     >>> bool(abs(fit(theta) - 1e5 * np.cos(theta)).max() < 1e3)
     True
     """
-    harmonics = min(max(int(_HARMONICS * np.ptp(theta) / _TURN * (1 + 1 / theta.size)), 1), _HARMONICS)
+    most = min(max(int(_HARMONICS * np.ptp(theta) / _TURN * (1 + 1 / theta.size)), 1), _HARMONICS)
+    floor, fits = _FINEST**2 * float(np.mean(torque**2)), []
+    for harmonics in range(most + 1):
+        rows = _waves(theta, harmonics)
+        sizes = np.linalg.lstsq(rows.T, torque, rcond=1e-10)[0]
+        square = float(np.mean((torque - sizes @ rows) ** 2))
+        fits.append((theta.size * math.log(max(square, floor)) + 2 * harmonics * math.log(theta.size), harmonics))
+    harmonics = min(fits)[1]
     rows = _waves(theta, harmonics)
     sizes = np.linalg.lstsq(rows.T, torque, rcond=1e-10)[0]
     scatter, peak = float(np.sqrt(np.mean((torque - sizes @ rows) ** 2))), float(np.abs(sizes @ rows).max())

@@ -25,10 +25,12 @@ from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
+from rverror.statics.loaded_state import equilibrium
 
 _LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anything
 _SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
 _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
+_DOUBTED = 3  # mean and first waves of a torque that are not known better than its sensor
 _BESIDE = 12  # samples to either side of a jump that tell it well enough to search for faults
 _TURN = 2 * math.pi
 
@@ -65,6 +67,8 @@ class Record:
         Places of short gaps, where nothing was read.
     more : tuple of str
         What was set aside later, in words.
+    windup : float
+        One standard deviation of the windup by what is not known of a torque that changes over the turn, rad.
     made : dict
         What was made of its angles alone, kept for all records of the same samples.
     """
@@ -85,6 +89,7 @@ class Record:
     faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
+    windup: float = 0.0
     made: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -108,7 +113,9 @@ class Record:
     def whiten(self) -> Whitening:
         """Whitening under its noise."""
         assert self.noise is not None
-        return Whitening(self.noise, self.kept, self.starts, self.nuisance)
+        waves = self.theta * np.arange(_DOUBTED)[:, None]
+        doubtful = self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
+        return Whitening(self.noise, self.kept, self.starts, self.nuisance, doubtful)
 
     def pose(self, unit: Reducer) -> Pose:
         """Motion at the samples."""
@@ -172,7 +179,7 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
             shared = ""
         made = Record(
             name, theta, error, float(run.direction[0]), torque, np.ones(theta.size, dtype=np.bool_),
-            time=run.time, zero=shared,
+            time=run.time, zero=shared, windup=0.0 if waves is None else _doubt(model, waves, policy),
         )  # fmt: skip
         result.append(_loaded(_with_faults(made, faults), policy))
         if light.any():
@@ -188,6 +195,13 @@ def _light(torque: float | TorqueWaves | None, theta: Array, policy: Policy) -> 
     if not isinstance(torque, TorqueWaves) or not torque.crossings():
         return np.zeros(theta.size, dtype=np.bool_)
     return np.asarray(np.abs(torque(theta)) < policy.light_load * torque.peak)
+
+
+def _doubt(model: Model, torque: TorqueWaves, policy: Policy) -> float:
+    """Windup, rad, by a standard deviation of the torque, as the output turns from half of its peak to the peak."""
+    at = [torque.peak, torque.peak / 2]
+    most, half = equilibrium(replace(model, effects=()), [0.0, 0.0], torque=at, direction=1.0).transmission_error
+    return 2 * policy.torque_share * abs(float(most - half))
 
 
 def _zones(light: Flags) -> list[tuple[int, int]]:
