@@ -69,6 +69,22 @@ def test_whitened_rows_are_generalised_least_squares(
     assert float(rest @ rest) == pytest.approx(squares, rel=1e-6, abs=1e-9)
 
 
+def test_what_is_doubtful_is_as_noise_of_its_own_covariance() -> None:
+    """Generalised least squares under the noise's covariance and that of the doubts, one set aside, an offset free."""
+    n, rng, sigma = 40, np.random.default_rng(3), 0.7
+    doubtful, rows, values = 4 * rng.normal(size=(3, n)), rng.normal(size=(2, n)), rng.normal(size=n)
+    kept = np.arange(n) != 7
+    whitening = Whitening(RunNoise(np.zeros(0), sigma), kept, (0,), np.ones((1, n)), doubtful)
+    white = whitening(np.concatenate([values[None], rows]))
+    spread = sigma**2 * np.eye(n - 1) + doubtful[:, kept].T @ doubtful[:, kept]
+    every = np.concatenate([rows, np.ones((1, n))])[:, kept]
+    expected, variance, squares = least_squares(every, values[kept], spread)
+    sizes = np.linalg.solve(white[1:] @ white[1:].T, white[1:] @ white[0])
+    assert sizes == pytest.approx(expected[:2], rel=1e-9)
+    assert np.linalg.inv(white[1:] @ white[1:].T) == pytest.approx(variance[:2, :2], rel=1e-9)
+    assert float(np.sum((white[0] - sizes @ white[1:]) ** 2)) == pytest.approx(squares, rel=1e-9)
+
+
 def test_a_series_begins_anew_after_a_gap() -> None:
     """Both parts by themselves: no sample of the first foretells one of the second."""
     noise, rng = RunNoise(np.array([0.8]), 1.0), np.random.default_rng(1)

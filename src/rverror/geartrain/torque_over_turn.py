@@ -7,8 +7,9 @@ torque alone, not the motion, so that what carries is the side that the torque c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,47 @@ class TorqueWaves:
 def _waves(theta: Array, harmonics: int) -> Array:
     angle = np.arange(harmonics + 1).reshape(-1, *[1] * theta.ndim) * theta
     return np.concatenate([np.cos(angle), np.sin(angle[1:])])
+
+
+def shared_torques(torques: Sequence[TorqueWaves | None], share: float) -> list[TorqueWaves | None]:
+    """One torque for those that are the same but for noise: their mean.
+
+    Parameters
+    ----------
+    torques : sequence of TorqueWaves or None
+    share : float
+        Of the largest, within which two are the same at every angle.
+
+    Returns
+    -------
+    list of TorqueWaves or None
+        Of each.
+
+    Examples
+    --------
+    >>> one, other = TorqueWaves((0.0, 1000.0), (0.0,)), TorqueWaves((4.0, 1000.0), (0.0,))
+    >>> shared_torques([one, None, other], 0.01)[2]
+    TorqueWaves(cos=(2.0, 1000.0), sin=(0.0,))
+    """
+    theta = _TURN / _PLACES * np.arange(_PLACES)
+    groups: list[list[TorqueWaves]] = []
+    for one in filter(None, torques):
+        like = (group for group in groups if np.abs(group[0](theta) - one(theta)).max() < share * one.peak)
+        group = next(like, None)
+        if group is None:
+            groups.append([one])
+        else:
+            group.append(one)
+    means = {id(one): _mean(group) for group in groups for one in group}
+    return [None if one is None else means[id(one)] for one in torques]
+
+
+def _mean(torques: Sequence[TorqueWaves]) -> TorqueWaves:
+    cos, sin = (
+        tuple(math.fsum(sizes) / len(torques) for sizes in zip_longest(*rows, fillvalue=0.0))
+        for rows in ([one.cos for one in torques], [one.sin for one in torques])
+    )
+    return TorqueWaves(cos, sin)
 
 
 def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:

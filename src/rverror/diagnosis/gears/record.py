@@ -21,7 +21,7 @@ from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
-from rverror.geartrain.torque_over_turn import TorqueWaves
+from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
@@ -152,8 +152,9 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
         If a run cannot be used; the message says why.
     """
     result, notes = [], []
+    torques = shared_torques([run.torque_waves(model) for run in runs], policy.torque_share)
     labels = [run.index if run.index != "unknown" else "" for run in runs]
-    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
+    for number, (run, label, waves) in enumerate(zip(runs, labels, torques, strict=True)):
         name = run.path or f"run {number + 1}"
         if np.unique(run.direction).size > 1:
             raise InputError(f"{name}: the run turns both ways; write one file per direction")
@@ -165,7 +166,6 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
                 f"{name}: {theta.size} samples; {_LEAST_ROWS} or more are needed to tell noise from error: "
                 "measure a longer stretch, or more samples a turn"
             )
-        waves = run.torque_waves(model)
         light = _light(waves, theta, policy)
         try:
             faults = find_faults(theta, levelled(error, light))
@@ -276,7 +276,8 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
     found: list[Conditioned] = []
     which = []
     for record in records:
-        key = (record.direction, record.torque)
+        # without friction the pose knows a signed torque alone, not the motion
+        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.direction, record.torque)
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
             breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()
