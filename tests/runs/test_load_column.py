@@ -100,3 +100,21 @@ def test_an_arm_that_is_not_told_is_refused(
     told = capsys.readouterr().err
     assert "--arm" in told
     assert told.count("\n") == 1
+
+
+def test_a_bench_of_the_other_sign_says_so_in_its_mapping(tmp_path: Path) -> None:
+    rows = "".join(f"{121 * a:.9f};{a:.9f};{-a:.3f}\n" for a in range(1, 31))
+    (tmp_path / "bench.txt").write_text("An;Ab;M\n" + rows)
+    columns = "".join(
+        f'{key} = {{ name = "{name}", unit = "{unit}"{more} }}\n'
+        for key, name, unit, more in (
+            ("input_angle", "An", "deg", ""),
+            ("output_angle", "Ab", "deg", ""),
+            ("output_torque", "M", "kN*m", ", sign = -1"),
+        )
+    )
+    (tmp_path / "map.toml").write_text(f"[columns]\n{columns}")
+    run = rverror.load_run(tmp_path / "bench.txt", mapping=tmp_path / "map.toml")
+    assert isinstance(run, rverror.Run)
+    assert run.load_column is not None
+    np.testing.assert_allclose(run.load_column, 1e6 * np.arange(1, 31), rtol=1e-12)
