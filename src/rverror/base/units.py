@@ -86,6 +86,7 @@ EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
     "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
     "mass": {"tonne": (1.0, 0.0), "kg": (1e-3, 0.0), "g": (1e-6, 0.0)},
+    "acceleration": {"mm/s^2": (1.0, 0.0), "m/s^2": (1e3, 0.0)},
     "inertia": {"tonne*mm^2": (1.0, 0.0), "kg*m^2": (1e3, 0.0), "kg*cm^2": (0.1, 0.0)},
     "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
     "pressure": {"N/mm^2": (1.0, 0.0), "MPa": (1.0, 0.0), "GPa": (1e3, 0.0)},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -60,7 +61,9 @@ class RunNoise:
         return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
 
-def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False) -> RunNoise:
+def noise_of(
+    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, parts: Sequence[slice] = ()
+) -> RunNoise:
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     Where nothing but noise is left it is `burg`'s.  Else the periodogram is cut where it stands far above the median of
@@ -78,21 +81,34 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm:
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
+    parts : sequence of slice
+        Stretches on which what no model explains yet is regular, each by itself; the whole where there are none.
     """
     n = residual.size
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
-    window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
-    power = np.abs(np.fft.rfft(rest * window)) ** 2 / float((window**2).sum())
-    frequency = 2 * np.pi * np.arange(power.size) / n
+    pieces = [rest[part] for part in parts] or [rest]
+    spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
-    count, found = max(min(_MOST_LAGS, n // 64), min(4, n // 20)), RunNoise(np.zeros(0), 1.0)
+    count, found = max(min(_MOST_LAGS, least // 64), min(4, least // 20)), RunNoise(np.zeros(0), 1.0)
     for _ in range(_ROUNDS):
-        shape = found.spectrum(frequency)
-        found = _autoregressive(np.fft.irfft(without_lines(power / shape) * shape, n), count, floor)
+        correlation = np.zeros(count + 1)
+        for piece, (frequency, power) in zip(pieces, spectra, strict=True):
+            shape = found.spectrum(frequency)
+            own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
+            correlation += own * (piece.size / sum(one.size for one in pieces))
+        found = _autoregressive(correlation, count, floor)
     return found
+
+
+def _periodogram(values: Array) -> tuple[Array, Array]:
+    """Frequencies, rad a sample, and power of values about their mean, through a window."""
+    n = values.size
+    window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
+    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / float((window**2).sum())
+    return 2 * np.pi * np.arange(power.size) / n, power
 
 
 def _filled(residual: Array, kept: Flags) -> Array:

@@ -67,6 +67,8 @@ class Record:
         Places of short gaps, where nothing was read.
     more : tuple of str
         What was set aside later, in words.
+    sides : tuple of slice
+        Where the one side of the contacts carries, and the other, if the torque changes its sign.
     windup : float
         One standard deviation of the windup by what is not known of a torque that changes over the turn, rad.
     made : dict
@@ -89,6 +91,7 @@ class Record:
     faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
+    sides: tuple[slice, ...] = ()
     windup: float = 0.0
     made: dict[object, Any] = field(default_factory=dict, repr=False)
 
@@ -214,11 +217,13 @@ def _loaded(record: Record, policy: Policy) -> Record:
     """The record without samples under hardly any load; on the other side of them the noise begins anew."""
     light = _light(record.torque, record.theta, policy)
     ends = [after for _, after in _zones(light) if after < light.size]
+    sides = [slice(*ends_of) for ends_of in _zones(~light) if np.diff(ends_of) >= _LEAST_ROWS]
     return replace(
         record,
         kept=record.kept & ~light,
         starts=tuple(sorted({*record.starts, *ends})),
         slips=tuple(at for at in record.slips if not light[at]),
+        sides=tuple(sides) if light.any() else (),
     )
 
 
