@@ -85,6 +85,17 @@ def test_what_is_doubtful_is_as_noise_of_its_own_covariance() -> None:
     assert float(np.sum((white[0] - sizes @ white[1:]) ** 2)) == pytest.approx(squares, rel=1e-9)
 
 
+def test_a_wave_that_jumps_where_contacts_change_sides_is_no_noise() -> None:
+    """One of 5 arcsec beside noise of 0.3: its phase is another on either side, so that the whole run has no line."""
+    n, rng = 2048, np.random.default_rng(5)
+    angle, side = 40 * 2 * np.pi * np.arange(n) / n, (np.arange(n) > 500) & (np.arange(n) < 1524)
+    values = 0.3 * rng.normal(size=n) + 5 * np.cos(angle + np.where(side, 2.0, 0.0))
+    kept = np.min(np.abs(np.arange(n)[:, None] - [500, 1524]), axis=1) > 16
+    parts = [slice(0, 484), slice(517, 1508), slice(1541, n)]
+    assert noise_of(values, kept, 1.0, floor=FLOOR, parts=parts).rms == pytest.approx(0.3, rel=0.1)
+    assert noise_of(values, kept, 1.0, floor=FLOOR).rms > 0.6
+
+
 def test_a_series_begins_anew_after_a_gap() -> None:
     """Both parts by themselves: no sample of the first foretells one of the second."""
     noise, rng = RunNoise(np.array([0.8]), 1.0), np.random.default_rng(1)

@@ -44,6 +44,23 @@ def test_every_angle_is_that_of_its_own_constant_torque(direction: float) -> Non
     np.testing.assert_array_equal(found, turned(model, THETA, torque=load, direction=direction))
 
 
+def test_a_housing_that_turns_is_loaded_alike() -> None:
+    unit = rverror.reducer("RV-40E", output="housing")
+    found = turned(rverror.Model(unit, ERRORS), THETA, torque=ARM, direction=-1.0)
+    for angle, size, one in zip(THETA, ARM(THETA), found, strict=True):
+        alone = turned(
+            rverror.Model(unit, ERRORS), [angle], torque=f"{abs(size)} N*mm", direction=math.copysign(1, size)
+        )
+        np.testing.assert_allclose(one, alone[0], atol=1e-7 * ARCSEC)
+
+
+def test_the_weight_keeps_to_the_angle_of_the_bench() -> None:
+    """Of gears whose marks are ahead of it: they stand elsewhere, the arm does not."""
+    marked = rverror.Model(UNIT, (*ERRORS, rverror.effect("sensor.index_offset", offset="20 deg")))
+    there = turned(rverror.Model(UNIT, ERRORS), THETA + math.radians(20), torque=ARM(THETA), direction=1.0)
+    np.testing.assert_allclose(turned(marked, THETA, torque=ARM, direction=1.0), there, atol=1e-7 * ARCSEC)
+
+
 def test_each_angle_is_that_of_the_oracle() -> None:
     """One angle at a time, at its own torque; a quarter of errors, play and load opens the same contacts.
 
