@@ -57,6 +57,13 @@ def test_a_column_that_stays_is_one_torque(sign: float) -> None:
     assert run.conditions(MODEL).load is None
 
 
+def test_a_sensor_without_a_load_is_no_load_that_changes() -> None:
+    run = run_of(500 * np.random.default_rng(4).normal(size=THETA.size))
+    assert run.load_column is None
+    assert run.torque is not None
+    assert run.torque < 100
+
+
 def test_the_column_counts_before_the_header(tmp_path: Path) -> None:
     rows = "".join(f"{121 * a:.9f},{a:.9f},{20 + a:.3f}\n" for a in range(30))
     head = "# direction: forward\n# output_torque: 5 N*m\ninput_angle[deg],output_angle[deg],output_torque[N*m]\n"

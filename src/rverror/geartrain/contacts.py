@@ -75,12 +75,12 @@ def pose(
     return _placed(mechanism, _checked(theta, direction, time=time, torque=size, load=load))
 
 
-def told(torque: Any | None) -> dict[str, Any]:
+def torque_or_load(torque: Any | None) -> dict[str, Any]:
     """What a user gives as torque, as `pose` takes it: one size, or a load over the angle.
 
     Examples
     --------
-    >>> sorted(told("20 N*m")), sorted(told([20e3, -20e3]))
+    >>> sorted(torque_or_load("20 N*m")), sorted(torque_or_load([20e3, -20e3]))
     (['torque'], ['load'])
     """
     size: Any = getattr(torque, "magnitude", torque)

@@ -8,6 +8,7 @@ usable, left out and counted in `notes`.
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -61,6 +62,7 @@ __all__ = [
 _BLOCKS = 16  # of a torque column, over which noise is averaged
 #: Range of their means over the torque up to which it is constant: a brake holds its torque no better.
 _STEADY = 0.02
+_BY_NOISE = 6.0  # standard deviations of a mean: of sixteen the range is 3.5, and hardly ever so many
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -490,8 +492,8 @@ def _torque(reading: Reading) -> tuple[float | None, Array | None, list[str]]:
         return reading.torque, None, []
     notes = [] if reading.torque is None else ["output_torque is in the header and a column: the column counts"]
     means = np.array([np.mean(part) for part in np.array_split(column, _BLOCKS)])
-    size = abs(float(np.mean(column)))
-    if np.ptp(means) > _STEADY * size:
+    size, noise = abs(float(np.mean(column))), float(np.std(np.diff(column))) / math.sqrt(2 * column.size / _BLOCKS)
+    if np.ptp(means) > max(_STEADY * size, _BY_NOISE * noise):
         return None, column, notes
     return size, None, [*notes, f"the column output_torque keeps to {size / 1e3:.4g} N*m: one size, against the motion"]
 

@@ -19,7 +19,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
-from rverror.geartrain.contacts import motion, pose, told
+from rverror.geartrain.contacts import motion, pose, torque_or_load
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.asked import Equilibrium
@@ -193,7 +193,7 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
     if conditions["torque"] is None and not isinstance(angles, Conditions):
         conditions["torque"] = unit.rated_torque
-    where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **told(conditions["torque"])}))
+    where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
     statics = replace(_along(where.gears), read_at=where.read.theta)
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
