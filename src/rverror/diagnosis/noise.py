@@ -89,7 +89,7 @@ def noise_of(
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
-    pieces = [rest[part] for part in parts] or [rest]
+    pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
     count, found = max(min(_MOST_LAGS, least // 64), min(4, least // 20)), RunNoise(np.zeros(0), 1.0)
@@ -104,10 +104,10 @@ def noise_of(
 
 
 def _periodogram(values: Array) -> tuple[Array, Array]:
-    """Frequencies, rad a sample, and power of values about their mean, through a window."""
+    """Frequencies, rad a sample, and power of values, through a window."""
     n = values.size
     window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
-    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / float((window**2).sum())
+    power = np.abs(np.fft.rfft(values * window)) ** 2 / float((window**2).sum())
     return 2 * np.pi * np.arange(power.size) / n, power
 
 

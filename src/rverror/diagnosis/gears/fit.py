@@ -563,7 +563,7 @@ def _under(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
 
 def _left_as_noise(fit: Fit) -> list[Array]:
     """Residual of each run, less what offset, slips and lines make of it."""
-    return [r.without_nuisance(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
+    return [r.told_as_noise(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
 
 
 def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
@@ -572,7 +572,7 @@ def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
         replace(
             r,
             noise=noise_of(
-                r.without_nuisance(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error, parts=r.sides
+                r.told_as_noise(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error, parts=r.sides
             ),
         )
         for r in bench.records

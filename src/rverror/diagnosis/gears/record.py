@@ -31,6 +31,7 @@ _LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anythi
 _SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
 _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
 _DOUBTED = 3  # mean and first waves of a torque that are not known better than its sensor
+_SLOWEST = 4  # orders up to that which half a turn holds twice
 _BESIDE = 12  # samples to either side of a jump that tell it well enough to search for faults
 _TURN = 2 * math.pi
 
@@ -145,6 +146,17 @@ class Record:
         sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
         return np.asarray(rest - sizes @ rows)
 
+    def told_as_noise(self, rest: Array) -> Array:
+        """A residual that noise is told from: `without_nuisance`, and of a run whose contacts change sides without its
+        slowest waves, of which no side holds a whole one."""
+        clean = self.without_nuisance(rest)
+        if not self.sides:
+            return clean
+        angle = self.theta * np.arange(_SLOWEST + 1)[:, None]
+        rows = np.concatenate([np.cos(angle), np.sin(angle[1:])])
+        sizes = np.linalg.lstsq(rows[:, self.kept].T, clean[self.kept], rcond=1e-10)[0]
+        return np.asarray(clean - sizes @ rows)
+
 
 def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[Record], list[str]]:
     """Runs as they are fitted, without what cannot be, and what was noticed.
@@ -155,7 +167,7 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
         If a run cannot be used; the message says why.
     """
     result, notes = [], []
-    torques = shared_torques([run.torque_waves(model) for run in runs], policy.torque_share)
+    torques = shared_torques([run.torque_waves(model) for run in runs], 3 * policy.torque_share)
     labels = [run.index if run.index != "unknown" else "" for run in runs]
     for number, (run, label, waves) in enumerate(zip(runs, labels, torques, strict=True)):
         name = run.path or f"run {number + 1}"
