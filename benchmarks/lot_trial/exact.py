@@ -405,7 +405,7 @@ def rest(springs: Any, u: Any, theta: float, load: float, x: Array, c: Any, w: A
 
 @compiled
 def over_angles(
-    springs: Any, u: Any, thetas: Array, load: float, near: Array, c: Any, w: Any, poses: Array, rounds: Any
+    springs: Any, u: Any, thetas: Array, loads: Array, near: Array, c: Any, w: Any, poses: Array, rounds: Any
 ) -> None:
     """Solve at each angle; ``near``, the poses of the first order, show how the pose goes on from the neighbour's."""
     t, x = springs.train, w.x
@@ -415,18 +415,18 @@ def over_angles(
         warm = m > 0 and rounds[m - 1] > 0
         for q in range(x.size):
             x[q] = near[m, q] + (x[q] - near[m - 1, q] if warm else 0.0)
-        rounds[m] = rest(springs, u, thetas[m], load, x, c, w)
+        rounds[m] = rest(springs, u, thetas[m], loads[m], x, c, w)
         for q in range(x.size):
             poses[m, q] = x[q]
 
 
-def solve(train: Train, unit: Unit, theta: Array, load: float, law: Law = LINEAR) -> Solved:
+def solve(train: Train, unit: Unit, theta: Array, load: float | Array, law: Law = LINEAR) -> Solved:
     """Solve the statics at the angles theta, rad, with the input held at its nominal angle.
 
     Parameters
     ----------
-    load : float
-        Torque on the output that resists forward motion, N mm; below 0 for reverse.
+    load : float or ndarray
+        Torque on the output that resists forward motion, N mm; below 0 for reverse; one, or one for each angle.
     law : Law
         Of the pins.
 
@@ -465,5 +465,15 @@ def solve(train: Train, unit: Unit, theta: Array, load: float, law: Law = LINEAR
     bare = train if law.exponent == 1 else train._replace(k_pin=0.0)
     springs = Springs(train, bare, train._replace(pins=0), law, np.full(2, np.inf))
     poses, rounds = np.zeros((theta.size, n)), np.zeros(theta.size, dtype=np.int64)
-    over_angles(springs, unit, np.asarray(theta, dtype=float), -load, near.poses, contacts, work, poses, rounds)
+    over_angles(
+        springs,
+        unit,
+        np.asarray(theta, dtype=float),
+        np.zeros(theta.size) - load,
+        near.poses,
+        contacts,
+        work,
+        poses,
+        rounds,
+    )
     return Solved(poses[:, 3 * nd + 4].copy(), poses, rounds)

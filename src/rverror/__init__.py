@@ -32,6 +32,7 @@ from rverror.geartrain.mechanism import (
     reducer,
 )
 from rverror.geartrain.source import Index, Parameter, Source
+from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import CATALOGUE, extended
 from rverror.model import asked as _asked
 from rverror.model.asked import Equilibrium, Influence
@@ -259,6 +260,7 @@ __all__ = [
     "FittedRunningIn",
     "Friction",
     "FrontPoint",
+    "GravityArm",
     "Hysteresis",
     "Index",
     "Inertia",

@@ -69,6 +69,33 @@ def test_whitened_rows_are_generalised_least_squares(
     assert float(rest @ rest) == pytest.approx(squares, rel=1e-6, abs=1e-9)
 
 
+def test_what_is_doubtful_is_as_noise_of_its_own_covariance() -> None:
+    """Generalised least squares under the noise's covariance and that of the doubts, one set aside, an offset free."""
+    n, rng, sigma = 40, np.random.default_rng(3), 0.7
+    doubtful, rows, values = 4 * rng.normal(size=(3, n)), rng.normal(size=(2, n)), rng.normal(size=n)
+    kept = np.arange(n) != 7
+    whitening = Whitening(RunNoise(np.zeros(0), sigma), kept, (0,), np.ones((1, n)), doubtful)
+    white = whitening(np.concatenate([values[None], rows]))
+    spread = sigma**2 * np.eye(n - 1) + doubtful[:, kept].T @ doubtful[:, kept]
+    every = np.concatenate([rows, np.ones((1, n))])[:, kept]
+    expected, variance, squares = least_squares(every, values[kept], spread)
+    sizes = np.linalg.solve(white[1:] @ white[1:].T, white[1:] @ white[0])
+    assert sizes == pytest.approx(expected[:2], rel=1e-9)
+    assert np.linalg.inv(white[1:] @ white[1:].T) == pytest.approx(variance[:2, :2], rel=1e-9)
+    assert float(np.sum((white[0] - sizes @ white[1:]) ** 2)) == pytest.approx(squares, rel=1e-9)
+
+
+def test_a_wave_that_jumps_where_contacts_change_sides_is_no_noise() -> None:
+    """One of 5 arcsec beside noise of 0.3: its phase is another on either side, so that the whole run has no line."""
+    n, rng = 2048, np.random.default_rng(5)
+    angle, side = 40 * 2 * np.pi * np.arange(n) / n, (np.arange(n) > 500) & (np.arange(n) < 1524)
+    values = 0.3 * rng.normal(size=n) + 5 * np.cos(angle + np.where(side, 2.0, 0.0))
+    kept = np.min(np.abs(np.arange(n)[:, None] - [500, 1524]), axis=1) > 16
+    parts = [slice(0, 484), slice(517, 1508), slice(1541, n)]
+    assert noise_of(values, kept, 1.0, floor=FLOOR, parts=parts).rms == pytest.approx(0.3, rel=0.1)
+    assert noise_of(values, kept, 1.0, floor=FLOOR).rms > 0.6
+
+
 def test_a_series_begins_anew_after_a_gap() -> None:
     """Both parts by themselves: no sample of the first foretells one of the second."""
     noise, rng = RunNoise(np.array([0.8]), 1.0), np.random.default_rng(1)

@@ -40,6 +40,7 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.validation import validated
 from rverror.geartrain.mechanism import reducer
 from rverror.geartrain.source import Source
+from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
@@ -67,6 +68,7 @@ COMMANDS = {
 }
 HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
 
+_ARM = "20 kg, 0.5 m, 30 deg"
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
 
@@ -133,6 +135,12 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
     command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
     command.add_argument("--torque", action="append", metavar='"20 N*m"', help="output torque; may be given again")
+    command.add_argument(
+        "--arm",
+        metavar=f'"{_ARM}"',
+        help="in place of a torque a weight: mass, lever, output angle at which it is level and forward motion lifts "
+        "it; the run has a column output_torque",
+    )
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
     command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
     command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
@@ -205,9 +213,12 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
 def _simulate(options: argparse.Namespace) -> None:
     model = load_model(options.model)
     check_output(options.output, [options.model])
-    torques: list[float | None] = [
+    torques: list[float | GravityArm | None] = [
         quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()
-    ] or [None]
+    ]
+    if options.arm is not None:
+        torques.append(_arm(options.arm))
+    torques = torques or [None]
     directions = _DIRECTIONS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
     orders = None if options.orders is None else _orders(options.orders)
@@ -226,7 +237,7 @@ def _simulate(options: argparse.Namespace) -> None:
         seed=options.seed,
         speed=options.speed,
     )
-    if options.torque and options.method == "closed":
+    if torques != [None] and options.method == "closed":
         tell(
             "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "
             "equilibrium; for such a run give --method equilibrium"
@@ -252,6 +263,20 @@ def _simulate(options: argparse.Namespace) -> None:
             print(path)  # for diagnose, or whatever reads the runs
         else:
             tell(f"wrote {path}")
+
+
+def _arm(text: str) -> GravityArm:
+    """Arm of the option --arm."""
+    try:
+        mass, lever, offset = text.split(",")
+        return GravityArm(
+            mass=units.parse(mass.strip(), "mass"),
+            lever=units.parse(lever.strip(), "length"),
+            offset=units.parse(offset.strip(), "angle"),
+        )
+    except ValueError as problem:
+        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
+        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
 
 
 def _orders(text: str) -> list[float]:

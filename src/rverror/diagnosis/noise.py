@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -60,7 +61,9 @@ class RunNoise:
         return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
 
-def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False) -> RunNoise:
+def noise_of(
+    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, parts: Sequence[slice] = ()
+) -> RunNoise:
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     Where nothing but noise is left it is `burg`'s.  Else the periodogram is cut where it stands far above the median of
@@ -78,21 +81,34 @@ def noise_of(residual: Array, kept: Flags, fitted: float, *, floor: float, calm:
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
+    parts : sequence of slice
+        Stretches on which what no model explains yet is regular, each by itself; the whole where there are none.
     """
     n = residual.size
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
-    window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
-    power = np.abs(np.fft.rfft(rest * window)) ** 2 / float((window**2).sum())
-    frequency = 2 * np.pi * np.arange(power.size) / n
+    pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
+    spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
-    count, found = max(min(_MOST_LAGS, n // 64), min(4, n // 20)), RunNoise(np.zeros(0), 1.0)
+    count, found = max(min(_MOST_LAGS, least // 64), min(4, least // 20)), RunNoise(np.zeros(0), 1.0)
     for _ in range(_ROUNDS):
-        shape = found.spectrum(frequency)
-        found = _autoregressive(np.fft.irfft(without_lines(power / shape) * shape, n), count, floor)
+        correlation = np.zeros(count + 1)
+        for piece, (frequency, power) in zip(pieces, spectra, strict=True):
+            shape = found.spectrum(frequency)
+            own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
+            correlation += own * (piece.size / sum(one.size for one in pieces))
+        found = _autoregressive(correlation, count, floor)
     return found
+
+
+def _periodogram(values: Array) -> tuple[Array, Array]:
+    """Frequencies, rad a sample, and power of values, through a window."""
+    n = values.size
+    window = (1 - np.cos(2 * np.pi * np.arange(1, n + 1) / (n + 1))) / 2
+    power = np.abs(np.fft.rfft(values * window)) ** 2 / float((window**2).sum())
+    return 2 * np.pi * np.arange(power.size) / n, power
 
 
 def _filled(residual: Array, kept: Flags) -> Array:
@@ -208,13 +224,17 @@ class Whitening:
         Where the series begins anew: the first sample, and those after gaps.
     nuisance : ndarray, shape (k, n)
         What may have any size in this run: its offset, slips, lines.
+    doubtful : ndarray, shape (k, n), optional
+        What may be in this run by a normal chance, each row one standard deviation, rad.
     """
 
     noise: RunNoise
     kept: Flags
     starts: tuple[int, ...]
     nuisance: Array
+    doubtful: Array | None = None
     _basis: Array = field(init=False)
+    _doubts: tuple[Array, Array] | None = field(init=False)
 
     def __post_init__(self) -> None:
         """Span what is to be taken out."""
@@ -226,6 +246,15 @@ class Whitening:
         shows = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
         basis = np.linalg.qr((rows[shows] / size[shows, None]).T)[0]
         object.__setattr__(self, "_basis", np.ascontiguousarray(basis.T))
+        doubts = None
+        if self.doubtful is not None:  # their covariance beside noise of variance 1: large along a few waves
+            _, size, waves = np.linalg.svd(self._asked(self.filtered(self.doubtful)), full_matrices=False)
+            doubts = np.ascontiguousarray(waves), size**2
+        object.__setattr__(self, "_doubts", doubts)
+
+    def _asked(self, white: Array) -> Array:
+        """Whitened rows less what nuisances make of them."""
+        return np.asarray(white - (white @ self._basis.T) @ self._basis)
 
     @cached_property
     def usable(self) -> npt.NDArray[np.intp]:
@@ -246,10 +275,7 @@ class Whitening:
 
     def _stilled(self, white: Array) -> Array:
         """Waves of a random walk made as large as all others."""
-        if self.noise.walk:
-            waves, excess = self._walk
-            white = white - ((white @ waves.T) * (1 - 1 / np.sqrt(1 + excess))) @ waves
-        return white
+        return _evened(white, *self._walk) if self.noise.walk else white
 
     @cached_property
     def _walk(self) -> tuple[Array, Array]:
@@ -263,6 +289,7 @@ class Whitening:
     def log_variance(self) -> float:
         """Sum of the logarithms of the variances of all values, given those before."""
         more = float(np.log1p(self._walk[1]).sum()) if self.noise.walk else 0.0
+        more += 0.0 if self._doubts is None else float(np.log1p(self._doubts[1]).sum())
         return 2 * self.freedom * math.log(self.noise.sigma) + more
 
     @cached_property
@@ -278,6 +305,10 @@ class Whitening:
 
     def __call__(self, rows: Array) -> Array:
         """Rows (k, n) whitened, less what nuisances make of them."""
-        white = self.filtered(rows)
-        white -= (white @ self._basis.T) @ self._basis
-        return white
+        white = self._asked(self.filtered(rows))
+        return white if self._doubts is None else _evened(white, *self._doubts)
+
+
+def _evened(white: Array, waves: Array, excess: Array) -> Array:
+    """Rows whose variance along waves of unit length exceeds 1, made of variance 1."""
+    return np.asarray(white - ((white @ waves.T) * (1 - 1 / np.sqrt(1 + excess))) @ waves)

@@ -101,6 +101,12 @@ class Policy:
     #: Standard deviation of the logarithm of an inertia that is estimated from the geometry: its parts' widths are not
     #: stated.
     inertia_spread: float = 0.3
+    #: Share of its largest torque below which a load that changes its sign says nothing: drag and friction decide there
+    #: which side carries.  Chosen: makers print no-load running torques from 5 % of the rated torque on.
+    light_load: float = 0.05
+    #: Standard deviation of mean and first waves of a torque column, as a share of its largest: sensors have a class of
+    #: 0.1 or 0.2 %, and noise adds to it.  As much of the windup is no news, and no encoder's.  Chosen.
+    torque_share: float = 0.002
     #: What each row of a free line or drift must be worth in twice the logarithm of the evidence: that of a size which
     #: the runs tell 400 times as well as it was known.
     row_cost: float = 12.0

@@ -50,8 +50,8 @@ class Contacts(Pose):
     turns : mapping of str to ndarray, shape (n,)
         How far each part of `kinematics.frame_orders` has turned in the housing, rad.
     sense : ndarray, shape (n,)
-        Direction in which the carrier turns in the housing: that of the motion, or the opposite where the housing is
-        the output.  Which flanks and pins carry follows it.
+        Direction in which the carrier turns in the housing in the motion that the load resists: that at hand unless
+        the load drives it, or the opposite where the housing is the output.  Which flanks and pins carry follows it.
     eccentric : ndarray, shape (discs, n)
         Angle of the eccentric direction of each disc, rad.
     crank_position : ndarray, shape (cranks, n)

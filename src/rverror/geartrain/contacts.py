@@ -18,8 +18,16 @@ from rverror.geartrain.coupling import carrier_forces
 from rverror.geartrain.crank import cam_forces, spline_torque
 from rverror.geartrain.cycloid import pin_contacts, pin_forces
 from rverror.geartrain.involute import mesh_forces, mesh_normal
-from rverror.geartrain.kinematics import Conditions, DrivePose, Pose, frame_orders, motion_direction
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, core_torque
+from rverror.geartrain.kinematics import (
+    Conditions,
+    DrivePose,
+    Pose,
+    frame_orders,
+    motion_direction,
+    resisted_motion,
+    stated_load,
+)
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, core_torque, doubt_torque
 
 
 def pose(
@@ -29,6 +37,7 @@ def pose(
     direction: Any | None = None,
     time: Any | None = None,
     torque: Any | None = None,
+    load: Any | None = None,
 ) -> Pose:
     """Nominal motion of a mechanism, with the geometry of every contact where it is a reducer.
 
@@ -43,6 +52,8 @@ def pose(
         Time of each sample, s.
     torque : float or quantity, optional
         Size of the load torque at the output, N*mm; needed by ``load.torsion``.
+    load : array_like, quantity or callable, optional
+        In place of the torque: at each angle, positive where it resists forward motion, or a function of the angle.
 
     Returns
     -------
@@ -55,11 +66,26 @@ def pose(
         If the angles are not a row of finite numbers or the direction is neither +1 nor -1.
     """
     if isinstance(theta, Conditions):
-        if not direction is time is torque is None:
+        if not direction is time is torque is load is None:
             raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
         return motion(mechanism, theta)
-    load = None if torque is None else core_torque(mechanism, torque)
-    return _placed(mechanism, _checked(theta, direction, time=time, torque=load))
+    size = None if torque is None else core_torque(mechanism, torque)
+    if load is not None and not callable(load):
+        doubt_torque(mechanism, load)
+    return _placed(mechanism, _checked(theta, direction, time=time, torque=size, load=load))
+
+
+def torque_or_load(torque: Any | None) -> dict[str, Any]:
+    """What a user gives as torque, as `pose` takes it: one size, or a load over the angle.
+
+    Examples
+    --------
+    >>> sorted(torque_or_load("20 N*m")), sorted(torque_or_load([20e3, -20e3]))
+    (['torque'], ['load'])
+    """
+    size: Any = getattr(torque, "magnitude", torque)
+    many = callable(torque) or np.ndim(size) > 0
+    return {"load" if many else "torque": torque}
 
 
 def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
@@ -75,11 +101,19 @@ def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
     Pose
     """
     same = {field.name: getattr(conditions, field.name) for field in fields(Conditions)}
-    checked = _checked(conditions.theta, conditions.direction, time=conditions.time, torque=conditions.torque)
+    checked = _checked(
+        conditions.theta,
+        conditions.direction,
+        time=conditions.time,
+        torque=conditions.torque,
+        load=conditions.load,
+    )
     return _placed(mechanism, {**same, **checked})
 
 
-def _checked(theta: Any, direction: Any | None, *, time: Any | None, torque: Any | None) -> dict[str, Any]:
+def _checked(
+    theta: Any, direction: Any | None, *, time: Any | None, torque: Any | None, load: Any | None
+) -> dict[str, Any]:
     """Conditions in core units, with one direction per angle, and refused where nothing can be at them."""
     angle = np.atleast_1d(units.to_core_array(theta, "angle"))
     if angle.ndim != 1 or angle.size == 0:
@@ -88,7 +122,11 @@ def _checked(theta: Any, direction: Any | None, *, time: Any | None, torque: Any
     if not np.isin(sense, (-1.0, 1.0)).all():
         raise ValueError("direction must be +1 (forward) or -1 (reverse)")
     clock = None if time is None else units.to_core_array(time, "time")
-    for name, row in (("direction", sense), ("time", clock)):
+    if load is not None:
+        if torque is not None:
+            raise ValueError("torque and load: give one of them, a size for all angles or a torque at each")
+        load = units.to_core_array(load(angle) if callable(load) else load, "torque")
+    for name, row in (("direction", sense), ("time", clock), ("torque", load)):
         if row is not None and row.shape not in ((), angle.shape):
             raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
     return {
@@ -96,6 +134,7 @@ def _checked(theta: Any, direction: Any | None, *, time: Any | None, torque: Any
         "direction": np.array(np.broadcast_to(sense, angle.shape)),
         "time": clock,
         "torque": None if torque is None else units.to_core(torque, "torque"),
+        "load": None if load is None else np.array(np.broadcast_to(load, angle.shape)),
     }
 
 
@@ -115,7 +154,7 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
         ratio=reducer.ratio,
         reducer=reducer,
         turns=turns,
-        sense=frame_orders(reducer)["carrier"] * same["direction"],
+        sense=frame_orders(reducer)["carrier"] * resisted_motion(same["direction"], same["load"]),
         eccentric=eccentric,
         crank_position=position,
         pin_normal=pins.normal,
@@ -147,14 +186,15 @@ def closed_form_forces(where: Pose) -> ContactForces:
     cams = cam_forces(where, pin_forces=pins)
     meshes = mesh_forces(where)
     bores = carrier_forces(cam_forces=cams, mesh_forces=meshes)
-    load = {} if where.torque is None else {"load": (abs(where.torque) * where.direction)[None]}
+    known = where.torque is not None or where.load is not None
+    load = {"load": stated_load(where, "load")[None]} if known else {}
     return {
         **load,
         "pin": pins,
         "cam": cams,
-        "cam direction": unit_vectors(cams * where.direction),
+        "cam direction": unit_vectors(cams * where.resisted),
         "carrier": bores,
-        "carrier direction": unit_vectors(bores * where.direction),
+        "carrier direction": unit_vectors(bores * where.resisted),
         "mesh": meshes,
         "spline": spline_torque(where.reducer, where.sense),
         "output": output,

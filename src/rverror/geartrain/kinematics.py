@@ -26,13 +26,16 @@ class Conditions:
     direction : float or ndarray, shape (n,)
         +1 forward, where theta grows; -1 reverse, where it falls.  The load torque resists.
     torque : float, optional
-        Size of the output torque, N*mm; without one the closed form predicts.
+        Size of the output torque, N*mm; without one, and without a load, the closed form predicts.
     time : ndarray, shape (n,), optional
         Time of each sample, s.
     speed : float, optional
         Size of the output speed, rad/s.
     temperature : float, optional
         K.
+    load : ndarray, shape (n,), optional
+        In place of `torque`: output torque at each angle, N*mm, positive where it resists forward motion, whichever way
+        the motion goes.
 
     Examples
     --------
@@ -51,6 +54,7 @@ class Conditions:
     time: Array | None = None
     speed: float | None = None
     temperature: float | None = None
+    load: Array | None = None
 
     def at(self, theta: Array) -> Self:
         """The same conditions at as many other angles."""
@@ -72,6 +76,33 @@ class Pose(Conditions):
     ratio: float
     direction: Array
 
+    @property
+    def resisted(self) -> Array:
+        """Motion that the load resists, +1 or -1, shape (n,): that at hand, unless a load drives it."""
+        return resisted_motion(self.direction, self.load)
+
+
+def resisted_motion(direction: Array, load: Array | None) -> Array:
+    """Motion that a load resists; the one at hand where it vanishes.
+
+    Parameters
+    ----------
+    direction : ndarray, shape (n,)
+        +1 forward, -1 reverse.
+    load : ndarray, shape (n,), optional
+        Positive where it resists forward motion; left out where it resists the motion.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> resisted_motion(np.array([1.0, 1.0, 1.0]), np.array([2.0, 0.0, -2.0])).tolist()
+    [1.0, 1.0, -1.0]
+    """
+    return direction if load is None else np.where(load == 0, direction, np.sign(load))
+
 
 @dataclass(frozen=True, kw_only=True)
 class DrivePose(Pose):
@@ -86,8 +117,8 @@ class DrivePose(Pose):
     drive: Drive
 
 
-def stated_torque(pose: Pose, what: str) -> float:
-    """Size of the output torque of a motion, for a source that needs it.
+def stated_load(pose: Pose, what: str) -> Array:
+    """Output torque of a motion that resists it forward, for a source that needs it.
 
     Parameters
     ----------
@@ -97,17 +128,19 @@ def stated_torque(pose: Pose, what: str) -> float:
 
     Returns
     -------
-    float
-        N*mm.
+    ndarray, shape (n,)
+        N*mm; below 0 where it resists reverse motion.
 
     Raises
     ------
     ValueError
         If the pose has none.
     """
+    if pose.load is not None:
+        return pose.load
     if pose.torque is None:
         raise ValueError(f"{what} needs the torque; give torque, or a run file with output_torque")
-    return abs(pose.torque)
+    return abs(pose.torque) * pose.direction
 
 
 def motion_direction(theta: Array) -> Array:

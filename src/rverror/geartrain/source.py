@@ -14,6 +14,8 @@ from dataclasses import dataclass, fields
 from itertools import product
 from typing import Protocol
 
+import numpy as np
+
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC, CORE_UNITS, DISPLAY_UNITS, to_display
 from rverror.geartrain.action_line import SourceVector
@@ -39,8 +41,8 @@ class Known(Protocol):
         ...
 
     @property
-    def torque(self) -> float | None:
-        """Size of the output torque, N*mm."""
+    def torque(self) -> object:
+        """Size of the output torque, N*mm, or what it is over the angle."""
         ...
 
 
@@ -261,7 +263,9 @@ class Source:
         """Name the first of its `needs` that neither the mechanism nor a run gives; empty where it has all."""
         for name in self.needs:
             value = getattr(run if hasattr(run, name) else mechanism, name)
-            if value is None or (name == "torque" and not value):  # no torque, no windup
+            if name == "torque" and value is None:
+                value = getattr(run, "load", None)
+            if value is None or (name == "torque" and not np.any(value)):  # no torque, no windup
                 return name
         return ""
 

@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import check_kind
 from rverror.geartrain.action_line import ContactForces, project, project_all
-from rverror.geartrain.contacts import closed_form_forces, pose
+from rverror.geartrain.contacts import closed_form_forces, pose, torque_or_load
 from rverror.geartrain.kinematics import Pose, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
@@ -45,8 +45,8 @@ def influence(
         +1 forward, -1 reverse; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Needed by ``sensor.time_offset``.
-    torque : float or quantity, optional
-        Needed by ``load.torsion``.
+    torque : float, quantity, array_like or callable, optional
+        Needed by ``load.torsion``; as `equilibrium` takes it.
     forces : mapping of str to ndarray, optional
         Contact forces per unit of output torque, from `linearise`; the closed form where left out.
     **indices
@@ -77,7 +77,7 @@ def influence(
     entry = source(key)
     entry.check_indices(mechanism, indices)
     angles = whole_turn(mechanism, entry.orders(mechanism, indices)) if theta is None else theta
-    motion = pose(mechanism, angles, direction=direction, time=time, torque=torque)
+    motion = pose(mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
     matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
     return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
 
@@ -144,9 +144,8 @@ def transmission_error(
     True
     """
     check_model(model)
-    read = pose(
-        model.mechanism, model.angles if theta is None else theta, direction=direction, time=time, torque=torque
-    )
+    angles = model.angles if theta is None else theta
+    read = pose(model.mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
     rows = _influences(model, stand(model, read), forces)
     return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
 
@@ -190,9 +189,8 @@ def transmission_error_by_effect(
     True
     """
     check_model(model)
-    read = pose(
-        model.mechanism, model.angles if theta is None else theta, direction=direction, time=time, torque=torque
-    )
+    angles = model.angles if theta is None else theta
+    read = pose(model.mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
     rows = _influences(model, stand(model, read), forces)
     parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
     return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])

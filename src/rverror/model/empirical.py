@@ -11,7 +11,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
-from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_torque
+from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, rv
 
@@ -85,8 +85,10 @@ def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> Error
     ValueError
         If the pose has no torque.
     """
-    load = stated_torque(pose, "empirical.order_by_load") * (pose.direction if sense == "opposite" else 1.0)
-    return ErrorVector(contact="output", vector=load * _wave(pose, frame, harmonic))
+    load = stated_load(pose, "empirical.order_by_load")
+    return ErrorVector(
+        contact="output", vector=(load if sense == "opposite" else np.abs(load)) * _wave(pose, frame, harmonic)
+    )
 
 
 def _wave(pose: Pose, frame: str, harmonic: int) -> Array:

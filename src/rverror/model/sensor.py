@@ -8,7 +8,7 @@ from rverror.base.arrays import Array, dot, radial_and_tangential
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.cycloid import pin_forces
-from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_torque
+from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import (
     Indices,
@@ -111,10 +111,10 @@ def output_tilt(pose: Pose) -> ErrorVector:
     """
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
-    torque = stated_torque(pose, "sensor.output_tilt")
-    push = (pin_forces(pose)[0] * pose.direction).sum(axis=0)
+    load = stated_load(pose, "sensor.output_tilt")
+    push = (pin_forces(pose)[0] * pose.resisted).sum(axis=0)
     seen = dot(np.stack(radial_and_tangential(pose.turns[pose.reducer.held])), push)
-    return _reading(-torque * pose.direction * seen / np.hypot(*push))
+    return _reading(-load * seen / np.hypot(*push))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:

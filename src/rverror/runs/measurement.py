@@ -8,6 +8,7 @@ usable, left out and counted in `notes`.
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ from rverror.base.text import PathLike, check_path, shown, split_lines, write_te
 from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.bench.file import is_bench_file, read_bench_file
@@ -57,6 +59,12 @@ __all__ = [
 ]
 
 
+_BLOCKS = 16  # of a torque column, over which noise is averaged
+#: Range of their means over the torque up to which it is constant: a brake holds its torque no better.
+_STEADY = 0.02
+_BY_NOISE = 6.0  # standard deviations of a mean: of sixteen the range is 3.5, and hardly ever so many
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run(Viewed):
     """Angles of one pass over the test bench.
@@ -74,7 +82,9 @@ class Run(Viewed):
     time : ndarray, shape (n,), optional
         s.
     torque : float, optional
-        Size of the output torque, N*mm.
+        Size of the output torque, N*mm; None where it changes over the turn.
+    load_column : ndarray, shape (n,), optional
+        Output torque as read where it changes over the turn, N*mm: positive where it resists forward motion.
     temperature : float, optional
         K.
     index : str
@@ -99,6 +109,7 @@ class Run(Viewed):
     direction: Array
     time: Array | None = None
     torque: float | None = None
+    load_column: Array | None = None
     temperature: float | None = None
     index: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -136,10 +147,34 @@ class Run(Viewed):
         return self.input_angle / value
 
     def conditions(self, ratio: Reducer | Drive | Model | float) -> Conditions:
-        """Where and how it was measured, as predictions take it; without a torque where it has none, or one of 0."""
+        """Where and how it was measured, as predictions take it; without a torque where it has none, or one of 0.
+
+        A torque that changes over the turn is that of `torque_waves`.
+        """
+        theta, waves = self.nominal_angle(ratio), self.torque_waves(ratio)
         return Conditions(
-            self.nominal_angle(ratio), self.direction, self.torque or None, self.time, temperature=self.temperature
+            theta,
+            self.direction,
+            self.torque or None,
+            self.time,
+            temperature=self.temperature,
+            load=None if waves is None else waves(theta),
         )
+
+    def torque_waves(self, ratio: Reducer | Drive | Model | float) -> TorqueWaves | None:
+        """Output torque over the nominal angle without the noise of its column; None where it does not change.
+
+        Raises
+        ------
+        InputError
+            As `nominal_angle`, and if the torque is no function of the angle.
+        """
+        if self.load_column is None:
+            return None
+        try:
+            return fitted_torque(self.nominal_angle(ratio), self.load_column)
+        except ValueError as problem:
+            refuse(self.path, str(problem))
 
     def check_effects(self, model: Model, name: str) -> None:
         """Check that the run tells what the effects of a model need.
@@ -155,9 +190,10 @@ class Run(Viewed):
         InputError
             Naming the effect, what it needs and the remedy.
         """
+        known = self.conditions(model)
         words = {"time": ("a time[s] column", "file"), "torque": ("the output_torque", "file")}
         for item in model.effects:
-            missing = source(item.key).lacks(model.mechanism, self)
+            missing = source(item.key).lacks(model.mechanism, known)
             if missing:
                 what, where = words.get(missing, (f"the reducer's {missing}", "model"))
                 raise InputError(f"{name}: {item.key} needs {what}; add it to the {where} or remove the effect")
@@ -313,7 +349,7 @@ def run_from_arrays(
     direction : {"forward", "reverse", "mixed"} or +1 or -1
         Mixed: read from the angles.
     torque, temperature : float, str or quantity, optional
-        Plain numbers are N*mm and K.
+        Plain numbers are N*mm and K.  A torque of shape (n,) is a column: positive where it resists forward motion.
     index : str, optional
         Label of the zero.
     metadata : mapping of str to str, optional
@@ -338,7 +374,9 @@ def run_from_arrays(
     >>> bool(np.allclose(run.error(121), 1e-5))
     True
     """
-    given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time}
+    size: Any = getattr(torque, "magnitude", torque)
+    column = torque if np.ndim(size) else None
+    given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time, "output_torque": column}
     columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
     others = {name: row_of(name, value) for name, value in (extra or {}).items()}
     sizes = {name: values.size for name, values in (columns | others).items()}
@@ -355,7 +393,7 @@ def run_from_arrays(
         labels=np.arange(next(iter(sizes.values()), 0)),
         noun="sample",
         stated=stated,
-        torque=_plain("torque", torque, "torque"),
+        torque=None if column is not None else _plain("torque", torque, "torque"),
         temperature=_plain("temperature", temperature, "temperature"),
         index=index,
         metadata=dict(metadata or {}),
@@ -412,6 +450,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
         "input_angle[deg]": None if run.input_angle is None else np.rad2deg(run.input_angle),
         "output_angle[deg]": None if run.output_angle is None else np.rad2deg(run.output_angle),
         "te[arcsec]": None if run.te_column is None else run.te_column / units.ARCSEC,
+        "output_torque[N*m]": None if run.load_column is None else run.load_column / 1e3,
     }
     table = {name: values for name, values in (columns | dict(run.extra)).items() if values is not None}
     for name in run.extra:
@@ -425,6 +464,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
 
 def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run:
     reading, direction = checked(reading, None if ratio is None else ratio_of(ratio))
+    torque, column, told = _torque(reading)
     run = Run(
         path=reading.path,
         input_angle=reading.columns.get("input_angle"),
@@ -432,16 +472,30 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
         te_column=reading.columns.get("te"),
         direction=direction,
         time=reading.columns.get("time"),
-        torque=reading.torque,
+        torque=torque,
+        load_column=column,
         temperature=reading.temperature,
         index=reading.index,
         metadata=reading.metadata,
-        notes=reading.notes,
+        notes=(*reading.notes, *told),
         extra=reading.extra,
     )
     if ratio is not None:
         run.nominal_angle(ratio)  # refuses a ratio that contradicts the angles
     return run
+
+
+def _torque(reading: Reading) -> tuple[float | None, Array | None, list[str]]:
+    """Size of a torque that stays, or the column of one that changes, N*mm, and what to say of it."""
+    column = reading.columns.get("output_torque")
+    if column is None:
+        return reading.torque, None, []
+    notes = [] if reading.torque is None else ["output_torque is in the header and a column: the column counts"]
+    means = np.array([np.mean(part) for part in np.array_split(column, _BLOCKS)])
+    size, noise = abs(float(np.mean(column))), float(np.std(np.diff(column))) / math.sqrt(2 * column.size / _BLOCKS)
+    if np.ptp(means) > max(_STEADY * size, _BY_NOISE * noise):
+        return None, column, notes
+    return size, None, [*notes, f"the column output_torque keeps to {size / 1e3:.4g} N*m: one size, against the motion"]
 
 
 def ratio_of(value: Reducer | Drive | Model | float) -> float:

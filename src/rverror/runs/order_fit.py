@@ -139,6 +139,8 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
     direction = float(run.direction[0])
     if (run.direction != direction).any():
         raise InputError(f"{name}: the run turns both ways; split it where it turns")
+    if run.load_column is not None:
+        raise InputError(f"{name}: output_torque changes over the turn, and a table has one for all; diagnose the run")
     theta, error = run.nominal_angle(ratio), run.error(ratio)
     angle, signal, travel, left_out = whole_turns(theta, error)
     _check_told_apart(name, orders, travel, step=travel / angle.size)

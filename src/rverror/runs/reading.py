@@ -15,11 +15,19 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown
 
 #: Dimension of each known column.
-COLUMNS = {"input_angle": "angle", "output_angle": "angle", "te": "angle", "time": "time"}
+COLUMNS = {
+    "input_angle": "angle",
+    "output_angle": "angle",
+    "te": "angle",
+    "time": "time",
+    "output_torque": "torque",
+}
+#: Those of them that hold no angle.
+BESIDE_ANGLES = ("time", "output_torque")
 #: Columns of a bench that are integrated over time, and the columns that they make.
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 #: Unit in which people write it.
-EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s"}
+EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s", "output_torque": "N*m"}
 #: Dimension and unit of every column of a bench that a mapping may name.
 BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
 BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
@@ -89,7 +97,7 @@ class Reading(Header):
     path : str
         File, as given; empty where the run was made in memory.
     columns : mapping of str to ndarray, shape (n,)
-        Known columns, rad and s.
+        Known columns, rad, s and N*mm.
     extra : mapping of str to ndarray, shape (n,)
         Others, in their own unit.
     labels : ndarray of int, shape (n,)
@@ -234,7 +242,7 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     ------
     InputError
     """
-    have = [name for name in names if name in COLUMNS and name != "time"]
+    have = [name for name in names if name in COLUMNS and name not in BESIDE_ANGLES]
     if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]

@@ -24,6 +24,7 @@ from rverror.base.text import shown
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, doubt_torque
+from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error
 from rverror.model.effects import Model, check_model
@@ -70,9 +71,10 @@ def simulate(
         Samples per output turn; what the highest mesh order needs where left out.
     revolutions : int
         Output turns.
-    torque : float or quantity, optional
+    torque : float, quantity or callable, optional
         Size of the output torque, plain numbers N*mm; needed by the equilibrium, and written into the run.  The
-        equilibrium also takes 0, the limit of no load.
+        equilibrium also takes 0, the limit of no load.  A function of the output angle, such as a `GravityArm`, becomes
+        a column: positive where it resists forward motion.
     method : {"closed", "equilibrium"}
         Closed form, or the loaded equilibrium.
     direction : float
@@ -148,7 +150,7 @@ def simulate_runs(
     model : Model
     directions : sequence of float
         +1 forward, -1 reverse.
-    torques : sequence of float or quantity
+    torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
     points, revolutions, method, noise, correlation, input_counts, output_counts, seed, speed : optional
         As in `simulate`.
@@ -217,16 +219,18 @@ def simulate_runs(
     )
 
 
-def run_label(direction: float, torque: float | None) -> str:
+def run_label(direction: float, torque: float | TorqueLaw | None) -> str:
     """Name of a run among those of one bench; the noise of a run is drawn from the seed and this name.
 
     Direction and torque, N*mm, are those of `simulate`.
 
     Examples
     --------
-    >>> run_label(-1.0, 20e3), run_label(1.0, None)
-    ('reverse-20Nm', 'forward')
+    >>> run_label(-1.0, 20e3), run_label(1.0, None), run_label(1.0, np.cos)
+    ('reverse-20Nm', 'forward', 'forward-arm')
     """
+    if callable(torque):
+        return f"{way(direction)}-arm"
     return way(direction) if torque is None else f"{way(direction)}-{torque / 1e3:.12g}Nm"
 
 
@@ -354,7 +358,10 @@ def _speed(value: Any) -> float:
     return size
 
 
-def _torque(mechanism: Mechanism, value: Any, method: str) -> float:
+def _torque(mechanism: Mechanism, value: Any, method: str) -> float | TorqueLaw:
+    if callable(value):
+        law: TorqueLaw = value
+        return law
     size = _size("torque", value, "torque", "20 N*m")
     doubt_torque(mechanism, value)
     if size == 0 and method == "equilibrium":
@@ -380,14 +387,15 @@ def _run(
     index: str,
     *,
     direction: float,
-    torque: float | None,
+    torque: float | TorqueLaw | None,
 ) -> Run:
     """One run; what is wrong with the arguments has been found before."""
     unit = model.mechanism
     turn = 2 * math.pi * np.arange(count) / points
     theta = turn if direction > 0 else 2 * math.pi * (count // points) - turn
     time = None if bench.speed is None else turn / bench.speed
-    conditions = Conditions(theta, direction, torque, time, speed=bench.speed)
+    size, load = (None, torque(theta)) if callable(torque) else (torque, None)
+    conditions = Conditions(theta, direction, size, time, speed=bench.speed, load=load)
     error = _error(model, conditions, points=points, method=method)
     if bench.noise:
         key = np.random.SeedSequence(bench.seed, spawn_key=tuple(run_label(direction, torque).encode()))
@@ -404,7 +412,7 @@ def _run(
         output_angle=output_angle if bench.output_counts is None else quantised(output_angle, bench.output_counts),
         time=time,
         direction=way(direction),
-        torque=torque,
+        torque=size if load is None else load,
         index=index,
     )
     said = {"simulated": f"rverror, {method}; not a measurement", **bench.metadata}
@@ -419,8 +427,10 @@ def _error(model: Model, conditions: Conditions, *, points: int, method: str) ->
     unit, theta = model.mechanism, conditions.theta
     gears = unread(model)
     alike = isinstance(unit, Reducer) and unit.exact_ratio.denominator == 1
-    wanted = theta[:points] if alike else theta
-    parts = [replace(conditions, theta=a, time=None) for a in np.array_split(wanted, math.ceil(wanted.size / _AT_ONCE))]
+    count = points if alike else theta.size
+    places = np.array_split(np.arange(count), math.ceil(count / _AT_ONCE))
+    load = conditions.load
+    parts = [replace(conditions, theta=theta[at], time=None, load=None if load is None else load[at]) for at in places]
     try:
         solved = [
             transmission_error(gears, part) if method == "closed" else equilibrium(gears, part).transmission_error

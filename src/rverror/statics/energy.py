@@ -293,7 +293,7 @@ def flank_lever(reducer: Reducer) -> Array:
 
 
 def loaded_problem(
-    contacts: Geometry, reducer: Reducer, effects: Sequence[Effect], torque: float, *, response: bool = True
+    contacts: Geometry, reducer: Reducer, effects: Sequence[Effect], torque: float | Array, *, response: bool = True
 ) -> Problem:
     """The equilibrium of a gear train with errors; a torque on the carrier resists its motion in the housing.
 
@@ -305,8 +305,8 @@ def loaded_problem(
         Whose stiffness, backlash, preload and contact law count.
     effects : sequence of Effect
         Which contacts feel.
-    torque : float
-        Its size, N*mm, above 0.
+    torque : float or ndarray, shape (n,)
+        Its size, N*mm, above 0; which motion it resists, the contacts know.
     response : bool
         Whether a response will be asked for, which needs to know how the profiles bend.
 
@@ -342,6 +342,7 @@ def loaded_problem(
             )
     load, push = np.zeros((sense.size, layout.size)), np.zeros(layout.size)
     load[:, 2], push[2] = -sense * torque, reducer.output_turn
+    size = np.atleast_1d(np.asarray(torque, dtype=np.float64))
     return Problem(
         pin_rows=contacts.pin_rows,
         profile_lever=contacts.profile_lever if bends else straight,
@@ -372,8 +373,8 @@ def loaded_problem(
         sense=sense,
         push=push,
         longest=reducer.eccentricity,
-        tolerance=GRADIENT_TOLERANCE * torque / reducer.crank_radius,
-        heavy=_FULL_LOAD * declared[0] * reducer.pin_circle_radius**2 / torque,
+        tolerance=GRADIENT_TOLERANCE * size / reducer.crank_radius,
+        heavy=_FULL_LOAD * declared[0] * reducer.pin_circle_radius**2 / size,
         most=(_MAX_STEPS_NEAR, _MAX_STEPS, _MAX_STEPS_UNLOADING),
     )
 

@@ -174,6 +174,8 @@ def efficiency(
         raise ValueError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
     read = pose(unit, theta, torque=torque, direction=direction)
     gears = stand(model, read).gears
+    if read.load is not None:
+        raise ValueError("torque: it changes over the turn, and losses are found at one; give one size")
     size, sign = read.torque or 0.0, 1.0 if drives == "input" else -1.0
     if not size >= 0:
         raise ValueError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")

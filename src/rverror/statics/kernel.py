@@ -89,11 +89,11 @@ class Problem(NamedTuple):
     reference_force: float  # N
     share: float  # of the curvature that counts
     load: Array  # (n, unknowns), N and N*mm
-    sense: Array  # (n,): of the carrier's motion
+    sense: Array  # (n,): of the carrier's motion that the load resists
     push: Array  # (unknowns,): load per unit of which changes are asked for
     longest: float  # mm that a step may move anything
-    tolerance: float  # what may be out of balance, N and N*mm
-    heavy: float  # a load at which all contacts settle easily, over the problem's
+    tolerance: Array  # (m,): what may be out of balance, N and N*mm
+    heavy: Array  # (m,): a load at which all contacts settle easily, over the problem's
     most: tuple[int, int, int]  # Newton steps from a pose that is likely near; from none; at each load on the way down
 
 
@@ -528,7 +528,7 @@ def _settle(problem: Problem, i: int, x: Array, start: int, solution: Solution, 
     slides along the rim of its clearance on next to no force: Newton steps are short there, and the place where a
     somewhat greater load put it is close.
     """
-    floats = False
+    floats, m = False, min(i, len(problem.tolerance) - 1)
     for q in range(len(problem.clearance)):
         floats = floats or problem.clearance[q] > 0.0
     _copy(x, s.near)
@@ -541,7 +541,7 @@ def _settle(problem: Problem, i: int, x: Array, start: int, solution: Solution, 
         if driven:
             x[:] = 0.0
         most = 0 if start == GIVEN else problem.most[min(max(attempt - 1, 0), 2)]
-        tolerance = problem.tolerance * load * (1e4 if stage else 1.0)  # looser on the way down
+        tolerance = problem.tolerance[m] * load * (1e4 if stage else 1.0)  # looser on the way down
         rim = floats and attempt >= 1
         hold = _DRIVEN if driven else _CLOSED if rim else _FREE
         steps, found = _newton(problem, i, x, hold, rim, load, tolerance, most, solution, s)
@@ -553,7 +553,7 @@ def _settle(problem: Problem, i: int, x: Array, start: int, solution: Solution, 
             return total, found
         attempt += 1 if floats or attempt else 2
         if attempt >= 3:  # stages on the way down, from a load at which all contacts settle easily
-            stage = stages = max(math.ceil(math.log(problem.heavy) / math.log(8.0 if attempt == 3 else 3.0)), 0)
+            stage = stages = max(math.ceil(math.log(problem.heavy[m]) / math.log(8.0 if attempt == 3 else 3.0)), 0)
 
 
 # --- forces and changes -----------------------------------------------------------------------------------------------

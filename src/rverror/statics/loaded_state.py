@@ -19,7 +19,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
-from rverror.geartrain.contacts import motion, pose
+from rverror.geartrain.contacts import motion, pose, torque_or_load
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.asked import Equilibrium
@@ -101,10 +101,12 @@ def equilibrium(
     theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
         Nominal output angle, rad; or the conditions of a run, in place of torque, direction and time.  `Model.angles`
         where left out.
-    torque : float, str or quantity, optional
+    torque : float, str, quantity, array_like or callable, optional
         Size of the output torque, N*mm; it resists the motion.  The reducer's rated torque where left out beside
         angles.  0 is the limit of a vanishing load, which still keeps the driving side closed; forces are then those
-        of a trace of load.
+        of a trace of load.  Or the torque at each angle, or a function of the angle such as a `GravityArm`: signed,
+        positive where it resists forward motion, whatever the direction; below 0 in forward motion it drives, and
+        the other side carries.  Where it is 0 the side of the motion does, as the limit.
     direction : float or array_like, optional
         +1 forward, -1 reverse; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
@@ -132,6 +134,13 @@ def equilibrium(
     >>> state = equilibrium(rverror.Model(rverror.reducer("RV-40E")), [0.0, 0.1], torque="412 N*m")
     >>> bool((state.loaded_pins < 20).all())  # at most the half of the pins that drives
     True
+
+    Under an arm's weight the output lags while it is lifted, and leads while it comes down:
+
+    >>> arm = rverror.GravityArm(mass="20 kg", lever="0.5 m")
+    >>> swung = equilibrium(rverror.Model(rverror.reducer("RV-40E")), [0.0, 3.14], torque=arm, direction=1.0)
+    >>> np.sign(swung.transmission_error).tolist()
+    [-1.0, 1.0]
     """
     statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
     return replace(statics.equilibrium(model.effects), model=model, conditions=read)
@@ -184,7 +193,7 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
     if conditions["torque"] is None and not isinstance(angles, Conditions):
         conditions["torque"] = unit.rated_torque
-    where = stand(model, pose(unit, angles, **conditions))
+    where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
     statics = replace(_along(where.gears), read_at=where.read.theta)
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
@@ -229,6 +238,8 @@ def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
 
 def _along(where: Contacts) -> Statics:
     """Statics along a motion under its torque."""
+    if where.load is not None:
+        return Statics(Geometry(where), where.reducer, np.abs(where.load))
     if where.torque is None:
         raise ValueError("the equilibrium needs a torque; give torque='20 N*m', or the reducer its rated_torque")
     if not where.torque >= 0:
@@ -269,7 +280,7 @@ class Statics:
         Of the motion, whatever errors and stiffnesses are.
     reducer : Reducer
         Whose stiffness, backlash and contact law count.
-    torque : float
+    torque : float or ndarray, shape (n,)
         Size of the output torque, N*mm.
     read_at : ndarray, shape (n,), optional
         Angles of the bench where they are not the gear's, rad.
@@ -277,7 +288,7 @@ class Statics:
 
     whole: Geometry
     reducer: Reducer
-    torque: float
+    torque: float | Array
     read_at: Array | None = None
 
     @property
@@ -293,7 +304,8 @@ class Statics:
             return
         for first in range(0, whole.theta.size, _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
-            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque))
+            load = None if whole.load is None else whole.load[part]
+            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque, load=load))
             assert isinstance(where, Contacts)
             yield Geometry(where)
 
@@ -346,14 +358,17 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        first, acting, idle = 0, felt(effects), not self.torque
-        torque = abs(self.reducer.output_turn) * self.torque or trace_of_load(self.reducer)
+        first, acting, changes = 0, felt(effects), isinstance(self.torque, np.ndarray)
+        idle = not changes and not self.torque
+        carried, trace = abs(self.reducer.output_turn) * self.torque, trace_of_load(self.reducer)
+        torque = np.maximum(carried, trace) if changes else carried or trace
         for contacts in self._stretches():
+            last = first + contacts.motion.theta.size
+            here = torque[first:last] if isinstance(torque, np.ndarray) else torque
             try:
-                problem = loaded_problem(contacts, self.reducer, acting, torque, response=response or idle)
+                problem = loaded_problem(contacts, self.reducer, acting, here, response=response or idle)
             except ValueError as error:
                 raise NotConvergedError(str(error)) from error
-            last = first + len(problem.load)
             near = None if start is None else start[first:last]
             solution = solve(problem, near=near, response=response or idle)
             check_found(solution, contacts.motion.theta, idle=idle)

@@ -23,7 +23,7 @@ from rverror.statics.loaded_state import Prediction, Statics, statics_of
 
 def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
     """Tell whether the loaded equilibrium predicts, as it does for a reducer under a known torque."""
-    return isinstance(model.mechanism, Reducer) and bool(conditions.torque)
+    return isinstance(model.mechanism, Reducer) and (conditions.load is not None or bool(conditions.torque))
 
 
 def predict(model: Model, conditions: Conditions) -> Prediction:

@@ -201,6 +201,7 @@ def _of_run(result: Run, *, ratio: Reducer | Drive | Model | float | None = None
         "input_angle": (result.input_angle, POSITION),
         "output_angle": (result.output_angle, POSITION),
         "te": (result.te_column, ANGLE),
+        "output_torque": (result.load_column, TORQUE),
         "direction": (result.direction, NUMBER),
     }
     if ratio is not None:

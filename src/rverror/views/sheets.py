@@ -361,13 +361,20 @@ def _of_run(thing: Run) -> Sheet:
             for name, row in angles.items()
             if row is not None
         },
-        "output torque": "" if thing.torque is None else with_unit(thing.torque, "torque"),
+        "output torque": _loads(thing),
         "temperature": "" if thing.temperature is None else with_unit(thing.temperature, "temperature"),
         "zero": _zero(thing.index),
         "columns": ", ".join(columns(table)[0]),
         **{f"# {key}": value for key, value in thing.metadata.items()},
     }
     return _title("Run", thing.path) + _facts(facts) + _notes(thing.notes)
+
+
+def _loads(run: Run) -> str:
+    """One torque, or its range over the turn."""
+    if run.load_column is not None:
+        return " to ".join(with_unit(float(end), "torque") for end in (run.load_column.min(), run.load_column.max()))
+    return "" if run.torque is None else with_unit(run.torque, "torque")
 
 
 def _zero(index: str) -> str:

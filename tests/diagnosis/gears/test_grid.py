@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -74,3 +75,23 @@ def test_a_grid_of_one_turn_of_the_crank_repeats() -> None:
     grid = AngleGrid(0.0, TURN / 40 / 64, 64, closed=True)
     theta = np.linspace(0, TURN, 999)
     assert grid.to_samples(theta)(np.cos(80 * grid.theta)[None])[0] == pytest.approx(np.cos(80 * theta), abs=1e-6)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_no_spline_rings_at_a_jump_of_the_waveform(closed: bool) -> None:
+    """Either side is a wave of its own; beside the jump an even spline is off by a share of it."""
+    breaks = (1.0003, 4.2)
+    whole_grid = whole(0.1, TURN, 2048) if closed else stretch(0.3, 5.9, TURN / 2048)
+
+    def error(theta: np.ndarray) -> np.ndarray:
+        side = (np.mod(theta, TURN) > breaks[0]) & (np.mod(theta, TURN) < breaks[1])
+        return np.cos(40 * theta) + np.where(side, 20.0 + np.sin(39 * theta), 0.0)
+
+    theta = np.linspace(0.35, 5.8, 4001)
+    away = np.min([np.abs(theta - at) for at in breaks], axis=0) > 4 * TURN / 2048
+    rings, rests = (
+        np.abs(grid.to_samples(theta)(error(grid.theta)[None])[0] - error(theta))[away].max()
+        for grid in (whole_grid, dataclasses.replace(whole_grid, breaks=breaks))
+    )
+    assert rests < 1e-3
+    assert rings > 0.05

@@ -21,6 +21,7 @@ from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEsti
 from rverror.diagnosis.samples.lines import MOST_LINES, TOLD_ORDER
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
+from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
@@ -424,7 +425,7 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
                 measured,
                 first,
                 last,
-                record.torque,
+                None if isinstance(record.torque, TorqueWaves) else record.torque,
                 run.index,
                 (mean[3], mean[4]),
                 record.theta[np.setdiff1d(np.flatnonzero(~record.kept), record.absent)],

@@ -540,7 +540,9 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     total, used, floor = float(sum(r.kept.sum() for r in records)), float(fit.free.sum()), fit.bench.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
-    return _under(fit, [noise_of(rest, r.kept, share, floor=floor, calm=calm) for r, rest, share in three])
+    return _under(
+        fit, [noise_of(rest, r.kept, share, floor=floor, calm=calm, parts=r.sides) for r, rest, share in three]
+    )
 
 
 def walked(fit: Fit, like: Fit) -> Fit:
@@ -561,13 +563,18 @@ def _under(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
 
 def _left_as_noise(fit: Fit) -> list[Array]:
     """Residual of each run, less what offset, slips and lines make of it."""
-    return [r.without_nuisance(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
+    return [r.told_as_noise(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
 
 
 def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
     """The first state: noise of what the model leaves as it stands."""
     flat = [
-        replace(r, noise=noise_of(r.without_nuisance(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error))
+        replace(
+            r,
+            noise=noise_of(
+                r.told_as_noise(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error, parts=r.sides
+            ),
+        )
         for r in bench.records
     ]
     return renoised(evaluated(bench.with_records(flat), model, declared))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -26,12 +26,15 @@ class AngleGrid:
     points : int
     closed : bool
         Whether the waveform goes on at the first angle after the last.
+    breaks : tuple of float
+        Angles of a turn at which the waveform jumps, rad.
     """
 
     start: float
     step: float
     points: int
     closed: bool
+    breaks: tuple[float, ...] = ()
 
     @property
     def theta(self) -> Array:
@@ -44,9 +47,16 @@ class AngleGrid:
         if step <= self.step * (1 + 1e-9):
             return self
         if self.closed:
-            return whole(self.start, self.step * self.points, round(self.step * self.points / step))
-        low = self.start + _MARGIN * self.step
-        return stretch(low, low + (self.points - 1 - 2 * _MARGIN) * self.step, step)
+            fewer = whole(self.start, self.step * self.points, round(self.step * self.points / step))
+        else:
+            low = self.start + _MARGIN * self.step
+            fewer = stretch(low, low + (self.points - 1 - 2 * _MARGIN) * self.step, step)
+        return replace(fewer, breaks=self.breaks)
+
+    def side(self, theta: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+        """Between which breaks angles are; what is before the first is after the last."""
+        found = np.searchsorted(np.array(self.breaks), np.mod(theta, _TURN))
+        return np.asarray(found % max(len(self.breaks), 1), dtype=np.intp)
 
     def to_samples(self, theta: Array) -> Readout:
         """The way to samples at angles, rad."""
@@ -54,7 +64,7 @@ class AngleGrid:
         nearest = np.rint(place)
         if np.abs(place - nearest).max() < 1e-4:
             at = nearest.astype(np.intp)
-            return Readout(self, at % self.points if self.closed else at, None, None)
+            return Readout(self, at % self.points if self.closed else at, None, None, self.side(theta))
         low = np.floor(place).astype(np.intp)
         part = place - low
         columns = low[:, None] + np.arange(-(_DEGREE // 2), _DEGREE // 2 + 2)
@@ -64,7 +74,7 @@ class AngleGrid:
             scipy.sparse.csr_array((of.ravel(), columns.ravel(), first), shape=shape)
             for of in (_basis(part), _basis(part, derivative=True) / self.step)
         )
-        return Readout(self, None, values, changes)
+        return Readout(self, None, values, changes, self.side(theta))
 
 
 def _basis(part: Array, *, derivative: bool = False) -> Array:
@@ -97,24 +107,43 @@ class Readout:
     at: np.ndarray[tuple[int], np.dtype[np.intp]] | None
     values: scipy.sparse.csr_array | None
     slopes: scipy.sparse.csr_array | None
+    side: np.ndarray[tuple[int], np.dtype[np.intp]]  # of the samples, between the breaks of the grid
 
     def __call__(self, rows: Array) -> Array:
         """Rows (k, points) at the samples, (k, n)."""
         if self.at is not None:
             return np.asarray(rows[:, self.at])
         assert self.values is not None
-        return np.asarray((self.values @ self._coefficients(rows).T).T)
+        return self._by_side(self.values, rows)
 
     def change(self, row: Array) -> Array:
         """Change of a row (points,) with the angle, at the samples (n,)."""
         if self.slopes is None:
             grid = self.grid
             return np.asarray(grid.to_samples(grid.theta[self.at] + 1e-3 * grid.step).change(row))
-        return np.asarray(self.slopes @ self._coefficients(row[None])[0])
+        return np.asarray(self._by_side(self.slopes, row[None])[0])
+
+    def _by_side(self, way: scipy.sparse.csr_array, rows: Array) -> Array:
+        """Splines of each side of the breaks, a straight line in place of the others, so that none rings at a jump."""
+        found = np.empty((len(rows), self.side.size))
+        nodes = self.grid.side(self.grid.theta)
+        for side in np.unique(self.side).tolist():
+            own, at = nodes == side, self.side == side
+            bridged = rows if own.all() else _bridged(rows, own, closed=self.grid.closed)
+            found[:, at] = (way @ self._coefficients(bridged).T).T[:, at]
+        return found
 
     def _coefficients(self, rows: Array) -> Array:
         mode = "grid-wrap" if self.grid.closed else "mirror"
         return np.asarray(scipy.ndimage.spline_filter1d(rows, _DEGREE, axis=1, mode=mode), dtype=np.float64)
+
+
+def _bridged(rows: Array, own: np.ndarray[tuple[int], np.dtype[np.bool_]], *, closed: bool) -> Array:
+    """Rows (k, points) with straight lines over all nodes but their own."""
+    at, period = np.flatnonzero(own), own.size if closed else None
+    if not at.size:
+        return rows
+    return np.stack([np.interp(np.arange(own.size), at, row[at], period=period) for row in rows])
 
 
 def whole(start: float, period: float, points: int) -> AngleGrid:

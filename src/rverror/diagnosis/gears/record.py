@@ -13,20 +13,26 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.waveform import Conditioned
+from rverror.diagnosis.gears.waveform import Conditioned, under
 from rverror.diagnosis.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions, Pose
+from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
+from rverror.statics.loaded_state import equilibrium
 
 _LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anything
 _SETTLES = (0.03, 0.1, 0.3)  # of a run: time constants a factor of three apart make up for those between
 _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins a new series
+_DOUBTED = 3  # mean and first waves of a torque that are not known better than its sensor
+_SLOWEST = 4  # orders up to that which half a turn holds twice
+_BESIDE = 12  # samples to either side of a jump that tell it well enough to search for faults
 _TURN = 2 * math.pi
 
 
@@ -40,7 +46,7 @@ class Record:
     theta, error : ndarray, shape (n,)
         Nominal output angle and transmission error in the order of time, rad.
     direction : float
-    torque : float, optional
+    torque : float or TorqueWaves, optional
         N*mm.
     kept : ndarray of bool, shape (n,)
         Samples that were not set aside.
@@ -62,6 +68,10 @@ class Record:
         Places of short gaps, where nothing was read.
     more : tuple of str
         What was set aside later, in words.
+    sides : tuple of slice
+        Where the one side of the contacts carries, and the other, if the torque changes its sign.
+    windup : float
+        One standard deviation of the windup by what is not known of a torque that changes over the turn, rad.
     made : dict
         What was made of its angles alone, kept for all records of the same samples.
     """
@@ -70,7 +80,7 @@ class Record:
     theta: Array
     error: Array
     direction: float
-    torque: float | None
+    torque: float | TorqueWaves | None
     kept: Flags
     starts: tuple[int, ...] = (0,)
     slips: tuple[int, ...] = ()
@@ -82,6 +92,8 @@ class Record:
     faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
+    sides: tuple[slice, ...] = ()
+    windup: float = 0.0
     made: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -105,11 +117,13 @@ class Record:
     def whiten(self) -> Whitening:
         """Whitening under its noise."""
         assert self.noise is not None
-        return Whitening(self.noise, self.kept, self.starts, self.nuisance)
+        waves = self.theta * np.arange(_DOUBTED)[:, None]
+        doubtful = self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
+        return Whitening(self.noise, self.kept, self.starts, self.nuisance, doubtful)
 
     def pose(self, unit: Reducer) -> Pose:
         """Motion at the samples."""
-        return motion(unit, Conditions(self.theta, self.direction, self.torque, self.time))
+        return motion(unit, under(self.theta, self.direction, self.torque, self.time))
 
     @property
     def turns(self) -> float:
@@ -132,6 +146,17 @@ class Record:
         sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
         return np.asarray(rest - sizes @ rows)
 
+    def told_as_noise(self, rest: Array) -> Array:
+        """A residual that noise is told from: `without_nuisance`, and of a run whose contacts change sides without its
+        slowest waves, of which no side holds a whole one."""
+        clean = self.without_nuisance(rest)
+        if not self.sides:
+            return clean
+        angle = self.theta * np.arange(_SLOWEST + 1)[:, None]
+        rows = np.concatenate([np.cos(angle), np.sin(angle[1:])])
+        sizes = np.linalg.lstsq(rows[:, self.kept].T, clean[self.kept], rcond=1e-10)[0]
+        return np.asarray(clean - sizes @ rows)
+
 
 def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[Record], list[str]]:
     """Runs as they are fitted, without what cannot be, and what was noticed.
@@ -142,8 +167,9 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
         If a run cannot be used; the message says why.
     """
     result, notes = [], []
+    torques = shared_torques([run.torque_waves(model) for run in runs], 3 * policy.torque_share)
     labels = [run.index if run.index != "unknown" else "" for run in runs]
-    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
+    for number, (run, label, waves) in enumerate(zip(runs, labels, torques, strict=True)):
         name = run.path or f"run {number + 1}"
         if np.unique(run.direction).size > 1:
             raise InputError(f"{name}: the run turns both ways; write one file per direction")
@@ -155,21 +181,76 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
                 f"{name}: {theta.size} samples; {_LEAST_ROWS} or more are needed to tell noise from error: "
                 "measure a longer stretch, or more samples a turn"
             )
+        light = _light(waves, theta, policy)
         try:
-            faults = find_faults(theta, error)
+            faults = find_faults(theta, levelled(error, light))
         except ValueError as problem:
             raise InputError(f"{name}: {problem}") from problem
         notes += [f"{name}: {note}" for note in faults.notes()]
         shared = label if labels.count(label) > 1 and label else ""
-        if shared and not run.torque:
+        torque = waves or run.torque or None
+        if shared and not torque:
             notes.append(f"{name}: index {label}: without output_torque its windup is unknown; it has its own offset")
             shared = ""
         made = Record(
-            name, theta, error, float(run.direction[0]), run.torque or None, np.ones(theta.size, dtype=np.bool_),
-            time=run.time, zero=shared,
+            name, theta, error, float(run.direction[0]), torque, np.ones(theta.size, dtype=np.bool_),
+            time=run.time, zero=shared, windup=0.0 if waves is None else _doubt(model, waves, policy),
         )  # fmt: skip
-        result.append(_with_faults(made, faults))
+        result.append(_loaded(_with_faults(made, faults), policy))
+        if light.any():
+            notes.append(
+                f"{name}: output_torque changes its sign; {count_of(int(light.sum()), 'sample')} below "
+                f"{100 * policy.light_load:g} % of its largest left out, where friction decides which side carries"
+            )
     return result, notes
+
+
+def _light(torque: float | TorqueWaves | None, theta: Array, policy: Policy) -> Flags:
+    """Where a torque that changes its sign is too small to say which side carries."""
+    if not isinstance(torque, TorqueWaves) or not torque.crossings():
+        return np.zeros(theta.size, dtype=np.bool_)
+    return np.asarray(np.abs(torque(theta)) < policy.light_load * torque.peak)
+
+
+def _doubt(model: Model, torque: TorqueWaves, policy: Policy) -> float:
+    """Windup, rad, by a standard deviation of the torque, as the output turns from half of its peak to the peak."""
+    at = [torque.peak, torque.peak / 2]
+    most, half = equilibrium(replace(model, effects=()), [0.0, 0.0], torque=at, direction=1.0).transmission_error
+    return 2 * policy.torque_share * abs(float(most - half))
+
+
+def _zones(light: Flags) -> list[tuple[int, int]]:
+    """First sample of each stretch, and first after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], light, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _loaded(record: Record, policy: Policy) -> Record:
+    """The record without samples under hardly any load; on the other side of them the noise begins anew."""
+    light = _light(record.torque, record.theta, policy)
+    ends = [after for _, after in _zones(light) if after < light.size]
+    sides = [slice(*ends_of) for ends_of in _zones(~light) if np.diff(ends_of) >= _LEAST_ROWS]
+    return replace(
+        record,
+        kept=record.kept & ~light,
+        starts=tuple(sorted({*record.starts, *ends})),
+        slips=tuple(at for at in record.slips if not light[at]),
+        sides=tuple(sides) if light.any() else (),
+    )
+
+
+def levelled(error: Array, light: Flags) -> Array:
+    """The error without its jumps over stretches in which the torque changes its sign, for the search for faults."""
+    found = error.copy()
+    for first, after in _zones(light):
+        if first and after < error.size:
+            before, behind = (
+                float(np.median(found[part]))
+                for part in (slice(max(first - _BESIDE, 0), first), slice(after, after + _BESIDE))
+            )
+            found[after:] += before - behind
+            found[first:after] = np.linspace(found[first - 1], found[after], after - first + 2)[1:-1]
+    return found
 
 
 def _with_faults(record: Record, faults: Faults) -> Record:
@@ -212,10 +293,12 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
     found: list[Conditioned] = []
     which = []
     for record in records:
-        key = (record.direction, record.torque)
+        # without friction the pose knows a signed torque alone, not the motion
+        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.direction, record.torque)
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
-            found.append(Conditioned(*key, grid))
+            breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()
+            found.append(Conditioned(*key, replace(grid, breaks=breaks)))
             at = len(found) - 1
         which.append(at)
     return found, which

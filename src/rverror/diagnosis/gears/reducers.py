@@ -73,6 +73,11 @@ def diagnose_reducer(
     journal = Journal(tell)
     records, notes = records_of(declared, runs, policy)
     model, anywhere = with_marks(replace(declared, mechanism=unit), runs)
+    if anywhere and any(run.load_column is not None for run in runs):
+        raise InputError(
+            "output_torque changes over the turn, and the gear's marks are not known: the torque goes with the bench's "
+            "angle; set the bench's zero on the marks, or diagnose runs under a constant torque"
+        )
     tell("predicting the declared model")
     bench = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
     first = begun(bench, model, model)

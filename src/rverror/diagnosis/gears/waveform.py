@@ -15,6 +15,7 @@ from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
 from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Reducer, Stiffness
 from rverror.geartrain.source import IndexValue
+from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect
@@ -26,6 +27,15 @@ Named = tuple[str, Mapping[str, IndexValue]]
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
 _TOGETHER = 1024  # angles of all directions that are solved as one: more take as long apart
 _DENSER = 5  # than the grid of the travel, where that is coarse
+
+
+def under(
+    theta: Array, direction: float | Array, torque: float | TorqueWaves | None, time: Array | None = None
+) -> Conditions:
+    """Conditions under a torque, or one over the angle."""
+    if isinstance(torque, TorqueWaves):
+        return Conditions(theta, direction, time=time, load=torque(theta))
+    return Conditions(theta, direction, torque, time)
 
 
 def softened(unit: Reducer, change: Array) -> Reducer:
@@ -80,19 +90,19 @@ class Waveform:
 
 @dataclass(frozen=True, eq=False)
 class Conditioned:
-    """One direction and torque, over a stretch of travel: what every solution shares.
+    """One direction and torque, or torque over the angle, in a stretch of travel: what every solution shares.
 
     Attributes
     ----------
     direction : float
-    torque : float, optional
+    torque : float or TorqueWaves, optional
         N*mm; None for the closed form.
     turn : AngleGrid
         Over the angles that were travelled, or one turn.
     """
 
     direction: float
-    torque: float | None
+    torque: float | TorqueWaves | None
     turn: AngleGrid
     _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
     _coarser: dict[int, Conditioned] = field(default_factory=dict, repr=False)
@@ -112,7 +122,7 @@ class Conditioned:
     def grid(self, unit: Reducer, effects: Sequence[Effect]) -> AngleGrid:
         """Where the gear train is solved: over one turn of the crank, if all errors repeat with it."""
         alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
-        return self.repeat(unit) if alike and self.torque is not None else self.turn
+        return self.repeat(unit) if alike and isinstance(self.torque, float) else self.turn
 
     def _statics(self, unit: Reducer, grid: AngleGrid, *, beside: Sequence[Conditioned] = ()) -> Statics:
         """Statics over a grid, once in each direction; geometry is made once, what the stiffness changes only where it
@@ -121,12 +131,12 @@ class Conditioned:
         made = self._kept.get(name)
         if made is None:
             directions = np.repeat([self.direction, *(one.direction for one in beside)], grid.points)
-            made = statics_of(unit, Conditions(np.tile(grid.theta, 1 + len(beside)), directions, self.torque))
+            made = statics_of(unit, under(np.tile(grid.theta, 1 + len(beside)), directions, self.torque))
         self._kept[name] = made = made.elastic(unit)
         return made
 
     def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
-        return motion(unit, Conditions(grid.theta, self.direction, self.torque))
+        return motion(unit, under(grid.theta, self.direction, self.torque))
 
     def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
         """Waveform with these effects, all felt by the contacts; from poses near it where there are."""

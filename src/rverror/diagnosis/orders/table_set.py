@@ -251,7 +251,7 @@ class TableSet(RunSet):
     def sights(self) -> tuple[Sight, ...]:
         """How each condition is looked at."""
         return tuple(
-            TableSight(case, sigma, self.conditions[which].turn, self.conditions[which].torque)
+            TableSight(case, sigma, self.conditions[which].turn, cast("float | None", self.conditions[which].torque))
             for case, sigma, which in zip(self.cases, self.sigmas, self.which, strict=True)
         )
 

@@ -208,14 +208,17 @@ def over_angle(ax: Axes, *, ylabel: str, title: list[str]) -> None:
 
 
 def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
-    """Torque, N*mm or with its unit, and direction as a title says them; of what is not known nothing.
+    """Torque, N*mm or with its unit, or of many angles, and direction as a title says them; nothing where not known.
 
     Examples
     --------
     >>> stated(torque=20e3, direction=-1.0)
     ['20 N*m', 'reverse']
     """
-    told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
+    if np.ndim(torque):
+        told = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
+    else:
+        told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
         told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (np.atleast_1d(direction) == sense).any()))
     return told

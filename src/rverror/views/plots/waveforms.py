@@ -294,7 +294,8 @@ def _broken(x: Array, y: Array, breaks: npt.NDArray[np.intp]) -> tuple[Array, Ar
 def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: Sequence[Signal]) -> list[str]:
     """Unit where it is known, short name, torque and directions of a run."""
     directions = [signal.direction for signal in signals]
-    return [*unit_of(ratio), plain(file_name(run.path) or "run"), *stated(torque=run.torque, direction=directions)]
+    load = run.torque if run.load_column is None else run.load_column
+    return [*unit_of(ratio), plain(file_name(run.path) or "run"), *stated(torque=load, direction=directions)]
 
 
 def unit_of(ratio: Reducer | Drive | Model | float | None) -> list[str]:
@@ -345,7 +346,11 @@ def state_title(state: Equilibrium) -> list[str]:
     """Unit, load and direction of a loaded state, as far as it knows them."""
     unit = [] if state.model is None else [unit_name(state.model)]
     where = state.conditions
-    load = [] if where is None else stated(torque=where.torque, direction=where.direction)
+    load = (
+        []
+        if where is None
+        else stated(torque=where.torque if where.load is None else where.load, direction=where.direction)
+    )
     return [*unit, *load, _STATE]
 
 
