@@ -57,6 +57,12 @@ class Course:
         values = self.grown(at)
         return np.asarray(values - values.mean())
 
+    def bend(self, at: Array) -> Array:
+        """How a growth is off that bends between none and all of it, about its mean; 0 of a jump."""
+        grown = self.grown(at)
+        values = 4 * grown * (1 - grown)
+        return np.asarray(values - values.mean())
+
     @property
     def rate(self) -> float:
         """Growth per hour or cycle at the end, over the size there; 0 of a jump."""

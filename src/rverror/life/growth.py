@@ -23,12 +23,19 @@ from rverror.model.catalogue import source
 
 _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
 EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
-_MOST = 6  # causes
+#: Of the evidence of a cause: what further causes must exceed, as states drawn about a unit tell a fifth of an influence
+#: at light load no better; and within which another cause is a rival.  A model that misses 2.5 % of an influence, which
+#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.025)^2 of it, two standard errors.
+_BESIDE, _ALIKE = 0.05, 0.01
+_MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
 _NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
 _SHARES = np.linspace(0, 1, 5)  # of a cause that are solved: a contact that opens stops to answer half way
+_BENT = 0.3  # of how a cause bends, that the unit's own state leaves open
+_OPEN = (0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 4.0)  # shares of what an influence may miss
 _NONE = 0.01  # of a plausible size, which is none
 _REFITS, _MOVED = 4, 0.1  # of sizes whose causes are solved at the load, until they move by so many standard errors
+_NEARLY = 0.05  # of sizes, by which they differ from those that were solved at the load
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,33 @@ class Term:
 
     cause: int
     course: Course
+
+
+@dataclass(frozen=True)
+class AtLoad:
+    """What shares of a cause do beyond the first order, weighted.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (parameters,)
+    rows : ndarray, shape (shares, d)
+    """
+
+    sizes: Array
+    rows: Array
+
+    def near(self, sizes: Array) -> bool:
+        """Whether it may stand for other sizes."""
+        return bool(np.linalg.norm(sizes - self.sizes) < _NEARLY * np.linalg.norm(self.sizes))
+
+    def grown(self, course: Course, at: Array) -> Array:
+        """At some sessions about their mean, shape (sessions, d)."""
+        grown = course.grown(at)
+        after = np.clip(np.searchsorted(_SHARES, grown), 1, len(_SHARES) - 1)
+        along = ((grown - _SHARES[after - 1]) / (_SHARES[after] - _SHARES[after - 1]))[:, None]
+        every = np.concatenate([np.zeros((1, self.rows.shape[1])), self.rows])
+        found = (1 - along) * every[after - 1] + along * every[after]
+        return np.asarray(found - found.mean(axis=0))
 
 
 @dataclass(frozen=True)
@@ -56,8 +90,8 @@ class Fitted:
         What is left of the rows about their mean.
     missed : ndarray, shape (d,)
         Variance that the model misses of the causes, over that of noise, summed over the sessions.
-    nodes : tuple of ndarray, shape (shares, d)
-        What shares of each cause do at the load beyond the first order.
+    nodes : tuple of AtLoad
+        What the load makes of each cause; empty where some were not solved there.
     """
 
     terms: tuple[Term, ...]
@@ -66,7 +100,7 @@ class Fitted:
     score: float
     left: Array
     missed: Array
-    nodes: tuple[Array, ...] = ()
+    nodes: tuple[AtLoad, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -182,17 +216,21 @@ class GrowthSearch:
         best = self.fitted(())
         while len(best.terms) < _MOST:
             more = self.best(best)
-            if more is None or best.score - more.score < EVIDENCE:
+            if more is None or best.score - more.score < self.needed(best):
                 break
             best = self._settled(more)
         return best
 
+    def needed(self, beside: Fitted) -> float:
+        """By how much a cause must lower the score beside others: the more the larger these are."""
+        return EVIDENCE + _BESIDE * max(-beside.score, 0.0)
+
     def _settled(self, now: Fitted) -> Fitted:
         """Each cause exchanged for the best in its place, until none is better; what is then needless goes."""
-        for _ in range(_MOST):
+        for _ in range(2):
             for number in range(len(now.terms)):
-                others = self.fitted(now.terms[:number] + now.terms[number + 1 :])
-                if others.score - now.score < EVIDENCE:
+                others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
+                if others.score - now.score < self.needed(others):
                     now = others
                     break
                 other = self.best(others) if others.terms else None
@@ -210,9 +248,9 @@ class GrowthSearch:
             return None
         taken = {term.cause for term in beside.terms}
         near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
-        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), at_load=False) for c in near]
+        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), beside, at_load=False) for c in near]
         chosen = sorted(rough, key=lambda one: one.score)[:_SOLVED]
-        best = min((self.fitted(one.terms) for one in chosen), key=lambda one: one.score)
+        best = min((self.fitted(one.terms, beside) for one in chosen), key=lambda one: one.score)
         return self._finest(best) if math.isfinite(best.score) else None
 
     def _finest(self, now: Fitted) -> Fitted:
@@ -221,9 +259,9 @@ class GrowthSearch:
         if term.course.kind == "step":
             return now
         around = [c for c in courses_of(self.at, fine=True) if c.kind == term.course.kind]
-        rough = [self.fitted((*now.terms[:-1], replace(term, course=c)), beyond=now) for c in around]
+        rough = [self.fitted((*now.terms[:-1], replace(term, course=c)), now, at_load=False) for c in around]
         best = min(rough, key=lambda one: one.score)
-        other = self.fitted(best.terms)
+        other = self.fitted(best.terms, now)
         return other if other.score < now.score else now
 
     def _promises(self, beside: Fitted) -> tuple[Array, npt.NDArray[np.intp]]:
@@ -255,16 +293,16 @@ class GrowthSearch:
                 found[number, chosen] = course.cost + self._cost - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
-    def fitted(self, terms: Sequence[Term], *, at_load: bool = True, beyond: Fitted | None = None) -> Fitted:
-        """Sizes of a set of causes with its score, solved at the load.
+    def fitted(self, terms: Sequence[Term], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
+        """Sizes of a set of causes with its score.
 
         Parameters
         ----------
         terms : sequence of Term
+        near : Fitted, optional
+            A set that has some of the causes: what the load makes of them is taken from there, where sizes are near.
         at_load : bool
-            Else to the first order.
-        beyond : Fitted, optional
-            The same causes with other courses, from which what the load makes of them is taken.
+            Whether the other causes are solved at the load, else to the first order.
 
         Returns
         -------
@@ -277,55 +315,66 @@ class GrowthSearch:
         of = np.concatenate([np.full(len(self.places[t.cause]), n) for n, t in enumerate(chosen)])
         waves = np.array([t.course.centred(self.at) for t in chosen])
         ends = np.cumsum(np.bincount(of))[:-1]
-        columns, sizes, extra = self.columns[:, at], np.zeros(len(at)), np.zeros_like(self.start)
-        way, _ = np.linalg.qr(waves.T)  # of the sessions' contrasts those that the causes reach
-        reach = way.T @ waves.T
-        missed = np.zeros((len(chosen), d))
-        nodes = () if beyond is None else beyond.nodes
-        try:
-            for _ in range(_REFITS):
-                parts = np.split(sizes, ends)
-                missed = np.array([self._missed(t, s) for t, s in zip(chosen, parts, strict=True)])
-                variance = 1 + reach**2 @ missed
-                made = np.einsum("wk,dk->wdk", reach[:, of], columns)
-                rows = way.T @ (self.start - extra)
-                weighted = made / variance[:, :, None]
-                normal = np.einsum("wdk,wdl->kl", weighted, made, optimize=True)
-                covariance = np.linalg.inv(normal + np.diag(1 / self.prior[at] ** 2))
-                moved = covariance @ np.einsum("wdk,wd->k", weighted, rows) - sizes
-                sizes = sizes + moved
-                if np.any(sizes < self.least[at]):
-                    return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
-                if at_load and beyond is None:
-                    nodes = tuple(self._nodes(t, s) for t, s in zip(chosen, np.split(sizes, ends), strict=True))
-                extra = sum(
-                    (_between(t.course, n, self.at) for t, n in zip(chosen, nodes, strict=bool(nodes))),
-                    np.zeros_like(extra),
-                )
-                if np.all(np.abs(moved) < _MOVED * np.sqrt(np.diag(covariance))):
-                    break
-        except InputError:  # no unit holds such errors
-            return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
-        left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
+        columns, prior, sizes, extra = self.columns[:, at], self.prior[at], np.zeros(len(at)), np.zeros_like(self.start)
+        bends = np.array([t.course.bend(self.at) for t in chosen])
+        both = np.concatenate([waves, bends[np.abs(bends).max(axis=1) > _NONE]])
+        way, _ = np.linalg.qr(both.T)  # of the sessions' contrasts those that the causes reach
+        reach, bent_reach = way.T @ waves.T, way.T @ bends.T
+        made = np.einsum("wk,dk->wdk", reach[:, of], columns)
+        missed, nodes = np.zeros((len(chosen), d)), dict[int, AtLoad]()
+        variance = np.ones((way.shape[1], d))
+        if near is not None:
+            nodes = {t.cause: n for t, n in zip(near.terms, near.nodes, strict=True)}
+        for _ in range(_REFITS):
+            weighted = made / variance[:, :, None]
+            normal = np.einsum("wdk,wdl->kl", weighted, made, optimize=True)
+            covariance = np.linalg.inv(normal + np.diag(1 / prior**2))
+            moved = covariance @ np.einsum("wdk,wd->k", weighted, way.T @ (self.start - extra)) - sizes
+            sizes = sizes + moved
+            parts = np.split(sizes, ends)
+            if np.any(sizes < self.least[at]):
+                return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
+            extra = np.zeros_like(self.start)
+            for term, some in zip(chosen, parts, strict=True):
+                known = nodes.get(term.cause)
+                if at_load and (known is None or not known.near(some)):
+                    known = self._at_load(term, some)
+                    if known is None:  # no unit holds such errors
+                        return Fitted(chosen, (), (), math.inf, self.start, np.zeros(d))
+                    nodes[term.cause] = known
+                if known is not None:
+                    extra += known.grown(term.course, self.at)
+            left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
+            missed = np.array([self._missed(t, s) for t, s in zip(chosen, parts, strict=True)])
+            bent = missed / 4 + np.array([_half(nodes.get(t.cause), d) for t in chosen])
+            shares = _shares(missed, bent, reach, bent_reach, way.T @ left)[:, None]
+            missed, bent = shares * missed, shares * bent
+            variance = 1 + reach**2 @ missed + bent_reach**2 @ bent
+            if np.all(np.abs(moved) < _MOVED * np.sqrt(np.diag(covariance))):
+                break
         reached = way.T @ left
         gain = float(np.sum((way.T @ self.start) ** 2) - np.sum(reached**2 / variance) - np.sum(np.log(variance)))
-        gain -= float(np.sum((sizes / self.prior[at]) ** 2))
-        gain -= float(np.linalg.slogdet(normal * self.prior[at] * self.prior[at][:, None] + np.eye(len(at)))[1])
+        gain -= float(np.sum((sizes / prior) ** 2))
+        gain -= float(np.linalg.slogdet(normal * prior * prior[:, None] + np.eye(len(at)))[1])
         cost = sum(t.course.cost + self._cost for t in chosen)
-        blocks = [covariance[np.ix_(of == n, of == n)] for n in range(len(chosen))]
-        total = (waves**2).sum(axis=1) @ missed
-        return Fitted(chosen, tuple(np.split(sizes, ends)), tuple(blocks), cost - gain, left, total, nodes)
+        blocks = tuple(covariance[np.ix_(of == n, of == n)] for n in range(len(chosen)))
+        total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
+        kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
+        return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
 
     def _missed(self, term: Term, sizes: Array) -> Array:
         """Variance that the model misses of what a cause does, over that of noise, shape (d,)."""
         return np.asarray(self.missing[:, self.places[term.cause]] @ sizes**2)
 
-    def _nodes(self, term: Term, sizes: Array) -> Array:
-        """What shares of a cause do at the load beyond the first order, weighted, shape (shares, d)."""
+    def _at_load(self, term: Term, sizes: Array) -> AtLoad | None:
+        """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
         change = self.spread(term.cause, sizes)
-        found = self.unit.with_changes(_SHARES[1:, None] * change) - self.unit.amplitudes
-        first = _SHARES[1:, None] * (self.unit.influences[0] @ change)
-        return self.weighted((found - first) @ self.unit.history.whitening.T)
+        try:
+            found = self.unit.with_changes(_SHARES[1:, None] * change) - self.unit.amplitudes
+        except InputError:
+            return None
+        beyond = found - _SHARES[1:, None] * (self.unit.influences[0] @ change)
+        return AtLoad(sizes, self.weighted(beyond @ self.unit.history.whitening.T))
 
     def spread(self, cause: int, sizes: Array) -> Array:
         """Sizes of a cause as changes of all components, shape (components,)."""
@@ -335,19 +384,21 @@ class GrowthSearch:
 
     def rivals(self, now: Fitted, number: int) -> list[Fitted]:
         """The set with other causes in place of one, as far as they are no less likely than a hundredth."""
-        others = self.fitted(now.terms[:number] + now.terms[number + 1 :])
+        others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
         scores, course = self._promises(others)
         own = now.terms[number].cause
-        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + _NEAR and c != own][:_TRIED]
+        wide = _NEAR + 2 * _ALIKE * (others.score - now.score)
+        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][:_TRIED]
         found = []
         for cause in near:
             kind = now.terms[number].course
-            alike = self.fitted((*others.terms, Term(cause, kind)), at_load=False)
-            tried = self.fitted((*others.terms, Term(cause, self.courses[course[cause]])), at_load=False)
+            alike = self.fitted((*others.terms, Term(cause, kind)), others, at_load=False)
+            tried = self.fitted((*others.terms, Term(cause, self.courses[course[cause]])), others, at_load=False)
             found.append(min(alike, tried, key=lambda one: one.score))
         found = sorted(found, key=lambda one: one.score)[: 2 * _SOLVED]
-        solved = [self.fitted(one.terms) for one in found]
-        return sorted((one for one in solved if one.score < now.score + RIVAL), key=lambda one: one.score)
+        solved = [self.fitted(one.terms, others) for one in found]
+        most = RIVAL + _ALIKE * (others.score - now.score)
+        return sorted((one for one in solved if one.score < now.score + most), key=lambda one: one.score)
 
     def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
         """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""
@@ -357,21 +408,36 @@ class GrowthSearch:
         for course in courses_of(self.at, fine=True):
             if (course.kind == "step") == step:
                 terms = (*now.terms[:number], replace(term, course=course), *now.terms[number + 1 :])
-                found.append(self.fitted(terms, beyond=now))
+                found.append(self.fitted(terms, now, at_load=False))
         lowest = min(one.score for one in found)
         weights = np.exp(-0.5 * np.array([one.score - lowest for one in found]))
         weights /= weights.sum()
         return [(float(w), one) for w, one in zip(weights, found, strict=True) if w > 1e-4]
 
 
-def _between(course: Course, nodes: Array, at: Array) -> Array:
-    """What a cause does beyond the first order, about the mean of the sessions, from that of shares, (sessions, d)."""
-    grown = course.grown(at)
-    after = np.clip(np.searchsorted(_SHARES, grown), 1, len(_SHARES) - 1)
-    along = ((grown - _SHARES[after - 1]) / (_SHARES[after] - _SHARES[after - 1]))[:, None]
-    every = np.concatenate([np.zeros((1, nodes.shape[1])), nodes])
-    found = (1 - along) * every[after - 1] + along * every[after]
-    return np.asarray(found - found.mean(axis=0))
+def _half(known: AtLoad | None, size: int) -> Array:
+    """Variance of how a cause bends between none and all of it, of what the load makes of its half."""
+    if known is None:
+        return np.zeros(size)
+    middle = len(known.rows) // 2 - 1
+    return np.asarray((_BENT * (known.rows[middle] - known.rows[-1] / 2)) ** 2)
+
+
+def _shares(missed: Array, bent: Array, reach: Array, bent_reach: Array, left: Array) -> Array:
+    """Share of what each cause's influence may miss that makes what is left most probable.
+
+    States drawn about the unit tell in which orders an influence is open, and how far only roughly.
+    """
+    found = np.ones(len(missed))
+    for _ in range(1 + (len(missed) > 1)):
+        for number in range(len(missed)):
+            costs = []
+            for share in _OPEN:
+                found[number] = share
+                variance = 1 + reach**2 @ (found[:, None] * missed) + bent_reach**2 @ (found[:, None] * bent)
+                costs.append(float(np.sum(left**2 / variance + np.log(variance))))
+            found[number] = _OPEN[int(np.argmin(costs))]
+    return found
 
 
 def _evidence(own: Array, right: Array, prior: Array) -> Array:

@@ -122,7 +122,7 @@ def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
     """Causes of a fitted set with their intervals and rivals, the most evident first."""
     changed = []
     for number, term in enumerate(found.terms):
-        others = search.fitted(found.terms[:number] + found.terms[number + 1 :])
+        others = search.fitted(found.terms[:number] + found.terms[number + 1 :], found)
         ways = search.ways(found, number)
         cause, course = search.causes[term.cause], term.course
         since = _mixed([(weight, one.terms[number].course.since, 0.0) for weight, one in ways])
