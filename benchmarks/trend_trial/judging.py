@@ -85,8 +85,9 @@ def sloping(series: Array, hours: Array) -> int | None:
 
 
 def place(one: Mapping[str, Any]) -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Source and part of an entry."""
-    return one["key"], tuple(sorted((name, str(value)) for name, value in (one.get("indices") or {}).items()))
+    """Source and part of an entry; an index that is left out stands for all parts."""
+    indices = (one.get("indices") or {}).items()
+    return one["key"], tuple(sorted((name, str(value)) for name, value in indices if value != "all"))
 
 
 def is_listed(entries: Iterable[Row], right: Any) -> bool:
@@ -110,7 +111,8 @@ def compared(told: Row, truth: Row) -> Row:
     ``named``: source and part are those of the truth, in the right list; ``listed``: or among the rivals of one that is
     named, of ``rivals``; ``crossed``: in the other list; ``false``: names without the truth among them or their rivals;
     ``mounting``: jumps of an encoder that was mounted anew, which are true and count as nothing; ``held``: of the
-    entries named rightly, how many intervals have the true rate, or size, of how many.
+    entries named rightly, how many intervals have the true rate, or size, of how many.  Another part of the same source
+    that is named with the truth among its rivals has the true size as well, or its opposite.
     """
     growing, jumps, change = told["growing"], told["jumps"], truth["change"]
     mounting = [one for one in jumps if truth["remounted"] and one["key"] == ENCODER]
@@ -123,10 +125,11 @@ def compared(told: Row, truth: Row) -> Row:
     near = [one for one in mine if is_listed([one], right)]
     exact = [one for one in near if place(one) == right]
     true = {"size": change["sizes"]} if is_jump else rates(change, truth["hours"])
-    held = {name: [sum(has(one, values) for one in exact), len(exact)] for name, values in true.items()}
+    sized = [one for one in near if one["key"] == change["key"] and set(one["indices"]) == set(dict(right[1]))]
+    held = {name: [sum(has(one, values) for one in sized), len(sized)] for name, values in true.items()}
     if is_jump:
         low, high = change["between"]
-        held["at"] = [sum(low <= float(one["at"]) <= high for one in exact), len(exact)]
+        held["at"] = [sum(low <= float(one["at"]) <= high for one in near), len(near)]
     return {
         "named": bool(exact),
         "listed": bool(near),
@@ -139,6 +142,7 @@ def compared(told: Row, truth: Row) -> Row:
 
 
 def has(one: Row, values: Mapping[str, float]) -> bool:
-    """Whether the interval of an entry has the true value of its parameter."""
+    """Whether the interval of an entry has the true value of its parameter, or the opposite of a part alike."""
     low, high = one["interval"]
-    return bool(low <= values.get(one["parameter"], 0.0) <= high)
+    true = values.get(one["parameter"], 0.0)
+    return bool(low <= true <= high or low <= -true <= high)

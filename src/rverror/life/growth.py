@@ -24,9 +24,9 @@ from rverror.model.catalogue import source
 _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
 EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
 #: Of the evidence of a cause: what further causes must exceed, as states drawn about a unit tell a fifth of an influence
-#: at light load no better; and within which another cause is a rival.  A model that misses 2.5 % of an influence, which
-#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.025)^2 of it, two standard errors.
-_BESIDE, _ALIKE = 0.05, 0.01
+#: at light load no better; and within which another cause is a rival.  A model that misses 4 % of an influence, which
+#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.04)^2 of it, two standard errors.
+_BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
 _NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
@@ -124,7 +124,7 @@ class GrowthSearch:
         columns = unit.history.whitening @ unit.influences[0][:, reads[unit.parts.effect]]
         basis, size, _ = np.linalg.svd(columns, full_matrices=False)
         basis = basis[:, size > size.max(initial=0.0) * 1e-6]
-        spread = np.maximum(repeated(unit.history.values @ basis) - 1.0, 0.0)
+        spread = np.maximum(repeated(unit.history.values @ basis, unit.history.at) - 1.0, 0.0)
         return cls(unit, basis * np.sqrt(spread))
 
     # --- what may change ----------------------------------------------------------------------------------------------
@@ -249,9 +249,19 @@ class GrowthSearch:
         taken = {term.cause for term in beside.terms}
         near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
         rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), beside, at_load=False) for c in near]
-        chosen = sorted(rough, key=lambda one: one.score)[:_SOLVED]
-        best = min((self.fitted(one.terms, beside) for one in chosen), key=lambda one: one.score)
-        return self._finest(best) if math.isfinite(best.score) else None
+        rough.sort(key=lambda one: one.score)
+        single = [one for one in rough[_SOLVED:] if self._width(one) == 1]
+        solved = [self.fitted(one.terms, beside) for one in (*rough[:_SOLVED], *single[: _SOLVED // 2])]
+        best = min(one.score for one in solved)
+        if not math.isfinite(best):
+            return None
+        # of what the model does not tell apart the one of fewest sizes: more of them fit what the model misses
+        alike = [one for one in solved if one.score < best + _ALIKE * (beside.score - best)]
+        return self._finest(min(alike, key=lambda one: (self._width(one), one.score)))
+
+    def _width(self, now: Fitted) -> int:
+        """Number of sizes of the last cause."""
+        return len(self.places[now.terms[-1].cause])
 
     def _finest(self, now: Fitted) -> Fitted:
         """The last cause of a set with the best of all courses of its kind."""

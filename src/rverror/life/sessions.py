@@ -204,40 +204,68 @@ def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Arr
     zeros = np.array([[part.offsets[c] for c in joined.conditions] for _, part in chosen])
     amplitudes = _with_offsets(joined, zeros)
     changed = amplitudes.values - (0.0 if fitted is None else fitted)
-    noise = _noise(changed, len(amplitudes.conditions))
+    at = np.array([one.at for one, _ in chosen])
+    noise = _noise(bumps(changed, at), len(amplitudes.conditions))
     amplitudes = replace(amplitudes, noise=noise)
     contrasts, lost = _contrasts(joined, [part for _, part in chosen], [one for one, _ in chosen])
     rows = np.concatenate([_waves(amplitudes), contrasts])
     variance = rows**2 @ noise
     own = len(contrasts)
     if own:
-        variance[-own:] = np.maximum(variance[-own:], repeated(changed @ contrasts.T))
-    at = np.array([one.at for one, _ in chosen])
+        variance[-own:] = np.maximum(variance[-own:], repeated(changed @ contrasts.T, at))
     first = len(rows) - own
     return History(unit, at, joined.serials, amplitudes, rows, variance, tuple(first + number for number in lost))
 
 
-def repeated(values: Array) -> Array:
-    """Variance with which each of some series repeats from session to session, that a jump or a growth hardly alters.
+def bumps(values: Array, at: Array) -> Array:
+    """What each session is off from the line between its neighbours, as noise of the variance of a session.
+
+    Of two sessions their difference.
+
+    Parameters
+    ----------
+    values : ndarray, shape (sessions, ...)
+    at : ndarray, shape (sessions,)
+
+    Returns
+    -------
+    ndarray, shape (sessions - 2, ...), of two sessions (1, ...)
+
+    Examples
+    --------
+    >>> bumps(np.array([0.0, 1, 3, 4]), np.array([0.0, 1, 3, 4]))  # a growth is no noise
+    array([0., 0.])
+    """
+    if len(values) == 2:
+        return np.asarray(np.diff(values, axis=0) / math.sqrt(2))
+    share = ((at[1:-1] - at[:-2]) / (at[2:] - at[:-2])).reshape(-1, *[1] * (values.ndim - 1))
+    off = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
+    return np.asarray(off / np.sqrt(1 + (1 - share) ** 2 + share**2))
+
+
+def repeated(values: Array, at: Array) -> Array:
+    """Variance with which series repeat from session to session, that a jump or a growth hardly alters.
 
     Parameters
     ----------
     values : ndarray, shape (sessions, series)
+    at : ndarray, shape (sessions,)
+        Times.
 
     Returns
     -------
     ndarray, shape (series,)
-        Half the median square of the steps, over what it is of normal ones; 0 where sessions are too few to tell.
+        Median square of `bumps`, over what it is of normal ones; 0 where sessions are too few to tell.
 
     Examples
     --------
     >>> series = np.array([0.0, 1, 0, 1, 0, 1, 0, 1, 80])[:, None]
-    >>> repeated(series).round(2)
-    array([1.1])
+    >>> repeated(series, np.arange(9.0)).round(2)
+    array([1.47])
     """
     if len(values) < _FEW:
         return np.zeros(values.shape[1])
-    return np.asarray(np.median(np.diff(values, axis=0) ** 2, axis=0) / (2 * _MEDIAN))
+    return np.asarray(np.median(bumps(values, at) ** 2, axis=0) / _MEDIAN)
 
 
 def _with_offsets(joined: Amplitudes, zeros: Array) -> Amplitudes:
@@ -249,14 +277,14 @@ def _with_offsets(joined: Amplitudes, zeros: Array) -> Amplitudes:
     return replace(joined, orders=np.concatenate([[0], joined.orders]), values=values, noise=np.ones(values.shape[1]))
 
 
-def _noise(values: Array, conditions: int) -> Array:
-    """Variance of each amplitude that noise makes, from steps between sessions.
+def _noise(off: Array, conditions: int) -> Array:
+    """Variance of each amplitude that noise makes, of what sessions are off from their neighbours.
 
-    About an order the lower quartile of the steps' powers, over sessions and orders, over what it is of noise: what one
-    session, a few orders, or a slow growth add does not reach it.
+    About an order the lower quartile of the powers, over sessions and orders, over what it is of noise: what one
+    session or a few orders add does not reach it.
     """
-    parts = values.reshape(len(values), conditions, 2, -1)
-    power = (np.diff(parts, axis=0) ** 2).sum(axis=2) / 4  # of noise: its variance times an exponential of mean 1
+    parts = off.reshape(len(off), conditions, 2, -1)
+    power = (parts**2).mean(axis=2)  # of noise: its variance times an exponential of mean 1
     count = power.shape[-1]
     wide = max(_NEAR, -(-POOLED // (2 * len(power))))
     order, found = np.arange(count), np.empty((conditions, count))

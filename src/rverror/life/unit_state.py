@@ -34,7 +34,7 @@ _MISSED, _STEPS, _SETTLED = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003), 16, 0.02
 _SPREADS = 0.1  # share below which the sessions tell the spreads of parts
 _FLOOR = 0.1  # of the mean power of orders, which every order's has in addition
 _DRAWS = 7  # states within what the sessions tell
-_EVERY = 0.01  # of an influence, what no state tells: exact poses, and samples between which contacts close
+_EVERY = 0.02  # of an influence, what no state tells: exact poses, and samples between which contacts close
 
 
 @dataclass(frozen=True)
@@ -175,6 +175,7 @@ def unit_state(model: Model, history: History) -> UnitState:
             if gained < max(_SETTLED * _cost(now, prior), 1.0):
                 break
         sizes = now.sizes
+    assert now is not None
     drawn = [solved(np.maximum(one, least), weight) for one in _alike(now, prior, random)]
     influences = [one.influence.T / simulator.scale[:, None] for one in (now, *drawn) if one is not None]
     return UnitState(
