@@ -11,7 +11,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.life.over_life import searched, told
-from rverror.life.result import OrderChange, RunsCompared
+from rverror.life.result import Changed, OrderChange, RunsCompared
 from rverror.life.sessions import History, Session, history_of
 from rverror.lots.result import Interval
 from rverror.model.effects import Model
@@ -20,8 +20,9 @@ from rverror.runs.measurement import Run
 
 _LEVEL = 0.01  # of pairs that do not differ, those in which an order is named
 _NORMAL = 1.96
+_ONCE = "one measurement each: what a repeat of the same state would differ by is not known; measure each state twice"
 _POOLED_ERROR = 1 / 6  # relative standard error of a noise that `POOLED` steps tell
-_WHOLE = 1e-3  # by which a ratio that is read of the angles may miss a whole number
+_WHOLE = 0.02  # by which a ratio that is read of the angles may miss a whole number: errors of the angles do that
 
 
 def compare_runs(
@@ -79,9 +80,10 @@ def compare_runs(
         model = Model(Drive(ratio=ratio))
         notes.append(f"ratio {ratio:g}, read of the angles; a model states it")
     check_kind("model", model, Model, "give load_model(path)")
+    notes.append(_ONCE)
     sessions = (Session(0.0, "before", tuple(before)), Session(1.0, "after", tuple(after)))
     tell = progress or (lambda text: None)
-    changed = ()
+    changed: tuple[Changed, ...] = ()
     if isinstance(model.mechanism, Reducer):
         search, found = searched(model, "hour", sessions, tell)
         history, changed = search.unit.history, told(search, found)
@@ -104,7 +106,7 @@ def _ratio(run: Run) -> float:
     if not slope:
         raise InputError(f"{run.path or 'a run'}: the output does not turn; give the model")
     ratio = 1 / slope
-    return float(round(ratio)) if abs(ratio - round(ratio)) < _WHOLE * abs(ratio) and round(ratio) else ratio
+    return float(round(ratio)) if abs(ratio - round(ratio)) < _WHOLE and round(ratio) else ratio
 
 
 def _orders(history: History) -> tuple[OrderChange, ...]:
@@ -130,7 +132,7 @@ def _orders(history: History) -> tuple[OrderChange, ...]:
                         math.sqrt(2 * float(apart[number, order])), float(chance[number, order]),
                     )
                 )  # fmt: skip
-    return tuple(found)
+    return tuple(sorted(found, key=lambda one: -one.difference))
 
 
 def _exceeded(power: Array) -> Array:

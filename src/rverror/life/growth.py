@@ -25,7 +25,7 @@ _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cau
 EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
 #: Of the evidence of a cause: what further causes must exceed, as states drawn about a unit tell a fifth of an influence
 #: at light load no better; and within which another cause is a rival.  A model that misses 4 % of an influence, which
-#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.04)^2 of it, two standard errors.
+#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.04)^2 of it: two standard errors.
 _BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
@@ -168,7 +168,7 @@ class GrowthSearch:
     @cached_property
     def columns(self) -> Array:
         """Rows that one of each size of each cause makes, in the mean of the states, weighted, shape (d, columns)."""
-        return self._in_states.mean(axis=0)
+        return np.asarray(self._in_states.mean(axis=0))
 
     @cached_property
     def missing(self) -> Array:
@@ -190,7 +190,7 @@ class GrowthSearch:
         """Least size of each column, core units: play that lessens where there is none is no cause."""
         parts, own = self.unit.parts, self.components > 0
         least = (parts.least - self.unit.values)[:, None]
-        return np.where(own, least, -math.inf).max(axis=0) - 1e-12
+        return np.asarray(np.where(own, least, -math.inf).max(axis=0)) - 1e-12
 
     @cached_property
     def start(self) -> Array:
@@ -405,7 +405,7 @@ class GrowthSearch:
             alike = self.fitted((*others.terms, Term(cause, kind)), others, at_load=False)
             tried = self.fitted((*others.terms, Term(cause, self.courses[course[cause]])), others, at_load=False)
             found.append(min(alike, tried, key=lambda one: one.score))
-        found = sorted(found, key=lambda one: one.score)[: 2 * _SOLVED]
+        found = sorted(found, key=lambda one: one.score)[: 3 * _SOLVED]
         solved = [self.fitted(one.terms, others) for one in found]
         most = RIVAL + _ALIKE * (others.score - now.score)
         return sorted((one for one in solved if one.score < now.score + most), key=lambda one: one.score)

@@ -24,6 +24,7 @@ from rverror.runs.measurement import Run
 from rverror.statics.loaded_state import reducer_of
 from rverror.tolerances.specification import Limit
 
+_RELATIVE = 0.05  # of a size: influences of states that fit alike are off by that from the unit's, see the page
 _WAVES = 512  # angles of a turn
 _DRAWS = 200  # of what is known of the causes, for the time that remains
 _FURTHEST = 100.0  # times the time that was measured: beyond it nothing is foretold
@@ -132,7 +133,7 @@ def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
                 cause.key, cause.indices, course.kind, course.since, since.low, since.high, course.settling,
                 tuple(_grown(ways, number, k, name, cause.dimension) for k, name in enumerate(cause.parameters)),
                 source(cause.key).acts == "reading",
-                tuple(dict.fromkeys((one.key, tuple(one.indices.items())) for one in rivals if one.label != cause.label)),
+                tuple(dict.fromkeys((o.key, tuple(o.indices.items())) for o in rivals if o.label != cause.label)),
                 others.score - found.score,
             )
         )  # fmt: skip
@@ -141,7 +142,7 @@ def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
 
 def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str, dimension: str) -> Grown:
     """A parameter of a cause, over its possible courses."""
-    sizes = [(weight, float(one.sizes[number][k]), float(one.covariance[number][k, k]) ** 0.5) for weight, one in ways]
+    sizes = [(weight, float(one.sizes[number][k]), math.sqrt(_covariance(one, number)[k, k])) for weight, one in ways]
     rates = [one.terms[number].course.rate for _, one in ways]
     return Grown(
         name,
@@ -149,6 +150,12 @@ def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str,
         _mixed(sizes),
         _mixed([(weight, rate * size, rate * error) for rate, (weight, size, error) in zip(rates, sizes, strict=True)]),
     )
+
+
+def _covariance(found: Fitted, number: int) -> Array:
+    """Covariance of the sizes of a cause, with what the state of the unit leaves open of its influence as a whole."""
+    size = found.sizes[number]
+    return np.asarray(found.covariance[number] + _RELATIVE**2 * np.outer(size, size))
 
 
 def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
@@ -224,14 +231,14 @@ def _remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) -
 
 
 def _ways(search: GrowthSearch, found: Fitted) -> list[tuple[Array, list[tuple[Course, Array, Array]], Array]]:
-    """Of each cause that grows: what it does to amplitudes, and its courses with sizes and a root of their covariance."""
-    result = []
+    """Of each cause that grows what it does to amplitudes, and its courses with sizes and roots of covariances."""
+    result = list[tuple[Array, list[tuple[Course, Array, Array]], Array]]()
     for number, term in enumerate(found.terms):
         if term.course.kind != "step":
             columns = search.unit.influences.mean(axis=0) @ search.components[:, search.places[term.cause]]
             ways = search.ways(found, number)
             options = [
-                (one.terms[number].course, one.sizes[number], np.linalg.cholesky(one.covariance[number]))
+                (one.terms[number].course, one.sizes[number], np.asarray(np.linalg.cholesky(_covariance(one, number))))
                 for _, one in ways
             ]
             weights = np.array([weight for weight, _ in ways])

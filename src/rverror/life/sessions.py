@@ -75,9 +75,8 @@ def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
     --------
     >>> import numpy as np, rverror
     >>> angle = np.linspace(0, 7, 100)
-    >>> runs = [
-    ...     rverror.run_from_arrays(input_angle=angle, te=0 * angle, metadata={"hours": text}) for text in ("5", "0", "5")
-    ... ]
+    >>> made = rverror.run_from_arrays
+    >>> runs = [made(input_angle=angle, te=0 * angle, metadata={"hours": text}) for text in ("5", "0", "5")]
     >>> unit, sessions = sessions_of(runs)
     >>> unit, [(one.at, len(one.runs)) for one in sessions]
     ('hour', [(0.0, 1), (5.0, 2)])

@@ -55,7 +55,8 @@ def remaining_words(trend: Trend) -> str:
     """How long the limit is met."""
     left = trend.remaining
     assert left is not None
-    what = f"{left.quantity.replace('_', ' ')} {brief(left.now / ARCSEC, 3)} arcsec now, limit {brief(left.limit / ARCSEC, 3)}"
+    name, now, most = left.quantity.replace("_", " "), left.now / ARCSEC, left.limit / ARCSEC
+    what = f"{name} {brief(now, 3)} arcsec now, limit {brief(most, 3)}"
     if left.time is None:
         return f"{what}: nothing that grows is known to reach it, so the time that remains is not to be told"
     high = "no end" if math.isinf(left.time.high) else brief(left.time.high, 3)

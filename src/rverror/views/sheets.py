@@ -802,12 +802,14 @@ def _of_compensation(thing: Compensation) -> Sheet:
 @sheet.register
 def _of_trend(thing: Trend) -> Sheet:
     hours = f"{thing.unit}s"
+    times = f"{count_of(len(thing.at), 'session')}, {brief(thing.at[0])} to {brief(thing.at[-1])} {hours}"
+    heads = ("grows", "parameter", "course", "since", "change", "95 % interval", f"per 1000 {hours}", "95 % interval")
     return (
-        *_title("Trend", thing.model, f"{count_of(len(thing.at), 'session')}, {brief(thing.at[0])} to {brief(thing.at[-1])} {hours}"),
+        *_title("Trend", thing.model, times),
         *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
         Sentence(*trend_verdict(thing)),
         *_grid(
-            ("grows", "parameter", "course", "since", "change", "95 % interval", f"per 1000 {hours}", "95 % interval", "unit"),
+            (*heads, "unit"),
             [
                 (
                     describe(one.key, one.indices), grown.name, one.course, one.since,
