@@ -13,6 +13,7 @@ import rverror
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
+from rverror.life.result import Changed, Grown, OrderChange, Remaining, RunsCompared, Trend
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances.allocation import terms
@@ -183,6 +184,40 @@ def compensation() -> rverror.Compensation:
     )
 
 
+def changed() -> tuple[Changed, ...]:
+    """A growth of two parameters with rivals, and a jump of the measuring chain."""
+    um = 1e-3
+    sizes = tuple(
+        Grown(name, "length", Interval(3 * um, 2 * um, 4 * um), Interval(um / 500, um / 600, um / 400))
+        for name in ("cos", "sin")
+    )
+    jump = Grown("cos", "angle", Interval(7 * ARCSEC, 6 * ARCSEC, 8 * ARCSEC), Interval(0.0, 0.0, 0.0))
+    return (
+        Changed(
+            "involute.planet_pitch", {"crank": 0, "harmonic": 1}, "settling", 0.0, 0.0, 50.0, 120.0, sizes, False,
+            (("involute.planet_pitch", (("crank", 1), ("harmonic", 1))),), 350.0,
+        ),
+        Changed("sensor.encoder_eccentricity", {}, "step", 300.0, 300.0, 300.0, 0.0, (jump,), True, (), 90.0),
+    )  # fmt: skip
+
+
+def trend() -> Trend:
+    """A trend by hand: five sessions, two conditions, one lost motion."""
+    rows = np.linspace(0, 4, 5)[:, None] * ARCSEC
+    left = Remaining("lost_motion", 90 * ARCSEC, 60 * ARCSEC, Interval(900.0, 700.0, math.inf))
+    return Trend(
+        HOSTILE, "hour", np.array([0.0, 100, 200, 300, 400]), ("forward at 20 N*m", "reverse at 20 N*m"), changed(),
+        left, 30 * ARCSEC + np.hstack([rows, 2 * rows]), 50 * ARCSEC + rows, 50.5 * ARCSEC + rows, 0.3, (HOSTILE,),
+    )  # fmt: skip
+
+
+def runs_compared() -> RunsCompared:
+    """Two measurements compared by hand."""
+    size = Interval(0.5 * ARCSEC, 0.4 * ARCSEC, 0.6 * ARCSEC)
+    order = OrderChange(4, "forward", 30 * ARCSEC, 0.5 * ARCSEC, size, 29.5 * ARCSEC, 1e-30)
+    return RunsCompared(("forward",), (order,), changed(), 0.02 * ARCSEC, (HOSTILE,))
+
+
 def lot() -> Lot:
     """A lot by hand with everything that a lot can have: sizes in whole um and arcsec."""
 
@@ -329,6 +364,8 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Front": (front, {}),
         "Compensation": (compensation(), {}),
         "Lot": (lot(), {}),
+        "Trend": (trend(), {}),
+        "RunsCompared": (runs_compared(), {}),
         "Diagnosis": (diagnosis("unexplained"), {}),
         "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
         "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),

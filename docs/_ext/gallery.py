@@ -104,6 +104,16 @@ for number in range(40):
                                  revolutions=1, method="equilibrium", noise="0.2 arcsec", seed=number)
     units.append(LotUnit(f"{number:02}", tuple(both)))
 lot = rverror.lot(small, units, tolerances=drawing)
+
+life = []
+for number, hours in enumerate((0, 200, 450, 600, 900, 1200, 1500, 1800)):
+    bent = rverror.effect("crank.eccentricity", crank=1, disc=0, radial=3e-3, tangential=2e-6 * hours)
+    thin = rverror.effect("involute.tooth_thinning", member="sun", thinning=2e-6 * max(hours - 600, 0))
+    both = rverror.simulate_runs(rverror.Model(small.mechanism, (bent, thin)), torques=("150 N*m",), points=256,
+                                 revolutions=1, method="equilibrium", noise="0.2 arcsec", seed=number)
+    life += [replace(run, index="A", metadata={"hours": str(hours)}) for run in both]
+trend = rverror.trend(small, life)
+compared = rverror.compare_runs(life[:2], life[-2:], small)
 """
 
 #: Line that draws each picture.
@@ -159,6 +169,8 @@ LINES = {
     "lot-shares": 'lot.plot(kind="shares")',
     "lot-orders": 'lot.plot(kind="orders")',
     "lot-predicted": 'lot.plot(kind="predicted")',
+    "trend-courses": "trend.plot()",
+    "runscompared-orders": "compared.plot()",
 }
 
 

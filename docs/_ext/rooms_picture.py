@@ -22,6 +22,7 @@ PLACES = {
     "app": (340, "command line, batches"),
     "reference": (602, "cases for other tools"),
     "views": (450, "text, pages, tables, plots"),
+    "life": (230, "what grows, what jumped"),
     "lots": (230, "what processes made"),
     "tolerances": (120, "budget, units, allocation"),
     "compensation": (645, "tables for controllers"),

@@ -132,14 +132,14 @@ LONG_WITHOUT = {
 #: Functions of a few plain values or of other tools' files, and those that take any result.
 LEFT_OUT = {
     "allocation_json", "allocation_text", "bench_uncertainty", "budget_json", "budget_text", "coloured_noise",
-    "compare", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
+    "compare", "compare_runs", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
     "draw", "extended", "folded_order", "input_files",
     "line_style",
     "load_compensation", "load_mapping", "lot",
     "load_orders", "new_figure", "orders_from_arrays", "passport", "phasing_gain",
     "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core",
     "to_display", "to_html",
-    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "validated",
+    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "validated",
 }  # fmt: skip
 
 

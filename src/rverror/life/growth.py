@@ -23,9 +23,10 @@ from rverror.model.catalogue import source
 
 _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
 EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
-#: Of the evidence of a cause: what further causes must exceed, as states drawn about a unit tell a fifth of an influence
-#: at light load no better; and within which another cause is a rival.  A model that misses 4 % of an influence, which
-#: may look like the difference of two causes, moves their evidence by (2 * 2 * 0.04)^2 of it: two standard errors.
+#: Of the evidence of a cause: what further causes of the same orders must exceed, as states drawn about a unit tell a
+#: fifth of an influence at light load no better; and within which another cause is a rival.  A model that misses 4 % of
+#: an influence, which may look like the difference of two causes, moves their evidence by (2 * 2 * 0.04)^2 of it: two
+#: standard errors.
 _BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
@@ -216,21 +217,26 @@ class GrowthSearch:
         best = self.fitted(())
         while len(best.terms) < _MOST:
             more = self.best(best)
-            if more is None or best.score - more.score < self.needed(best):
+            if more is None or best.score - more.score < self.needed(best, more, len(best.terms)):
                 break
             best = self._settled(more)
         return best
 
-    def needed(self, beside: Fitted) -> float:
-        """By how much a cause must lower the score beside others: the more the larger these are."""
-        return EVIDENCE + _BESIDE * max(-beside.score, 0.0)
+    def needed(self, others: Fitted, now: Fitted, number: int) -> float:
+        """By how much a cause of a set must lower the score of the others: the more the more these do in its orders."""
+        power = np.zeros(self.start.shape[1])
+        for term, sizes in zip(others.terms, others.sizes, strict=True):
+            grown = term.course.centred(self.at)
+            power += (self.columns[:, self.places[term.cause]] @ sizes) ** 2 * float(grown @ grown)
+        own = (self.columns[:, self.places[now.terms[number].cause]] @ now.sizes[number]) ** 2
+        return EVIDENCE + _BESIDE * float(np.sqrt(power * own / own.sum()).sum()) ** 2
 
     def _settled(self, now: Fitted) -> Fitted:
         """Each cause exchanged for the best in its place, until none is better; what is then needless goes."""
         for _ in range(2):
             for number in range(len(now.terms)):
                 others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
-                if others.score - now.score < self.needed(others):
+                if others.score - now.score < self.needed(others, now, number):
                     now = others
                     break
                 other = self.best(others) if others.terms else None
