@@ -1,1 +1,1 @@
-"""Units over their life: what grows, what jumped, what stayed, from runs of one unit at different times."""
+"""Life: what grows and what jumped in one unit, told from its runs at different times."""

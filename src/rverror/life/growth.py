@@ -40,7 +40,7 @@ _NEARLY = 0.05  # of sizes, by which they differ from those that were solved at 
 
 
 @dataclass(frozen=True)
-class Term:
+class Cause:
     """A cause, by its number, with its course."""
 
     cause: int
@@ -80,7 +80,7 @@ class Fitted:
 
     Attributes
     ----------
-    terms : tuple of Term
+    terms : tuple of Cause
     sizes : tuple of ndarray
         Of each at the last session, core units.
     covariance : tuple of ndarray
@@ -95,7 +95,7 @@ class Fitted:
         What the load makes of each cause; empty where some were not solved there.
     """
 
-    terms: tuple[Term, ...]
+    terms: tuple[Cause, ...]
     sizes: tuple[Array, ...]
     covariance: tuple[Array, ...]
     score: float
@@ -254,7 +254,7 @@ class GrowthSearch:
             return None
         taken = {term.cause for term in beside.terms}
         near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
-        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), beside, at_load=False) for c in near]
+        rough = [self.fitted((*beside.terms, Cause(c, self.courses[course[c]])), beside, at_load=False) for c in near]
         rough.sort(key=lambda one: one.score)
         single = [one for one in rough[_SOLVED:] if self._width(one) == 1]
         solved = [self.fitted(one.terms, beside) for one in (*rough[:_SOLVED], *single[: _SOLVED // 2])]
@@ -309,12 +309,12 @@ class GrowthSearch:
                 found[number, chosen] = course.cost + self._cost - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
-    def fitted(self, terms: Sequence[Term], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
+    def fitted(self, terms: Sequence[Cause], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
         """Sizes of a set of causes with its score.
 
         Parameters
         ----------
-        terms : sequence of Term
+        terms : sequence of Cause
         near : Fitted, optional
             A set that has some of the causes: what the load makes of them is taken from there, where sizes are near.
         at_load : bool
@@ -378,11 +378,11 @@ class GrowthSearch:
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
 
-    def _missed(self, term: Term, sizes: Array) -> Array:
+    def _missed(self, term: Cause, sizes: Array) -> Array:
         """Variance that the model misses of what a cause does, over that of noise, shape (d,)."""
         return np.asarray(self.missing[:, self.places[term.cause]] @ sizes**2)
 
-    def _at_load(self, term: Term, sizes: Array) -> AtLoad | None:
+    def _at_load(self, term: Cause, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
         change = self.spread(term.cause, sizes)
         try:
@@ -408,8 +408,8 @@ class GrowthSearch:
         found = []
         for cause in near:
             kind = now.terms[number].course
-            alike = self.fitted((*others.terms, Term(cause, kind)), others, at_load=False)
-            tried = self.fitted((*others.terms, Term(cause, self.courses[course[cause]])), others, at_load=False)
+            alike = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
+            tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
             found.append(min(alike, tried, key=lambda one: one.score))
         found = sorted(found, key=lambda one: one.score)[: 3 * _SOLVED]
         solved = [self.fitted(one.terms, others) for one in found]

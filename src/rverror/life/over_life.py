@@ -12,6 +12,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.numbers import count_of
+from rverror.geartrain.mechanism import Reducer
 from rverror.life.courses import Course
 from rverror.life.growth import Fitted, GrowthSearch
 from rverror.life.result import Changed, Grown, Remaining, Trend
@@ -21,7 +22,6 @@ from rverror.lots.result import Interval
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-from rverror.statics.loaded_state import reducer_of
 from rverror.tolerances.specification import Limit
 
 _RELATIVE = 0.05  # of a size: influences of states that fit alike are off by that from the unit's, see the page
@@ -67,7 +67,8 @@ def trend(
     Page ``theory/trend.md``.  A jump of the measuring chain is told as such; a mounting that differs from session to
     session is taken for what it is.
     """
-    reducer_of(model.mechanism, "a trend")
+    if not isinstance(model.mechanism, Reducer):
+        raise InputError("a trend needs a [reducer] model; of a [drive] two measurements are compared: compare-runs")
     check_each("runs", runs, Run, "give a list of runs, such as [load_run(path)]")
     tell = progress or (lambda text: None)
     unit, sessions = sessions_of(runs)

@@ -1,0 +1,141 @@
+"""What grows in one unit: lives of the trial's simulator, which solves exact poses and knows more than the model."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rverror
+from pages import ROOT
+from rverror.app.command_line import main
+
+sys.path.append(str(ROOT))
+
+from benchmarks.trend_trial import make
+
+SESSIONS = 7
+
+
+@pytest.fixture(scope="module")
+def life(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A planet whose pitch error grows by some um, at 60 N*m, measured on a bench that is mounted anew each time."""
+    folder = tmp_path_factory.mktemp("life")
+    make.write(make.simulate(7, "growing", SESSIONS), folder / "runs")
+    truth = json.loads((folder / "runs" / "truth.json").read_text(encoding="utf-8"))
+    (folder / "runs" / "model.toml").rename(folder / "model.toml")
+    return folder, truth
+
+
+def said(folder: Path, *words: str) -> dict[str, Any]:
+    assert main([*words, "--json", str(folder / "found.json")]) == 0
+    return dict(json.loads((folder / "found.json").read_text(encoding="utf-8")))
+
+
+def test_what_grows_is_named_with_its_rate_and_how_long_it_lasts(
+    life: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, truth = life
+    change = truth["change"]
+    page = str(folder / "page.html")
+    model = str(folder / "model.toml")
+    found = said(
+        folder,
+        "trend",
+        str(folder / "runs"),
+        "--model",
+        model,
+        "--limit",
+        "transmission error 90 arcsec",
+        "--html",
+        page,
+    )
+    assert "1 cause grows" in capsys.readouterr().out
+    assert not found["jumps"]
+    named = found["growing"][0]
+    places = [(named["key"], named["indices"]), *((o["key"], o["indices"]) for o in named["indistinguishable_from"])]
+    assert (change["key"], change["indices"]) in places
+    assert {one["key"] for one in found["growing"]} == {change["key"]}
+    if named["indices"] == change["indices"]:
+        for one in found["growing"]:
+            low, high = one["interval"]
+            assert low < change["rate_per_hour"][one["parameter"]] < high
+    low, high = found["remaining_hours"]
+    assert 0 < low < (high or np.inf)
+    assert found["limit"]["quantity"] == "transmission_error"
+    assert "planet_pitch" in Path(page).read_text(encoding="utf-8")
+    # one wave of order 40 grows by a known rate: the limit is not reached before it alone would reach it
+    rate = np.hypot(*change["rate_per_hour"].values())
+    assert low > 0.1 * (90 - found["limit"]["now_arcsec"]) / rate / 4
+
+
+def test_orders_that_differ_between_two_sessions_are_those_of_the_cause(
+    life: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, _ = life
+    sides = []
+    for name, number in (("before", 1), ("after", SESSIONS)):
+        (folder / name).mkdir(exist_ok=True)
+        for way in ("forward", "reverse"):
+            text = (folder / "runs" / f"{number:02d}-{way}.csv").read_text(encoding="utf-8")
+            (folder / name / f"{way}.csv").write_text(text, encoding="utf-8")
+        sides.append(str(folder / name))
+    found = said(folder, "compare-runs", *sides)
+    # order 1 is the mounting's; what turns with a planet comes back 40 times a turn, its first harmonic at 40
+    assert {one["order"] for one in found["changed"]} >= {1, 40}
+    by_size = sorted(
+        (one for one in found["changed"] if one["order"] not in (1, 2)), key=lambda one: -one["difference"]
+    )
+    assert by_size[0]["order"] == 40
+    for one in found["changed"]:
+        assert one["interval"][0] <= one["after"] <= one["interval"][1]
+    assert "ratio 121, read of the angles" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--limit", "lost motion"), "--limit: 'lost motion'; write"),
+        (("--limit", "play 3 arcsec"), "--limit: 'play 3 arcsec'; write"),
+        (("--limit", "stiffness 3 N*m/arcmin"), "limit: of stiffness"),
+        (("--limit", "lost motion 3 um"), "lost_motion"),
+    ],
+)
+def test_a_limit_that_is_none_is_refused_in_one_line(
+    life: tuple[Path, dict[str, Any]], words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, _ = life
+    assert main(["trend", str(folder / "runs"), "--model", str(folder / "model.toml"), *words]) == 2
+    said = capsys.readouterr().err
+    assert text in said
+    assert len(said.splitlines()) == 1
+
+
+def edited(run: rverror.Run, **changes: Any) -> rverror.Run:
+    from dataclasses import replace
+
+    return replace(run, **changes)
+
+
+def test_runs_that_tell_no_trend_are_refused(life: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = life
+    model = rverror.load_model(folder / "model.toml")
+    runs = [rverror.load_run(path, model) for path in sorted((folder / "runs").glob("*.csv"))]
+    worm = rverror.Model(rverror.Drive(ratio=14.0))
+    third = [edited(run, metadata={"hours": "7"}) for run in runs[4:6]]
+    for given, of, text in (
+        (runs[:4], model, "2 sessions; a trend takes 3 or more"),
+        (runs[:6], worm, "needs a .reducer. model"),
+        ([*runs[:5], edited(runs[5], metadata={})], model, "does not say when"),
+        ([*runs[:4], *(edited(run, index="unknown") for run in third)], model, "index: unknown"),
+        ([*runs[:4], *(edited(run, torque=None) for run in third)], model, "states no torque"),
+        ([], model, "does not say when"),
+    ):
+        with pytest.raises(rverror.InputError, match=text):
+            rverror.trend(of, given)
+    with pytest.raises(rverror.InputError, match="before: no run"):
+        rverror.compare_runs([], runs[:2])
