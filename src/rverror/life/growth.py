@@ -258,11 +258,11 @@ class GrowthSearch:
         rough.sort(key=lambda one: one.score)
         single = [one for one in rough[_SOLVED:] if self._width(one) == 1]
         solved = [self.fitted(one.terms, beside) for one in (*rough[:_SOLVED], *single[: _SOLVED // 2])]
-        best = min(one.score for one in solved)
+        best = min((one.score for one in solved), default=math.inf)
         if not math.isfinite(best):
             return None
         # of what the model does not tell apart the one of fewest sizes: more of them fit what the model misses
-        alike = [one for one in solved if one.score < best + _ALIKE * (beside.score - best)]
+        alike = [one for one in solved if one.score <= best + _ALIKE * max(beside.score - best, 0.0)]
         return self._finest(min(alike, key=lambda one: (self._width(one), one.score)))
 
     def _width(self, now: Fitted) -> int:
