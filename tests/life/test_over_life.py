@@ -43,17 +43,8 @@ def test_what_grows_is_named_with_its_rate_and_how_long_it_lasts(
     change = truth["change"]
     page = str(folder / "page.html")
     model = str(folder / "model.toml")
-    found = said(
-        folder,
-        "trend",
-        str(folder / "runs"),
-        "--model",
-        model,
-        "--limit",
-        "transmission error 90 arcsec",
-        "--html",
-        page,
-    )
+    limit = ("--limit", "transmission error 90 arcsec")
+    found = said(folder, "trend", str(folder / "runs"), "--model", model, *limit, "--html", page)
     assert "1 cause grows" in capsys.readouterr().out
     assert not found["jumps"]
     named = found["growing"][0]

@@ -121,4 +121,4 @@ def _write(found: Any, options: argparse.Namespace, given: Sequence[str]) -> Non
     if options.json:
         write_json(options.json, to_json(found, files=files))
     if options.html:
-        write_output(options.html, to_html(found))
+        write_output(options.html, to_html(found, files=files))

@@ -265,6 +265,8 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
         senses = set(run.direction.tolist())
         if len(senses) > 1:
             raise InputError(f"{name}: a run turns both ways; give one file for each direction")
+        if run.load_column is not None:
+            raise InputError(f"{name}: a run's torque changes over the turn; {noun}s are compared under one torque")
         if not run.torque and isinstance(model.mechanism, Reducer):
             raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
         if run.index == "unknown":

@@ -27,7 +27,7 @@ def trend_verdict(trend: Trend) -> tuple[str, str]:
     left = (
         f"what is left between sessions is noise (chance {brief(trend.chance, 2)})"
         if trend.chance >= _LACKING
-        else f"more than noise is left between sessions (chance {brief(trend.chance, 2)}): intervals are wider for it"
+        else f"more than noise is left between sessions (chance {brief(trend.chance, 2)}): the model lacks something"
     )
     return f"{strong}; {left}", strong
 

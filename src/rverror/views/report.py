@@ -28,7 +28,7 @@ from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped_lines
 from rverror.views.kinds import described
-from rverror.views.life_report import compared_json, trend_json
+from rverror.views.life_report import compared_json, life_html, trend_json
 from rverror.views.lot_report import lot_html, lot_json, lot_text
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, has_sheet, sheet
@@ -181,6 +181,8 @@ to_html.register(Allocation, allocation_html)
 to_html.register(Compensation, compensation_html)
 to_html.register(Lot, lot_html)
 to_json.register(Compensation, compensation_json)
+to_html.register(Trend, life_html)
+to_html.register(RunsCompared, life_html)
 to_json.register(Trend, trend_json)
 to_json.register(RunsCompared, compared_json)
 to_json.register(Modes, modes_json)

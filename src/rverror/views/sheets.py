@@ -820,7 +820,7 @@ def _of_trend(thing: Trend) -> Sheet:
                 for grown in one.parameters
             ],
         ),
-        *_jumped("jump at", thing.jumps),
+        *_jumped(("jump at",), thing.jumps),
         *map(Sentence, life_rivals(thing.changed)),
         *(_line(remaining_words(thing)) if thing.remaining else ()),
         *_notes(thing.notes),
@@ -839,7 +839,7 @@ def _of_compared(thing: RunsCompared) -> Sheet:
                 for one in thing.orders
             ],
         ),
-        *_jumped("cause of the change", thing.changed),
+        *_jumped((), thing.changed),
         *map(Sentence, life_rivals(thing.changed)),
         *_notes(thing.notes),
     )
@@ -851,14 +851,14 @@ def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, _
     return value, _Interval((low, high))
 
 
-def _jumped(head: str, changed: Sequence[Changed]) -> Sheet:
-    """Causes that are another size at once."""
+def _jumped(heads: tuple[str, ...], changed: Sequence[Changed]) -> Sheet:
+    """Causes that are another size at once, behind the time of each where there is a head for it."""
     return _grid(
-        (head, "cause", "parameter", "by", "95 % interval", "unit"),
+        (*heads, "cause", "parameter", "by", "95 % interval", "unit"),
         [
             (
-                one.since, describe(one.key, one.indices), grown.name, *_sized(grown.change, grown.dimension),
-                units.DISPLAY_UNITS[grown.dimension],
+                *(one.since for _ in heads), describe(one.key, one.indices), grown.name,
+                *_sized(grown.change, grown.dimension), units.DISPLAY_UNITS[grown.dimension],
             )
             for one in changed
             for grown in one.parameters
