@@ -27,7 +27,7 @@ from rverror.model.effects import Effect, Model
 
 MODEL = Model(UNIT)
 THETA = TURN * np.arange(128) / 128
-COARSE = TURN * np.arange(66) / 66  # to order 32, twice the crank's: half of the time
+COARSE = TURN * np.arange(66) / 66  # to order 32, twice the crank's
 TOLERANCES = tuple(
     rverror.tolerance(key, width, **more)
     for key, width, more in (
