@@ -494,12 +494,11 @@ def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_
 # --- what is moved ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [4, 6])
-def test_a_pin_that_stands_for_the_one_beside_it_gives_way(number: int) -> None:
+def test_a_pin_that_stands_for_the_one_beside_it_gives_way() -> None:
     """Pushed in by 5 um at light load a pin carries for those beside it, which look much like it."""
     fit = settled(Model(OTHER, (PIN,)), PIN, conditions=LIGHT)
     search = search_of(fit)
-    wrong = search.score.of(beside(fit, Effect(PIN.key, {"pin": number}, (0.0, 2e-3))))
+    wrong = search.score.of(beside(fit, Effect(PIN.key, {"pin": 4}, (0.0, 2e-3))))
     (found,) = [one for one in search.moved(wrong) if one.names == {named(PIN)}]
     assert search.complete(found)
     assert search.score.better(found, wrong)
