@@ -235,7 +235,7 @@ def test_a_reading_that_wanders_makes_no_cause_and_hides_none(seed: int, step: f
     def wandering(theta: Array, share: Array) -> Array:
         return (np.cumsum(rng.normal(0, step, theta.size)) + arcsec * np.cos(theta)) * ARCSEC
 
-    found = rverror.diagnose(BARE, runs_of(Model(OTHER), more=wandering, seed=seed))
+    found = rverror.diagnose(BARE, runs_of(Model(OTHER), points=1024, more=wandering, seed=seed))
     assert [a.effect.key for a in found.added] == ["sensor.encoder_eccentricity"] * (arcsec > 0)
     assert found.verdict == ("explained" if arcsec else "nothing_missing")
 
