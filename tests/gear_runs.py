@@ -58,7 +58,7 @@ def runs_of(
     model: rverror.Model,
     conditions: Sequence[tuple[float, float]] = USUAL,
     *,
-    points: int = 1024,
+    points: int = 512,
     turns: float = 1.0,
     start: float = 0.0,
     rms: float = 0.3,
@@ -108,10 +108,15 @@ def record_of(error: Array, theta: Array | None = None, **more: Any) -> Record:
 
 
 def settled(
-    true: Model, *added: Effect, declared: Model = BARE, conditions: Sequence[tuple[float, float]] = USUAL, **more: Any
+    true: Model,
+    *added: Effect,
+    declared: Model = BARE,
+    conditions: Sequence[tuple[float, float]] = USUAL,
+    points: int = 512,
+    **more: Any,
 ) -> Fit:
     """The fit of runs with these effects added, and with the noise that they leave."""
-    first = begin(declared, runs_of(true, conditions, **more))
+    first = begin(declared, runs_of(true, conditions, points=points, **more), points=points)
     start = replace(first.model, effects=(*declared.effects, *added))
     return fitted(renoised(fitted(evaluated(first.bench, start, declared), steps=30)), steps=30)
 

@@ -27,6 +27,7 @@ from rverror.model.effects import Effect, Model
 
 MODEL = Model(UNIT)
 THETA = TURN * np.arange(128) / 128
+COARSE = TURN * np.arange(66) / 66  # to order 32, twice the crank's
 TOLERANCES = tuple(
     rverror.tolerance(key, width, **more)
     for key, width, more in (
@@ -61,7 +62,7 @@ def made(
     """
     rng = np.random.default_rng(seed)
     truth = replace(OTHER, contact_law=curved(UNIT).contact_law, gear_backlash=UNIT.gear_backlash)
-    processes = processes_of(MODEL, run(THETA), TOLERANCES)
+    processes = processes_of(MODEL, run(COARSE, COARSE), TOLERANCES)
     found = []
     for number in range(count):
         effects = [
@@ -75,7 +76,7 @@ def made(
             effects.append(rverror.effect("sensor.encoder_eccentricity", sin="3 arcsec"))
         runs = []
         for direction in (1.0, -1.0):
-            theta = THETA if direction > 0 else THETA[::-1]
+            theta = COARSE if direction > 0 else COARSE[::-1]
             error = rverror.equilibrium(
                 Model(truth, tuple(effects)), theta, torque="50 N*m", direction=direction
             ).transmission_error

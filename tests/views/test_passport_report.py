@@ -190,7 +190,7 @@ SIZES = st.sampled_from([0.0, 1e-12, 1e-6, 1.1e-6, -2e-6, 1e-3])
     rows=st.lists(st.tuples(CONDITIONS, SIZES, SIZES, st.booleans()), min_size=1, max_size=14),
     ratio=st.sampled_from([None, 81.0, -39.0]),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_any_table_is_told_within_its_intervals(
     rows: list[tuple[TableCondition, float, float, bool]], ratio: float | None
 ) -> None:

@@ -680,7 +680,7 @@ def test_names_cannot_break_out_of_the_page(result: Outcome, name: str) -> None:
 
 
 @given(name=st.text(max_size=40))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_no_name_changes_what_the_page_is_made_of(result: Outcome, name: str) -> None:
     """The same tags and attributes as with a plain name, and no character that is not to be printed."""
     small = tuple(

@@ -158,9 +158,9 @@ def test_by_chance_single_causes_are_together_as_probable_as_none() -> None:
 
     Of noise that nearly hides what the causes usually make it is a mean of moderate numbers.
     """
-    ratios = [sum(math.exp((fit.objective - one.score) / 2) for one in offers) for fit, offers in drawn(400, 1.0)]
+    ratios = [sum(math.exp((fit.objective - one.score) / 2) for one in offers) for fit, offers in drawn(200, 1.0)]
     assert np.std(ratios) > 0.1
-    assert np.mean(ratios) == pytest.approx(1, abs=4 * float(np.std(ratios)) / math.sqrt(400))
+    assert np.mean(ratios) == pytest.approx(1, abs=4 * float(np.std(ratios)) / math.sqrt(200))
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.3])
@@ -175,7 +175,7 @@ def test_where_nothing_is_missing_something_is_named_as_seldom_as_the_policy_say
             (fit.objective - one.objective, fit.objective > one.score, limits[one.sizes[0].size])
             for one in offers
         ]
-        for fit, offers in drawn(300, noise)
+        for fit, offers in drawn(150, noise)
     ]  # fmt: skip
     assert np.mean([any(probable and fallen > limit for fallen, probable, limit in case) for case in cases]) <= 0.1
     assert np.mean([any(fallen > chi_square(0.1, 2) for fallen, *_ in case) for case in cases]) > 0.2
@@ -252,7 +252,7 @@ def test_only_what_was_declared_is_strained(added: tuple[Effect, ...]) -> None:
 @pytest.fixture(scope="module")
 def right() -> Fit:
     """The true cause, fitted."""
-    return settled(Model(OTHER, (CAM,)), CAM, conditions=(*USUAL, (1.0, 150e3)))
+    return settled(Model(OTHER, (CAM,)), CAM, conditions=(*USUAL, (1.0, 150e3)), points=1024)
 
 
 def made_by_what_was_added(fit: Fit) -> float:

@@ -89,7 +89,7 @@ def test_whole_sets_are_searched_from_the_claims_as_well_and_under_the_policy_of
 
 def test_rivals_of_a_claim_make_as_much_of_its_order() -> None:
     """Order 7 is no part's, so that no set accounts for everything: the cam is a claim."""
-    table = with_wave(table_of(Model(UNIT, (CAM, HEAD)), noise=0.3), 7, lambda d, t: 30.0)
+    table = with_wave(table_of(Model(UNIT, (CAM, HEAD)), loads=SEEN, noise=0.3), 7, lambda d, t: 30.0)
     keys = ("crank.eccentricity", "cycloid.disc_bore_position", "sensor.encoder_eccentricity")
     told = rverror.diagnose(Model(UNIT), [table], policy=replace(POLICY, keys=keys))
     rivals = {one.effect.key: one.indistinguishable for one in told.added if source(one.effect.key).is_cause}
@@ -151,7 +151,7 @@ def test_a_run_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    told = rverror.diagnose(Model(UNIT, (CAM,)), [table_of(Model(OTHER, (CAM,)), seed=3)])
+    told = rverror.diagnose(Model(UNIT, (CAM,)), [table_of(Model(OTHER, (CAM,)), loads=SEEN, seed=3)])
     assert told.verdict == "nothing_missing"
     assert told.added == ()
     assert told.before_refitted.rms < 1.3 * told.noise_rms
@@ -159,7 +159,7 @@ def test_nothing_is_named_where_nothing_is_missing() -> None:
 
 def test_an_order_of_no_part_is_described_and_not_named() -> None:
     """Of order 7 a constant and a part that grows with the load, alike in both directions."""
-    table = table_of(Model(OTHER, (HEAD,)), seed=4)
+    table = table_of(Model(OTHER, (HEAD,)), loads=SEEN, seed=4)
     at = int(np.flatnonzero(ORDERS == 7)[0])
     cases = []
     for case in table.cases:
@@ -208,7 +208,7 @@ def test_the_change_with_the_marks_is_the_derivative() -> None:
 
 def test_marks_that_are_ahead_are_found() -> None:
     """By 0.04 rad: the waves of the gears are turned by their order times that, the encoder's are not."""
-    ahead, table = 0.04, table_of(Model(OTHER, (CAM,)), seed=8)
+    ahead, table = 0.04, table_of(Model(OTHER, (CAM,)), loads=SEEN, seed=8)
     head = np.array([complex(HEAD.values[0], -HEAD.values[1])] + [0.0] * (ORDERS.size - 1))
     cases = [replace(c, waves=c.waves * np.exp(1j * ORDERS * ahead) + head) for c in table.cases]
     told = rverror.diagnose(Model(UNIT, (CAM,)), [replace(table, cases=tuple(cases), index="unknown")])
@@ -222,7 +222,7 @@ def test_what_gives_way_counts_as_compliance_and_what_is_read_as_the_chain() -> 
     """A flange's wave of three, and the tilt that one head reads at the order of the crank in the housing."""
     flange = rverror.effect("load.torsion_wave", harmonic=3, cos="10 arcsec/(kN*m)", sin="-8 arcsec/(kN*m)")
     tilt = rverror.effect("sensor.output_tilt", x="6 arcsec/(kN*m)", y="9 arcsec/(kN*m)")
-    told = rverror.diagnose(Model(UNIT), [table_of(Model(OTHER, (flange, tilt)), seed=9)])
+    told = rverror.diagnose(Model(UNIT), [table_of(Model(OTHER, (flange, tilt)), loads=SEEN, seed=9)])
     found = {one.effect.key: one for one in told.added}
     assert {flange.key, tilt.key} <= set(found)
     for true in (flange, tilt):
@@ -234,7 +234,7 @@ def test_what_gives_way_counts_as_compliance_and_what_is_read_as_the_chain() -> 
 
 
 def test_one_direction_is_not_described_by_what_differs_between_two() -> None:
-    table = table_of(Model(OTHER), seed=4)
+    table = table_of(Model(OTHER), loads=SEEN, seed=4)
     cases = tuple(
         replace(case, waves=case.waves + 2 * ARCSEC * (ORDERS == 7))
         for case in table.cases

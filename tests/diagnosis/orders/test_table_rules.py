@@ -11,7 +11,7 @@ import pytest
 
 import rverror
 from gear_runs import OTHER, UNIT
-from order_tables import CAM, HEAD, empty, table_of, waves_of, with_wave
+from order_tables import CAM, HEAD, LOADS, empty, table_of, waves_of, with_wave
 from rverror.base.chance import student
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated
@@ -257,7 +257,7 @@ def test_the_interval_of_a_line_is_that_of_a_mean_over_the_conditions(scattered:
 def test_a_stiffness_that_makes_up_for_what_is_missing_is_said_to() -> None:
     """Those that moved by more of their uncertainty than the policy lets pass, with by how much."""
     modified = rverror.effect("cycloid.profile_modification", equidistant="20 um", shift="0 um")
-    table = table_of(Model(OTHER, (modified, CAM)), noise=0.005)
+    table = table_of(Model(OTHER, (modified, CAM)), loads=LOADS[::2], noise=0.005)
     rules = replace(POLICY, keys=(HEAD.key,), strained_size=0.4)
     found = diagnose_tables(Model(UNIT, (modified, CAM)), [table], quiet, policy=rules)
     moved = {

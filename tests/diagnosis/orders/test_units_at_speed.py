@@ -11,6 +11,7 @@ import pytest
 import rverror
 from at_speed import CAM, RING, RPM, at_speed, with_load
 from gear_runs import red
+from rverror import SpeedResponse
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
@@ -66,12 +67,21 @@ def test_the_size_of_an_error_is_corrected_for_a_natural_frequency(table: OrderT
     assert found.after.rms < 0.1 * found.before.rms
 
 
-def runs_at_speed(noise: float) -> dict[float, list[rverror.Run]]:
-    """A wave of two at the pins, fourteen speeds each way, one turn each."""
-    model, unit = with_load(RING), rverror.reducer("RV-40E")
+@pytest.fixture(scope="module")
+def responses() -> dict[float, SpeedResponse]:
+    """A wave of two at the pins, fourteen speeds each way."""
+    speeds = [f"{n} rpm" for n in RPM]
+    return {
+        way: rverror.speed_response(with_load(RING), speeds, torque=100e3, kept=2, direction=way) for way in (1.0, -1.0)
+    }
+
+
+def runs_of_speeds(responses: dict[float, SpeedResponse], noise: float) -> dict[float, list[rverror.Run]]:
+    """One turn of each."""
+    unit = rverror.reducer("RV-40E")
     runs: dict[float, list[rverror.Run]] = {1.0: [], -1.0: []}
     for way, own in runs.items():
-        response = rverror.speed_response(model, [f"{n} rpm" for n in RPM], torque=100e3, kept=2, direction=way)
+        response = responses[way]
         every = response.theta.size // 1024
         theta = response.theta[::every]
         for number, (speed, error) in enumerate(zip(response.speed, response.transmission_error, strict=True)):
@@ -87,9 +97,9 @@ def runs_at_speed(noise: float) -> dict[float, list[rverror.Run]]:
     return runs
 
 
-def test_causes_come_from_the_slowest_runs() -> None:
+def test_causes_come_from_the_slowest_runs(responses: dict[float, SpeedResponse]) -> None:
     """All runs as they stand fit no size at any speed but the least; the slowest two hold it."""
-    runs, unit = runs_at_speed(0.5), Model(rverror.reducer("RV-40E"))
+    runs, unit = runs_of_speeds(responses, 0.5), Model(rverror.reducer("RV-40E"))
     found = rverror.diagnose(unit, [*runs[1.0], *runs[-1.0]], policy=RULES)
     assert found.verdict == "explained"
     low, value, high = ring_of(found)
@@ -98,9 +108,9 @@ def test_causes_come_from_the_slowest_runs() -> None:
     assert any("2 of 28" in note for note in found.notes)
 
 
-def test_runs_of_several_speeds_tell_what_their_table_tells() -> None:
+def test_runs_of_several_speeds_tell_what_their_table_tells(responses: dict[float, SpeedResponse]) -> None:
     """Frequency and flags forward, the size from a table of all."""
-    model, unit, runs = with_load(RING), rverror.reducer("RV-40E"), runs_at_speed(0.1)
+    model, unit, runs = with_load(RING), rverror.reducer("RV-40E"), runs_of_speeds(responses, 0.1)
     found = rverror.diagnose(Model(unit), runs[1.0], policy=replace(RULES, keys=("sensor.drift",), looks=0))
     (one,) = found.resonances
     truth = at_speed(model, torque=100e3, rpm=(100.0,)).frequency

@@ -75,7 +75,7 @@ def test_a_diagram_can_be_read_in_grey_and_nothing_lies_over_another(last: float
     errors = tuple(effect("cycloid.disc_pitch", disc=0, harmonic=at, cos="3 um") for at in (1, 2, 3))
     ends = Bench(input_inertia="1e-4 kg*m^2", position_control_stiffness="200 N*m/rad", load_inertia="5 kg*m^2")
     model = Model(MODEL.mechanism, (*MODEL.effects, *errors), bench=ends)
-    ax = speed_response(model, np.linspace(100, last, 6) * RPM, torque="412 N*m", kept=kept).plot(kind="campbell")
+    ax = speed_response(model, np.array([100, last]) * RPM, torque="412 N*m", kept=kept).plot(kind="campbell")
     assert overlapping_texts(ax) == []
     assert alike_in_grey(ax) == []
 
