@@ -13,7 +13,8 @@ import pytest
 
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
-from rverror.life.growth import GrowthSearch
+from rverror.life.courses import Course
+from rverror.life.growth import AtLoad, Cause, GrowthSearch
 from rverror.life.over_life import told
 from rverror.life.result import Changed
 from rverror.life.unit_state import UnitState
@@ -137,3 +138,34 @@ def test_parts_that_do_the_same_are_rivals() -> None:
     (found,) = told(of, of.found())
     named = {dict(found.indices)["disc"], *(dict(indices)["disc"] for _, indices in found.rivals)}
     assert named == {0, 1}
+
+
+def test_what_shares_of_a_cause_do_is_met_between_them() -> None:
+    rows = np.array([1.0, 4, 9, 16])[:, None] * np.ones(3)
+    at = np.array([0.0, 25, 50, 62.5, 100])
+    made = AtLoad(np.array([1.0]), rows).grown(Course("linear", 0.0, 100.0), at)
+    assert made[:, 0] - made[0, 0] == pytest.approx([0, 1, 4, 6.5, 16])
+    assert made.mean() == pytest.approx(0)
+
+
+def test_a_score_is_the_posterior_over_that_of_none() -> None:
+    """One normal size: chi-square, its Occam factor, one of so many causes and courses, by hand."""
+    of = search(linear(grown(CAM, AT / 640, 9 * UM)) + noise(2))
+    number = next(
+        n for n, one in enumerate(of.causes)
+        if (one.key, dict(one.indices), one.parameters) == ("crank.eccentricity", {"crank": 0, "disc": 1}, ("radial",))
+    )  # fmt: skip
+    course = of.courses[len(AT) - 1]
+    assert (course.kind, course.since) == ("linear", 0.0)
+    found = of.fitted([Cause(number, course)])
+    (place,) = of.places[number]
+    made = np.outer(course.centred(AT), of.columns[:, place])
+    prior = 30 * UM / 3
+    information = np.sum(made**2)
+    size = np.sum(made * of.start) / (information + 1 / prior**2)
+    gain = np.sum(of.start**2) - np.sum((of.start - size * made) ** 2)
+    score = -gain + (size / prior) ** 2 + np.log(1 + prior**2 * information)
+    score += 2 * np.log(len(of.causes)) + course.cost
+    assert found.sizes[0] == pytest.approx([size], rel=1e-2)
+    # what the influence may miss, 2 % of it, is in the score as well: less than a unit of it at this size
+    assert found.score == pytest.approx(score, abs=3)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ import pytest
 import rverror
 from pages import ROOT
 from rverror.app.command_line import main
+from rverror.life.courses import Course
+from rverror.life.growth import Cause
+from rverror.life.over_life import remaining
 
 sys.path.append(str(ROOT))
 
@@ -55,13 +59,37 @@ def test_what_grows_is_named_with_its_rate_and_how_long_it_lasts(
         for one in found["growing"]:
             low, high = one["interval"]
             assert low < change["rate_per_hour"][one["parameter"]] < high
-    low, high = found["remaining_hours"]
-    assert 0 < low < (high or np.inf)
     assert found["limit"]["quantity"] == "transmission_error"
+    # the mounting of the last session is in what it measured, not in what is said of the unit
+    assert 0.5 < found["limit"]["now_arcsec"] / np.mean(found["peak_to_peak_arcsec"]) < 1.5
     assert "planet_pitch" in Path(page).read_text(encoding="utf-8")
-    # one wave of order 40 grows by a known rate: the limit is not reached before it alone would reach it
-    rate = np.hypot(*change["rate_per_hour"].values())
-    assert low > 0.1 * (90 - found["limit"]["now_arcsec"]) / rate / 4
+
+
+def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
+    """Lost motion of 60 arcsec that a known play opens by 0.02 arcsec an hour, linear: 90 arcsec 1500 hours later."""
+    at, size = np.array([0.0, 100, 250, 400, 500]), 10 * rverror.ARCSEC
+    columns = np.array([0.0, 2.0])  # arcsec of lost motion per arcsec of size
+    history = SimpleNamespace(
+        at=at, rows=np.array([[1.0, 0.0], [0.0, 1.0]]), lost_motion=(1,),
+        amplitudes=SimpleNamespace(values=np.zeros((5, 2)) + np.array([0.0, 55 * rverror.ARCSEC])),
+    )  # fmt: skip
+    course = Course("linear", 0.0, 500.0)
+    fit = SimpleNamespace(
+        terms=(Cause(0, course),), sizes=(np.array([size / 2]),), covariance=(np.array([[(size / 200) ** 2]]),)
+    )
+    search = SimpleNamespace(
+        unit=SimpleNamespace(history=history, influences=columns[None, :, None]),
+        components=np.ones((1, 1)), places=(np.array([0]),), ways=lambda found, number: [(1.0, fit)],
+    )  # fmt: skip
+    made = course.grown(at)[:, None] * columns * size / 2
+    made = made - made.mean(axis=0) + made.mean(axis=0)
+    left = remaining(cast(Any, search), cast(Any, fit), made, rverror.limit("lost_motion", "90 arcsec"))
+    now = 55 + 10 * (1 - course.grown(at).mean())
+    assert left.now == pytest.approx(now * rverror.ARCSEC)
+    assert left.time is not None
+    # 10 arcsec in 500 hours; times are told to a tenth
+    assert left.time.value == pytest.approx((90 - now) / 10 * 500, rel=0.12)
+    assert left.time.low < left.time.value < left.time.high < 1.4 * left.time.value
 
 
 def test_orders_that_differ_between_two_sessions_are_those_of_the_cause(

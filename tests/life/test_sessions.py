@@ -80,9 +80,9 @@ def test_noise_is_that_of_a_session_whatever_grows_or_jumps() -> None:
     for size in (np.zeros(12), 1e-3 * np.arange(12), np.where(np.arange(12) < 6, 0, 1e-3)):
         found = history(size)
         waves = found.variance[: len(found.variance) - found.own_zeros]
-        assert np.median(waves) == pytest.approx(true, rel=0.15)
+        assert np.median(waves) / true == pytest.approx(1, rel=0.15)
     two = history(np.array([0.0, 1e-3]))
-    assert np.median(two.variance[: len(two.variance) - two.own_zeros]) == pytest.approx(true, rel=0.4)
+    assert np.median(two.variance[: len(two.variance) - two.own_zeros]) / true == pytest.approx(1, rel=0.4)
 
 
 def test_lost_motion_is_told_where_a_session_has_one_zero() -> None:
@@ -90,8 +90,11 @@ def test_lost_motion_is_told_where_a_session_has_one_zero() -> None:
     found = history(np.zeros(8), lost=true)
     (at,) = found.lost_motion
     # forward less reverse: the zero of a session is in neither
-    assert found.amplitudes.values @ found.rows[at] == pytest.approx(true, abs=4 * NOISE / np.sqrt(N) * 1.5)
-    assert found.variance[at] == pytest.approx(2 * NOISE**2 / N, rel=1.5)
+    error = np.sqrt(2 * NOISE**2 / N)
+    assert np.abs(found.amplitudes.values @ found.rows[at] - true).max() < 4 * error
+    # not below that of the noise; by chance the scatter of eight sessions may say more
+    assert 0.8 < found.variance[at] / error**2 < 3
+    assert 0.8 < history(np.zeros(4), lost=true[:4]).variance[at] / error**2 < 1.25
     assert history(np.zeros(4), lost=true[:4], zero=False).lost_motion == ()
 
 

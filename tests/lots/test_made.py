@@ -137,9 +137,9 @@ def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> Non
     [
         (lambda: units_of(noise(1, 2)), "takes 3 or more"),
         (lambda: [*units_of(noise(1, 3)), *units_of(noise(2, 1))], "serial '000' stands for 2 units"),
-        (lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"),))] * 1, "turn each unit to its marks"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"),))] * 1, "turn each to its marks"),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0], torque=None),))], "output_torque"),
-        (lambda: [LotUnit("a", (run(noise(1, 1)[0][:64], THETA[:64]),))], "a lot needs a whole turn"),
+        (lambda: [LotUnit("a", (run(noise(1, 1)[0][:64], THETA[:64]),))], "it takes a whole turn"),
         (lambda: [], "give three or more"),
     ],
 )

@@ -83,7 +83,7 @@ def trend(
     lost, explained = _lost_motions(history, made)
     return Trend(
         model.mechanism.name or "reducer", unit, history.at, tuple(map(str, history.amplitudes.conditions)), changed,
-        None if limit is None else _remaining(search, found, made, limit), np.ptp(waves, axis=2), lost, explained,
+        None if limit is None else remaining(search, found, made, limit), np.ptp(waves, axis=2), lost, explained,
         _chance(search, found), history.amplitudes.notes,
     )  # fmt: skip
 
@@ -203,7 +203,7 @@ def _check_limit(limit: Limit | None) -> None:
         raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
 
 
-def _remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) -> Remaining:
+def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) -> Remaining:
     """Time until a limit is met no more, by draws of what is known of the causes."""
     assert limit.value is not None
     history = search.unit.history
