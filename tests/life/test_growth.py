@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import rverror
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
 from rverror.life.courses import Course
@@ -47,6 +48,10 @@ class KnownUnit:
     values = property(lambda self: np.zeros(len(parts().process)))
     amplitudes = property(lambda self: np.zeros(D))
     influences = property(lambda self: np.stack([OF.influence] * 3))
+
+    @property
+    def simulator(self) -> Any:
+        return SimpleNamespace(model=rverror.Model(rverror.reducer("RV-40E")))
 
     def with_changes(self, changes: Array) -> Array:
         return self.answer(changes)
@@ -169,3 +174,20 @@ def test_a_score_is_the_posterior_over_that_of_none() -> None:
     assert found.sizes[0] == pytest.approx([size], rel=1e-2)
     # what the influence may miss, 2 % of it, is in the score as well: less than a unit of it at this size
     assert found.score == pytest.approx(score, abs=3)
+
+
+def test_of_few_sessions_no_mounting_is_taken_for_a_cause() -> None:
+    """With four sessions nobody knows how well the bench is mounted: not the encoder, nor what is much like it."""
+    mounted = np.random.default_rng(3).normal(0, 50e-6, (len(AT), 1)) * OF.influence[:, ENCODER]
+
+    class Four(KnownUnit):
+        @cached_property
+        def history(self) -> Any:
+            return SimpleNamespace(values=self.values_of_sessions[:4], at=AT[:4], whitening=np.eye(D))
+
+    of = GrowthSearch.of(cast(UnitState, Four(noise(1) + 20 * mounted)))
+    assert not of.found().terms
+    # a cause that is not the bench's is found all the same
+    jump = linear(grown(CAM, np.where(AT >= 100, 1.0, 0.0), 9 * UM))
+    (found,) = found_in(GrowthSearch.of(cast(UnitState, Four(noise(1) + 20 * mounted + jump))))
+    assert (found.key, found.course, found.since) == ("crank.eccentricity", "step", 100.0)

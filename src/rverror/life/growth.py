@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.life.courses import Course, courses_of
-from rverror.life.sessions import repeated
+from rverror.life.sessions import FEW, repeated
 from rverror.life.unit_state import UnitState, known_to
 from rverror.lots.differences import RIVAL, ShiftSource, candidates_of, single_parts
 from rverror.model.catalogue import source
@@ -31,6 +32,7 @@ _BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
 _NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
+_ANY = 1e12  # variance over that of noise: any
 _SHARES = np.linspace(0, 1, 5)  # of a cause that are solved: a contact that opens stops to answer half way
 _BENT = 0.3  # of how a cause bends, that the unit's own state leaves open
 _OPEN = (0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 4.0)  # shares of what an influence may miss
@@ -120,12 +122,14 @@ class GrowthSearch:
 
     @classmethod
     def of(cls, unit: UnitState) -> GrowthSearch:
-        """With the mounting's spread from session to session."""
+        """With the mounting's spread from session to session; it may be any where sessions are too few to tell it."""
         reads = np.array([source(e.key).acts == "reading" for e in unit.parts.effects])
         columns = unit.history.whitening @ unit.influences[0][:, reads[unit.parts.effect]]
         basis, size, _ = np.linalg.svd(columns, full_matrices=False)
         basis = basis[:, size > size.max(initial=0.0) * 1e-6]
         spread = np.maximum(repeated(unit.history.values @ basis, unit.history.at) - 1.0, 0.0)
+        if len(unit.history.at) < FEW:
+            spread = np.full(basis.shape[1], _ANY)
         return cls(unit, basis * np.sqrt(spread))
 
     # --- what may change ----------------------------------------------------------------------------------------------
@@ -399,22 +403,44 @@ class GrowthSearch:
     # --- what is said of a set ----------------------------------------------------------------------------------------
 
     def rivals(self, now: Fitted, number: int) -> list[Fitted]:
-        """The set with other causes in place of one, as far as they are no less likely than a hundredth."""
+        """The set with other causes in place of one: those that are no less likely than a hundredth, and equivalents.
+
+        What sources declare to be told apart by the contacts alone is a rival as long as it explains half as much:
+        which contacts carry is inferred, not known.
+        """
         others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
         scores, course = self._promises(others)
-        own = now.terms[number].cause
-        wide = _NEAR + 2 * _ALIKE * (others.score - now.score)
+        own, evidence = now.terms[number].cause, others.score - now.score
+        wide = _NEAR + 2 * _ALIKE * evidence
         near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][:_TRIED]
+        equivalent = self._equivalents(own)
         found = []
-        for cause in near:
+        for cause in dict.fromkeys((*near, *equivalent)):
             kind = now.terms[number].course
             alike = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
             tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
             found.append(min(alike, tried, key=lambda one: one.score))
-        found = sorted(found, key=lambda one: one.score)[: 3 * _SOLVED]
-        solved = [self.fitted(one.terms, others) for one in found]
-        most = RIVAL + _ALIKE * (others.score - now.score)
-        return sorted((one for one in solved if one.score < now.score + most), key=lambda one: one.score)
+        found.sort(key=lambda one: one.score)
+        chosen = [one for at, one in enumerate(found) if at < 3 * _SOLVED or one.terms[-1].cause in equivalent]
+        kept = []
+        for one in (self.fitted(one.terms, others) for one in chosen):
+            most = evidence / 2 if one.terms[-1].cause in equivalent else 0.0
+            if one.score < now.score + max(RIVAL + _ALIKE * evidence, most):
+                kept.append(one)
+        return sorted(kept, key=lambda one: one.score)
+
+    def _equivalents(self, cause: int) -> tuple[int, ...]:
+        """Causes of the same source at places where it does what only the contacts tell from it."""
+        one, unit = self.causes[cause], self.unit.simulator.model.mechanism
+        choices = []
+        for index in source(one.key).indices:
+            if index.name in one.indices:
+                value = one.indices[index.name]
+                values = (value, *(other for other, _ in index.equivalents(unit, value)))
+                choices.append([(index.name, v) for v in dict.fromkeys(values)])
+        places = [dict(some) for some in product(*choices)]
+        same = [n for n, other in enumerate(self.causes) if (other.key, other.parameters) == (one.key, one.parameters)]
+        return tuple(n for n in same if n != cause and dict(self.causes[n].indices) in places)
 
     def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
         """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""

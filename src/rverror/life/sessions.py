@@ -29,7 +29,8 @@ _NEAR, _SHARE = 16, 1.6  # orders to either side at least, and a factor, within 
 POOLED = 150
 _QUARTER = 0.25  # of the powers about an order: what few orders and few sessions have, does not reach it
 _MEDIAN = 0.4549  # of a chi-square of one degree of freedom
-_FEW = 5  # sessions, of which too few differences tell how well a zero or a mounting repeats
+#: Sessions of which fewer do not tell how well a zero or a mounting repeats.
+FEW = 5
 
 
 @dataclass(frozen=True)
@@ -262,7 +263,7 @@ def repeated(values: Array, at: Array) -> Array:
     >>> repeated(series, np.arange(9.0)).round(2)
     array([1.47])
     """
-    if len(values) < _FEW:
+    if len(values) < FEW:
         return np.zeros(values.shape[1])
     return np.asarray(np.median(bumps(values, at) ** 2, axis=0) / _MEDIAN)
 
