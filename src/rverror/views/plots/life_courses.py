@@ -8,12 +8,23 @@ import numpy as np
 
 from rverror.base.text import describe
 from rverror.life.result import RunsCompared, Trend
-from rverror.views.plots.figure import BLUE, GREY, ORANGE, axes_for, in_shown_unit, legend_beside, line_style, plain
+from rverror.views.plots.figure import (
+    BLUE,
+    GREY,
+    ORANGE,
+    ORDER,
+    axes_for,
+    in_shown_unit,
+    legend_beside,
+    line_style,
+    plain,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST = 12  # orders
+_MARKS = "x+sd^v"  # of conditions
 
 
 def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
@@ -26,7 +37,14 @@ def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=3.6)
     for number, condition in enumerate(found.conditions):
         row = in_shown_unit(found.peak_to_peak[:, number] - found.peak_to_peak[0, number], "angle")
-        ax.plot(found.at, row, ".", color=line_style(number + 1)["color"], label=f"peak-to-peak, {condition}")
+        ax.plot(
+            found.at,
+            row,
+            _MARKS[number % len(_MARKS)],
+            ms=5,
+            color=line_style(number + 1)["color"],
+            label=f"peak-to-peak, {condition}",
+        )
     for number in range(found.lost_motion.shape[1]):
         first = found.explained[0, number]
         measured, made = (in_shown_unit(x[:, number] - first, "angle") for x in (found.lost_motion, found.explained))
@@ -35,7 +53,10 @@ def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
     for one in found.changed:
         ax.axvline(one.since, color=GREY, lw=0.8, ls=":")
     named = ", ".join(dict.fromkeys(plain(describe(one.key, one.indices)) for one in found.changed))
-    ax.set(xlabel=f"time, {found.unit}s", ylabel="change since the first session, arcsec")
+    ax.set(
+        xlabel="time, h" if found.unit == "hour" else "number of cycles",
+        ylabel="change since the first session, arcsec",
+    )
     ax.set_title(named or "nothing has changed", fontsize=9)
     legend_beside(ax)
     return ax
@@ -57,7 +78,7 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     ):
         ax.bar(at + shift, in_shown_unit(np.array(sizes), "angle"), 0.4, color=color, label=label)
     ax.set_xticks(at, [str(one.order) for one in rows])
-    ax.set(xlabel="order, waves per turn of the output", ylabel="amplitude, arcsec", title="orders that differ")
+    ax.set(xlabel=ORDER, ylabel="amplitude, arcsec", title="orders that differ")
     if rows:
         legend_beside(ax)
     return ax
