@@ -24,7 +24,7 @@ from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.tolerances.specification import Limit
 
-_RELATIVE = 0.05  # of a size: influences of states that fit alike are off by that from the unit's, see the page
+_RELATIVE = 0.1  # of a size: influences of states that fit alike are off by that from those of the unit, see the page
 _WAVES = 512  # angles of a turn
 _DRAWS = 200  # of what is known of the causes, for the time that remains
 _FURTHEST = 100.0  # times the time that was measured: beyond it nothing is foretold
