@@ -412,7 +412,7 @@ class GrowthSearch:
         scores, course = self._promises(others)
         own, evidence = now.terms[number].cause, others.score - now.score
         wide = _NEAR + 2 * _ALIKE * evidence
-        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][:_TRIED]
+        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][: 2 * _TRIED]
         equivalent = self._equivalents(own)
         found = []
         for cause in dict.fromkeys((*near, *equivalent)):
@@ -421,9 +421,10 @@ class GrowthSearch:
             tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
             found.append(min(alike, tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
-        chosen = [one for at, one in enumerate(found) if at < 3 * _SOLVED or one.terms[-1].cause in equivalent]
         kept = []
-        for one in (self.fitted(one.terms, others) for one in chosen):
+        for at, one in enumerate(found):
+            if at < 3 * _SOLVED or one.terms[-1].cause in equivalent:  # others by the first order
+                one = self.fitted(one.terms, others)
             most = evidence / 2 if one.terms[-1].cause in equivalent else 0.0
             if one.score < now.score + max(RIVAL + _ALIKE * evidence, most):
                 kept.append(one)
