@@ -17,6 +17,8 @@ from rverror.app.command_line import main
 from rverror.life.courses import Course
 from rverror.life.growth import Cause
 from rverror.life.over_life import remaining
+from rverror.life.sessions import history_of, sessions_of
+from rverror.life.unit_state import unit_state
 
 sys.path.append(str(ROOT))
 
@@ -92,6 +94,34 @@ def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     assert left.time.low < left.time.value < left.time.high < 1.4 * left.time.value
 
 
+def test_the_state_of_a_unit_makes_its_error_and_what_a_part_does_there(life: tuple[Path, dict[str, Any]]) -> None:
+    """Against the exact simulator: the mean error of the sessions, and what the planet's pitch has done to them."""
+    folder, truth = life
+    model = rverror.load_model(folder / "model.toml")
+    runs = [rverror.load_run(path, model) for path in sorted((folder / "runs").glob("*.csv"))]
+    history = history_of(model, *sessions_of(runs))
+    state = unit_state(model, history)
+    waves = slice(0, len(history.variance) - history.own_zeros)
+    mean = history.values.mean(axis=0)[waves]
+    # the unit with none of its errors leaves nine tenths of it or more
+    assert np.linalg.norm(mean - (history.whitening @ state.with_changes(-state.values[None])[0])[waves]) > 0.9 * (
+        np.linalg.norm(mean)
+    )
+    assert np.linalg.norm(mean - (history.whitening @ state.amplitudes)[waves]) < 0.1 * np.linalg.norm(mean)
+    # the pitch grows in proportion to time: its slope over the sessions, less what the mounting does in order 1
+    change, spread = truth["change"], history.at - history.at.mean()
+    seen = spread @ history.amplitudes.values / (spread @ spread)
+    effects, sizes = state.parts.effects, np.zeros(len(state.values))
+    for number, (at, parameter) in enumerate(zip(state.parts.effect, state.parts.parameters, strict=True)):
+        if effects[at].key == change["key"] and dict(effects[at].indices) == change["indices"]:
+            sizes[number] = change["rate_per_hour"][parameter.name] * 1e-3
+    assert np.count_nonzero(sizes) == 2
+    order = np.tile(history.amplitudes.orders, 2 * len(history.amplitudes.conditions))
+    about = np.abs(order - 40) < 3
+    for influence in state.influences:
+        assert np.linalg.norm((influence @ sizes - seen)[about]) < 0.2 * np.linalg.norm(seen[about])
+
+
 def test_orders_that_differ_between_two_sessions_are_those_of_the_cause(
     life: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,5 +186,8 @@ def test_runs_that_tell_no_trend_are_refused(life: tuple[Path, dict[str, Any]]) 
     ):
         with pytest.raises(rverror.InputError, match=text):
             rverror.trend(of, given)
+    apart = [edited(run, index=f"{number}") for number, run in enumerate(runs)]
+    with pytest.raises(rverror.InputError, match="tell no lost motion"):
+        rverror.trend(model, apart, limit=rverror.limit("lost_motion", "90 arcsec"))
     with pytest.raises(rverror.InputError, match="before: no run"):
         rverror.compare_runs([], runs[:2])

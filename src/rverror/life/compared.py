@@ -21,7 +21,7 @@ from rverror.runs.measurement import Run
 _LEVEL = 0.01  # of pairs that do not differ, those in which an order is named
 _NORMAL = 1.96
 _ONCE = "one measurement each: what a repeat of the same state would differ by is not known; measure each state twice"
-_POOLED_ERROR = 1 / 6  # relative standard error of a noise that `POOLED` steps tell
+_POOLED_ERROR = 1 / 6  # relative standard error of a noise that 150 steps tell, as many as `history_of` takes at least
 _WHOLE = 0.02  # by which a ratio that is read of the angles may miss a whole number: errors of the angles do that
 
 

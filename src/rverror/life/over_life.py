@@ -75,10 +75,10 @@ def trend(
     if len(sessions) < 3:
         raise InputError(f"runs: {count_of(len(sessions), 'session')}; a trend takes 3 or more, two are compared")
     _check_limit(limit)
-    search, found = searched(model, unit, sessions, tell)
+    search, found = searched(model, unit, sessions, tell, limit)
     history = search.unit.history
     changed = told(search, found)
-    waves = _waveforms(history, history.amplitudes.values)
+    waves = history.amplitudes.waves(history.amplitudes.values, _WAVES)
     made = made_by(search, found)
     lost, explained = _lost_motions(history, made)
     return Trend(
@@ -89,18 +89,22 @@ def trend(
 
 
 def searched(
-    model: Model, unit: str, sessions: Sequence[Session], tell: Callable[[str], None]
+    model: Model, unit: str, sessions: Sequence[Session], tell: Callable[[str], None], limit: Limit | None = None
 ) -> tuple[GrowthSearch, Fitted]:
-    """Causes of the changes between sessions, with the noise that they leave."""
+    """Causes of the changes between sessions, with the noise that they leave; refuses a limit that runs do not tell."""
     tell(f"{count_of(len(sessions), 'session')}: amplitudes of orders")
     history = history_of(model, unit, sessions)
+    if limit is not None and limit.quantity == "lost_motion" and not history.lost_motion:
+        raise InputError(
+            "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
+        )
     tell("the unit at the load")
     state = unit_state(model, history)
-    for _ in range(_ROUNDS):
+    for number in range(_ROUNDS):
         tell("causes that change")
         search = GrowthSearch.of(state)
         found = search.found()
-        if not found.terms:
+        if not found.terms or number == _ROUNDS - 1:
             break
         again = history_of(model, unit, sessions, made_by(search, found))
         if np.median(again.amplitudes.noise / history.amplitudes.noise) > _SAME:
@@ -172,10 +176,6 @@ def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
     below = (scipy.special.ndtr((at[:, None] - mean) / np.maximum(error, 1e-300)) * weight).sum(axis=1)
     ends = np.interp([0.025, 0.975], below, at)
     return Interval(float(weight @ mean), float(ends[0]), float(ends[1]))
-
-
-def _waveforms(history: History, values: Array) -> Array:
-    return history.amplitudes.waves(values, _WAVES)
 
 
 def _lost_motions(history: History, made: Array) -> tuple[Array, Array]:
@@ -250,9 +250,5 @@ def _ways(search: GrowthSearch, found: Fitted) -> list[tuple[Array, list[tuple[C
 def _quantity(history: History, amplitudes: Array, limit: Limit) -> Array:
     """What a limit is about, of some amplitudes, the worst condition's, rad."""
     if limit.quantity == "lost_motion":
-        if not history.lost_motion:
-            raise InputError(
-                "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
-            )
         return np.asarray(np.abs(amplitudes @ history.rows[list(history.lost_motion)].T).max(axis=1))
     return np.asarray(np.ptp(history.amplitudes.waves(amplitudes, _WAVES), axis=2).max(axis=1))

@@ -18,15 +18,15 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.lots.amplitudes import Amplitudes, LotUnit, UnitAmplitudes, joined_units, split_unit
+from rverror.lots.amplitudes import Amplitudes, LotUnit, joined_units, split_unit
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
 #: Header keys that say when a run was measured, the first that all runs have counts.
 CLOCKS = ("hours", "cycles", "date")
 _NEAR, _SHARE = 16, 1.6  # orders to either side at least, and a factor, within which noise is alike
-#: Steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
-POOLED = 150
+# steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
+_POOLED = 150
 _QUARTER = 0.25  # of the powers about an order: what few orders and few sessions have, does not reach it
 _MEDIAN = 0.4549  # of a chi-square of one degree of freedom
 #: Sessions of which fewer do not tell how well a zero or a mounting repeats.
@@ -135,7 +135,6 @@ class History:
     unit : str
         Of the time.
     at : ndarray, shape (sessions,)
-    labels : tuple of str
     amplitudes : Amplitudes
         Of orders from 0 up, with the noise of a session.
     rows : ndarray, shape (d, conditions * 2 * k)
@@ -148,7 +147,6 @@ class History:
 
     unit: str
     at: Array
-    labels: tuple[str, ...]
     amplitudes: Amplitudes
     rows: Array
     variance: Array
@@ -207,14 +205,14 @@ def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Arr
     at = np.array([one.at for one, _ in chosen])
     noise = _noise(bumps(changed, at), len(amplitudes.conditions))
     amplitudes = replace(amplitudes, noise=noise)
-    contrasts, lost = _contrasts(joined, [part for _, part in chosen], [one for one, _ in chosen])
+    contrasts, lost = _contrasts(joined, [one for one, _ in chosen])
     rows = np.concatenate([_waves(amplitudes), contrasts])
     variance = rows**2 @ noise
     own = len(contrasts)
     if own:
         variance[-own:] = np.maximum(variance[-own:], repeated(changed @ contrasts.T, at))
     first = len(rows) - own
-    return History(unit, at, joined.serials, amplitudes, rows, variance, tuple(first + number for number in lost))
+    return History(unit, at, amplitudes, rows, variance, tuple(first + number for number in lost))
 
 
 def bumps(values: Array, at: Array) -> Array:
@@ -286,7 +284,7 @@ def _noise(off: Array, conditions: int) -> Array:
     parts = off.reshape(len(off), conditions, 2, -1)
     power = (parts**2).mean(axis=2)  # of noise: its variance times an exponential of mean 1
     count = power.shape[-1]
-    wide = max(_NEAR, -(-POOLED // (2 * len(power))))
+    wide = max(_NEAR, -(-_POOLED // (2 * len(power))))
     order, found = np.arange(count), np.empty((conditions, count))
     for k in range(count):
         near = (order >= min(k / _SHARE, k - wide)) & (order <= max(k * _SHARE, k + wide)) & (order > 0)
@@ -301,9 +299,7 @@ def _waves(amplitudes: Amplitudes) -> Array:
     return np.asarray(np.eye(kept.size)[kept])
 
 
-def _contrasts(
-    joined: Amplitudes, read: Sequence[UnitAmplitudes], sessions: Sequence[Session]
-) -> tuple[Array, list[int]]:
+def _contrasts(joined: Amplitudes, sessions: Sequence[Session]) -> tuple[Array, list[int]]:
     """Contrasts of the offsets of conditions whose runs share a zero in every session; which of them are lost motions.
 
     Of a torque in both directions the difference; of several torques each with the mean of those before it.

@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.geartrain.source import Known, Source
+from rverror.geartrain.source import Known, rv
 from rverror.life.sessions import History
-from rverror.lots.processes import Process, UnitParts
+from rverror.lots.processes import UnitParts, processes_of_source
 from rverror.lots.simulated import Simulator, State
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
@@ -85,23 +84,9 @@ class UnitState:
 
 def unit_parts(model: Model, run: Known) -> UnitParts:
     """Every part error that diagnosis tries, with play and wear, one process for the parts of a kind."""
-    found = list[Process]()
-    for entry in CATALOGUE.values():
-        usable = entry.applies_to(model.mechanism) and not entry.lacks(model.mechanism, run)
-        if usable and entry.tried and entry.periodic:
-            found += _processes(entry, model)
-    return UnitParts(tuple(found))
-
-
-def _processes(entry: Source, model: Model) -> Iterable[Process]:
-    waves = [index for index in entry.indices if index.name == "harmonic"]
-    parts = [index for index in entry.indices if index.name != "harmonic"]
-    for chosen in product(*(index.tried(model.mechanism) for index in waves)):
-        fixed = dict(zip([index.name for index in waves], chosen, strict=True))
-        which = product(*([v for v in index.tried(model.mechanism) if v != "all"] for index in parts))
-        instances = tuple({**fixed, **dict(zip([i.name for i in parts], one, strict=True))} for one in which)
-        if instances:
-            yield Process(entry.key, fixed, instances, entry.parameters)
+    unit = rv(model.mechanism)
+    usable = (e for e in CATALOGUE.values() if e.applies_to(unit) and e.tried and e.periodic and not e.lacks(unit, run))
+    return UnitParts(tuple(one for entry in usable for one in processes_of_source(entry, unit, entry.parameters)))
 
 
 @dataclass(frozen=True)

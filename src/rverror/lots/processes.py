@@ -174,15 +174,33 @@ def _of_source(entry: Source, unit: Reducer) -> list[Process]:
     varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
     if not (entry.in_lots and entry.tried and entry.periodic and varied):
         return []
+    every = processes_of_source(entry, unit, varied)
+    return [one for one in every if all(map(_is_low, one.indices.values()))]
+
+
+def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Parameter, ...]) -> list[Process]:
+    """A process for each harmonic of a source that diagnosis tries, of all parts of its kind.
+
+    Parameters
+    ----------
+    entry : Source
+    unit : Reducer
+    parameters : tuple of Parameter
+        That vary.
+
+    Returns
+    -------
+    list of Process
+    """
     harmonics = [index for index in entry.indices if not _is_part(index)]
     parts = [index for index in entry.indices if _is_part(index)]
     found = []
-    for chosen in product(*([v for v in i.tried(unit) if _is_low(v)] for i in harmonics)):
+    for chosen in product(*(i.tried(unit) for i in harmonics)):
         fixed = dict(zip([i.name for i in harmonics], chosen, strict=True))
         which = product(*([v for v in i.tried(unit) if v != "all"] for i in parts))
         instances = tuple({**fixed, **dict(zip([i.name for i in parts], one, strict=True))} for one in which)
         if instances:
-            found.append(Process(entry.key, fixed, instances, varied))
+            found.append(Process(entry.key, fixed, instances, parameters))
     return found
 
 

@@ -11,6 +11,7 @@ import rverror
 from gear_runs import BARE, CAM, OTHER, red
 from rverror.diagnosis.gears.record import levelled, records_of
 from rverror.diagnosis.policy import POLICY
+from rverror.geartrain.torque_over_turn import TorqueWaves
 
 ARM = rverror.GravityArm(mass="20 kg", lever="0.4 m", offset="30 deg")
 POINTS = 1024
@@ -52,6 +53,16 @@ def test_samples_under_hardly_any_load_are_left_out() -> None:
     assert record.slips == ()
     assert len(record.starts) == 3
     assert not any("slips" in note for note in notes)
+
+
+def test_what_a_torque_sensor_leaves_open_is_windup_by_the_torsion_curve() -> None:
+    """A share of the peak torque times the compliance between half of the peak and the peak."""
+    (record, _), _ = records_of(BARE, arm_runs(), POLICY)
+    assert isinstance(record.torque, TorqueWaves)
+    peak = record.torque.peak
+    assert peak == pytest.approx(1.01 * 20e-3 * 400 * 9806.65, rel=0.01)  # m l g, read 1 % too high
+    half, most = rverror.torsion_curve(BARE, [0.0], torques=[peak / 2, peak]).angle[:, 0]
+    assert record.windup == pytest.approx(POLICY.torque_share * peak * abs(most - half) / (peak / 2), rel=0.02)
 
 
 def test_a_jump_over_a_stretch_is_levelled() -> None:
