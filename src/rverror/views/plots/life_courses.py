@@ -78,6 +78,7 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     ):
         ax.bar(at + shift, in_shown_unit(np.array(sizes), "angle"), 0.4, color=color, label=label)
     ax.set_xticks(at, [str(one.order) for one in rows])
+    ax.set_xlim(-1, max(len(rows), 1))  # a single order is no wall
     ax.set(xlabel=ORDER, ylabel="amplitude, arcsec", title="orders that differ")
     if rows:
         legend_beside(ax)
