@@ -105,7 +105,6 @@ if TYPE_CHECKING:
     from rverror.life.result import RunsCompared, Trend
 
     # Pictures and tables: any result as text, JSON, page, table or plot.
-    from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
     from rverror.views.envelope import input_files
     from rverror.views.report import to_html, to_json, to_text
     from rverror.views.tables import to_pandas, to_xarray
@@ -158,13 +157,9 @@ _LATER = {
     "WearCoefficients": "statics.worn_contacts",
     "allocate": "tolerances.allocation",
     "allocate_at_load": "tolerances.loaded_allocation",
-    "allocation_json": "views.budget_report",
-    "allocation_text": "views.budget_report",
     "backlash": "statics.rigidity",
     "bench_uncertainty": "runs.measuring_chain",
     "budget": "tolerances.closed_form",
-    "budget_json": "views.budget_report",
-    "budget_text": "views.budget_report",
     "coloured_noise": "runs.virtual_bench",
     "compare": "reference.comparison",
     "compensate": "compensation.making",
@@ -297,14 +292,10 @@ __all__ = [
     "__version__",
     "allocate",
     "allocate_at_load",
-    "allocation_json",
-    "allocation_text",
     "append_effects",
     "backlash",
     "bench_uncertainty",
     "budget",
-    "budget_json",
-    "budget_text",
     "coloured_noise",
     "compare",
     "compare_runs",

@@ -549,7 +549,7 @@ def test_diagnose_of_a_drive_end_to_end(bench: Path, capsys: pytest.CaptureFixtu
     # the new model explains the runs: nothing is missing any more
     assert call("diagnose", "new.toml", "run.csv", "back.csv", "--save", "same.toml") == 0
     out, err = capsys.readouterr()
-    assert out.startswith("Verdict: nothing missing")
+    assert out.splitlines()[1].startswith("Nothing missing: ")
     assert "nothing was added" in err
     assert (bench / "same.toml").read_bytes() == (bench / "new.toml").read_bytes()
 
@@ -602,7 +602,7 @@ def test_a_saved_model_knows_its_marks(unmarked: list[str], capsys: pytest.Captu
     capsys.readouterr()
     assert call("diagnose", "new.toml", *unmarked[2:], "--json", "again.json", "--save", "same.toml") == 0
     out, err = capsys.readouterr()
-    assert out.startswith("Verdict: nothing missing")
+    assert out.splitlines()[1].startswith("Nothing missing: ")
     again = strict_json(Path("again.json").read_text(encoding="utf-8"))
     assert again["before"]["rms_arcsec"] == pytest.approx(0.5, abs=0.1)
     assert "nothing was added" in err
@@ -635,14 +635,15 @@ def test_a_console_of_few_characters_is_no_error(bench: Path, monkeypatch: pytes
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
     assert call("diagnose", "worm.toml", "run.csv") == 0
     sys.stdout.flush()
-    assert b"Declared: Pr\\xfcfstand" in raw.getvalue()
+    assert b"Diagnosis: Pr\\xfcfstand" in raw.getvalue()
 
 
 def test_the_report_needs_no_matplotlib(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert call("diagnose", "worm.toml", "run.csv", "--report", "page.html") == 0
     text = (bench / "page.html").read_text(encoding="utf-8")
-    assert "<svg" in text
+    assert "<svg" not in text
+    assert "pictures need matplotlib" in text
     assert "Prüfstand" in text
 
 
@@ -785,7 +786,7 @@ def test_the_notebook_lines_of_the_demo_run(
     monkeypatch.setattr(rverror, "diagnose", cli.diagnose)
     code = [line[4:] for line in capsys.readouterr().out.partition("in a notebook:")[2].splitlines() if line]
     exec("\n".join(code), {})
-    assert capsys.readouterr().out.startswith("Verdict: explained")
+    assert "\nExplained: the model lacks" in capsys.readouterr().out
 
 
 def test_the_demo_says_what_it_replaces(

@@ -17,7 +17,7 @@ from rverror.base.viewed import Viewed
 from rverror.diagnosis.result import Diagnosis
 from rverror.statics.loaded_state import linearise
 from rverror.views.notebook import page
-from rverror.views.sheets import MOST_ROWS
+from rverror.views.blocks import MOST_ROWS
 
 PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
@@ -95,6 +95,7 @@ def test_a_page_is_small_well_formed_and_without_script_or_links(kind: str) -> N
         "style",
         "p",
         "strong",
+        "pre",
         "table",
         "thead",
         "tbody",
@@ -104,7 +105,7 @@ def test_a_page_is_small_well_formed_and_without_script_or_links(kind: str) -> N
         "details",
         "summary",
     }
-    assert found.attributes <= {"class", "scope"}
+    assert found.attributes <= {"class", "scope", "tabindex"}
     assert len(page(thing)) < 20_000
     for table in found.tables:
         assert len({len(row) for row in table}) == 1
@@ -202,7 +203,7 @@ def test_a_run_with_its_conditions() -> None:
 def test_a_diagnosis_before_and_after(verdict: str, quantity: str) -> None:
     unit = {"angle": "arcsec", "torque": "N*m"}[quantity]
     found = read(diagnosis(verdict, quantity=quantity, mechanism=DRIVE))
-    assert f"Verdict: {verdict.replace('_', ' ')};" in found.text
+    assert f"{verdict.replace('_', ' ').capitalize()}: " in found.text
     sizes = {row[0]: row[1:] for row in found.rows(f"residual, {unit}")}
     assert sizes["as declared"] == ["11", "61", "12"]
     assert sizes["declared sizes refitted"] == ["9", "51", "10"]
@@ -210,22 +211,22 @@ def test_a_diagnosis_before_and_after(verdict: str, quantity: str) -> None:
     assert ("with what was added" in sizes) == (verdict != "nothing_missing")
     if verdict != "nothing_missing":
         assert sizes["with what was added"] == ["2", "13", "3"]
-        assert found.rows("added") == [
+        assert found.rows("what was added") == [
             ["sensor.encoder_eccentricity", "cos", "5", "4 to 6", unit],
             ["", "sin", "-2", "-3 to -1", unit],
         ]
-        assert "cannot tell sensor.encoder_eccentricity from: sensor.encoder_ellipticity, " + HOSTILE in found.text
+        assert "cannot tell sensor.encoder_eccentricity from sensor.encoder_ellipticity, " + HOSTILE in found.text
     if verdict == "unexplained":
         lines = found.rows("unexplained order")
         assert [row[:3] for row in lines] == [["36", "7", "6 to 8"], ["39.5", "2", "1 to 3"]]
-        assert lines[1][3] == f"{HOSTILE}; input shaft"
+        assert f"{HOSTILE}; input shaft" in lines[1]
     assert "2 notes" in found.text
     assert "second note" in found.text
 
 
 def test_a_size_that_the_runs_do_not_determine() -> None:
     found = read(diagnosis(determined=False))
-    assert found.rows("added")[0][3] == "not determined"
+    assert found.rows("what was added")[0][3] == "not determined"
 
 
 def test_what_the_runs_say_of_stiffness_and_what_they_do_not() -> None:
@@ -235,10 +236,10 @@ def test_what_the_runs_say_of_stiffness_and_what_they_do_not() -> None:
         ["gear_backlash", "20", "31", "29 to 33", "um"],
         ["pin_exponent", "1", "1.125", "not determined", ""],
     ]
-    assert "not told by these runs: crank_bearing, flank_exponent" in found.text
+    assert "These runs do not determine crank_bearing, flank_exponent." in found.text
     drive = read(diagnosis(mechanism=DRIVE)).text
     assert "contact law" not in drive
-    assert "not told" not in drive
+    assert "do not determine" not in drive
 
 
 def test_a_diagnosis_of_nothing() -> None:
@@ -251,7 +252,7 @@ def test_a_line_beside_a_frame_says_so() -> None:
     line = replace(diagnosis("unexplained").unexplained[0], order=38.0)
     one: Diagnosis = replace(diagnosis("unexplained"), unexplained=(line,))
     (row,) = read(one).rows("unexplained order")
-    assert "39" in row[3]
+    assert any("below" in cell and "39" in cell for cell in row)
 
 
 def test_an_equilibrium_in_newtons_and_arcsec() -> None:
@@ -274,7 +275,7 @@ def test_a_torsion_curve_in_newton_metres() -> None:
 
 def test_a_budget_has_the_largest_share_first() -> None:
     for kind in ("Budget", "ErrorBudget"):
-        rows = read(every_kind()[kind][0]).rows("tolerance")
+        rows = next(t[1:] for t in read(every_kind()[kind][0]).tables if t[0][:2] == ["tolerance", "width"])
         shares = [float(row[3]) for row in rows]
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) == pytest.approx(100, abs=0.1)
@@ -285,8 +286,8 @@ def test_sizes_of_virtual_units_with_their_intervals() -> None:
     result = every_kind()["ErrorBudget"][0]
     (row,) = [row for row in read(result).rows("size, arcsec") if row[0] == "peak-to-peak"]
     p95 = result.units.quantile(0.95)
-    assert float(row[3]) == pytest.approx(p95.value / ARCSEC, rel=1e-3)
-    low, high = map(float, row[4].split(" to "))
+    assert float(row[4]) == pytest.approx(p95.value / ARCSEC, rel=1e-3)
+    low, high = map(float, row[5].split(" to "))
     assert (low, high) == pytest.approx((p95.low / ARCSEC, p95.high / ARCSEC), rel=1e-3)
     assert float(row[-1]) == pytest.approx(result.closed.worst.peak_to_peak / ARCSEC, rel=1e-3)
     few = replace(result.units, **{name: getattr(result.units, name)[:8] for name in ("peak_to_peak", "max", "rms")})

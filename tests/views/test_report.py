@@ -6,6 +6,7 @@ The truth is the virtual bench's own: it added an encoder eccentricity to a unit
 from __future__ import annotations
 
 import functools
+import html
 import json
 import math
 import re
@@ -25,7 +26,7 @@ from diagnosed_example import COS, DEMO, SIN, Outcome, outcome, strict_json
 from every_kind import DRIVE, ELASTIC, diagnosis
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.result import Addition, Candidate, Estimate, Line, Trace
+from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
 from rverror.views.diagnosis_report import bench_of
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
@@ -193,30 +194,37 @@ def row(text: str, label: str) -> list[float]:
 
 @pytest.mark.parametrize(
     ("label", "key"),
-    [("before (as declared)", "before"), ("before, sizes refitted", "before_refitted"), ("after ", "after")],
+    [("as declared", "before"), ("declared sizes refitted", "before_refitted"), ("with what was added", "after")],
 )
 def test_text_says_the_sizes_of_the_json(result: Outcome, label: str, key: str) -> None:
     wanted = result.json()[key]
     numbers = [wanted["rms_arcsec"], wanted["peak_to_peak_arcsec"], wanted["heldout_rms_arcsec"]]
-    assert row(result.out, label) == pytest.approx(numbers, abs=0.006)
+    assert row(result.out, label) == pytest.approx(numbers, rel=6e-4)
 
 
 def test_text_says_what_the_json_says(result: Outcome) -> None:
     data, (added,) = result.json(), result.json()["added"]
     assert result.out == to_text(result.diagnosis)
     assert result.out.endswith("\n")
-    assert result.out.startswith(f"Verdict: {data['verdict']}")
+    assert result.out.splitlines()[1].startswith(f"{data['verdict'].capitalize()}: the model lacks {added['key']}")
     assert "residual, arcsec" in result.out
-    assert row(result.out, "noise ") == pytest.approx([data["noise_rms_arcsec"]], abs=6e-4)
-    assert f"Added 1: {added['key']}" in result.out
+    assert row(result.out, "noise ") == pytest.approx([data["noise_rms_arcsec"]], rel=6e-4)
     for name, estimate in added["parameters"].items():
-        numbers = [estimate["value"], 95, estimate["low"], estimate["high"]]
-        assert row(result.out, f"  {name}") == pytest.approx(numbers, abs=6e-4)
-        line = next(line for line in result.out.splitlines() if line.startswith(f"  {name}"))
-        assert estimate["unit"] in line
+        line = next(line for line in result.out.splitlines() if f" {name} " in line and estimate["unit"] in line)
+        numbers = [float(word) for word in re.findall(r"-?\d+\.\d+", line)]
+        assert numbers == pytest.approx([estimate["value"], estimate["low"], estimate["high"]], rel=6e-4)
     assert "remounted by 90 degrees" in result.out
     for note in data["notes"]:
         assert note in result.out
+
+
+def test_the_fall_is_credited_to_what_made_it(result: Outcome) -> None:
+    """Mean squares of 25, 16 and 1: refitting takes 9 of 24, what was added 15."""
+    sizes = {"before": 5.0, "before_refitted": 4.0, "after": 1.0}
+    parts = {name: replace(result.diagnosis.after, heldout_rms=size * ARCSEC) for name, size in sizes.items()}
+    assert "62 % are due to what was added" in to_text(replace(result.diagnosis, **parts))
+    parts["before_refitted"] = parts["before"]
+    assert "are due to what was added" not in to_text(replace(result.diagnosis, **parts))
 
 
 def test_json_is_the_diagnosis_to_six_digits(result: Outcome) -> None:
@@ -242,11 +250,10 @@ def test_lines_that_remain_are_listed_with_a_way_on(result: Outcome) -> None:
         result.diagnosis, verdict="unexplained", added=(), unexplained=lines, traces=result.diagnosis.traces[:1]
     )
     text, data = to_text(one_way), to_json(one_way)
-    assert text.startswith("Verdict: unexplained")
-    assert re.search(r"^ +36  2\.000 arcsec \[1\.000, 3\.000\]  no frame", text, re.MULTILINE)
-    assert "and 3 more" in text
-    way_on = next(i for i, line in enumerate(text.splitlines()) if "adding-an-effect" in line)
-    assert any("run in reverse" in line for line in text.splitlines()[way_on:])
+    assert text.splitlines()[1].startswith("Unexplained: no source of the catalogue accounts for orders 36, 37")
+    assert re.search(r"^ +36 +2 +1 to 3  none of this drive", text, re.MULTILINE)
+    assert "adding-an-effect" in text
+    assert "run in reverse" in text
     assert len(data["unexplained_orders"]) == 15
     first = data["unexplained_orders"][0]
     assert {key: first[key] for key in ("order", "amplitude_arcsec", "low", "high", "frames")} == {
@@ -266,10 +273,9 @@ def test_what_cannot_be_told_apart_is_named_with_a_test_that_would(result: Outco
     told = replace(added, effect=effect, estimates=sizes, indistinguishable=(twin,), notes=("a remark",))
     both = replace(result.diagnosis, added=(added, told))
     text, data = to_text(both), to_json(both)
-    assert "Added 2: crank.eccentricity (crank 0, disc 0)" in text
-    assert "cannot tell it from: crank.eccentricity (crank 1, disc 0)" in text
+    assert "cannot tell crank.eccentricity (crank 0, disc 0) from crank.eccentricity (crank 1, disc 0)" in text
     assert "a run at a much lighter load" in text  # which crank: only contact at light load breaks the tie
-    assert "note: a remark" in text
+    assert "crank.eccentricity (crank 0, disc 0): a remark." in text
     assert data["added"][1]["indistinguishable_from"] == [{"key": twin[0], "indices": twin[1]}]
     assert data["added"][1]["parameters"]["radial"] == {"value": 5.0, "unit": "um", "low": 4.0, "high": 6.0}
 
@@ -283,15 +289,15 @@ def test_a_size_that_is_not_determined_is_null_not_nan(result: Outcome) -> None:
     assert data["added"][0]["parameters"]["cos"]["low"] is None
     assert data["added"][0]["parameters"]["sin"]["high"] is None
     text = to_text(vague)
-    assert text.count("not determined by these runs") == 2
+    assert text.count("not determined") == 2
     assert "nan" not in text.lower()
 
 
 def test_nothing_missing_says_so(result: Outcome) -> None:
     none = replace(result.diagnosis, verdict="nothing_missing", added=(), candidates=(), notes=())
     text = to_text(none)
-    assert text.startswith("Verdict: nothing missing")
-    assert "Added" not in text
+    assert text.splitlines()[1].startswith("Nothing missing: the declared model accounts")
+    assert "added" not in text
     assert "Notes" not in text
     assert to_json(none)["added"] == []
 
@@ -301,19 +307,18 @@ def test_nothing_missing_says_so(result: Outcome) -> None:
 
 def test_text_says_what_the_runs_tell_of_stiffness_and_names_the_rest() -> None:
     lines = to_text(diagnosis()).splitlines()
-    at = lines.index("Stiffness, backlash and contact law as the runs tell them")
-    assert [line.split() for line in lines[at + 1 : at + 5]] == [
-        ["declared", "fitted"],
-        ["pin_contact", "250000", "225000", "N/mm", "95", "%", "[200000,", "250000]"],
-        ["gear_backlash", "20", "31", "um", "95", "%", "[29,", "33]"],
-        ["pin_exponent", "1", "1.125", "not", "determined", "by", "these", "runs"],
+    at = lines.index("Stiffness, backlash and contact law")
+    assert [line.split() for line in lines[at + 2 : at + 6]] == [
+        ["stiffness,", "backlash,", "contact", "law", "declared", "fitted", "95", "%", "interval", "unit"],
+        ["pin_contact", "250000", "225000", "200000", "to", "250000", "N/mm"],
+        ["gear_backlash", "20", "31", "29", "to", "33", "um"],
+        ["pin_exponent", "1", "1.125", "not", "determined"],
     ]
-    assert lines[at + 5 : at + 7] == ["  not told by these runs: crank_bearing, flank_exponent", ""]
+    assert "These runs do not determine crank_bearing, flank_exponent." in lines
     whole = to_text(replace(diagnosis(), elastic=tuple(replace(row, told=True) for row in ELASTIC)))
-    assert "not told" not in whole
+    assert "do not determine" not in whole
     none = to_text(replace(diagnosis(), elastic=tuple(replace(row, told=False) for row in ELASTIC)))
-    assert "not told by these runs: pin_contact, crank_bearing, gear_backlash, pin_exponent, flank_exponent" in none
-    assert "declared      fitted" not in none
+    assert "do not determine pin_contact, crank_bearing, gear_backlash, pin_exponent, flank_exponent." in none
     assert "Stiffness" not in to_text(diagnosis(mechanism=DRIVE))
 
 
@@ -332,18 +337,6 @@ def test_json_holds_all_of_it_in_the_units_of_people() -> None:
     assert to_json(diagnosis(mechanism=DRIVE))["stiffness"] == []
 
 
-def test_the_page_has_the_stiffness_of_the_json() -> None:
-    page = to_html(diagnosis())
-    table = page.partition("<h2>Stiffness, backlash and contact law as the runs tell them</h2>")[2].partition("<h3>")[0]
-    cells = re.findall(r'<data value="([^"]*)">', table)
-    assert [float(cell) for cell in cells] == [2.5e5, 2.25e5, 2e5, 2.5e5, 20.0, 31.0, 29.0, 33.0, 1.0, 1.125]
-    assert table.count("not determined by these runs") == 1
-    assert "dimensionless" not in table
-    assert "Not told by these runs: <code>crank_bearing</code>, <code>flank_exponent</code>." in table
-    assert "<h2>Stiffness" not in to_html(diagnosis(mechanism=DRIVE))
-    assert_self_contained(page)
-
-
 def test_json_lists_what_was_set_aside_where_something_was() -> None:
     found = diagnosis()
     (row,) = to_json(found)["set_aside"]
@@ -358,58 +351,6 @@ def test_json_lists_what_was_set_aside_where_something_was() -> None:
     (row,) = to_json(replace(found, traces=(far,)))["set_aside"]
     assert row["angles_deg"] == [36000.001, 36000.002]
     assert row["slips_deg"] == []
-
-
-def waveform_pictures(page: str) -> list[ET.Element]:
-    return [ET.fromstring(svg) for svg in re.findall(r"<svg role=.*?</svg>", page, re.S) if "over the output" in svg]
-
-
-def marked(picture: ET.Element, kind: str) -> list[float]:
-    """Angles, deg, at which a picture of a run from 0 to 360 deg has marks, each on both panels."""
-    paths = [path.get("d", "") for path in picture.iter("path") if path.get("class") == kind]
-    assert len(paths) in (0, 2)
-    places = [[float(x) for x in re.findall(r"M([\d.]+) ", path)] for path in paths]
-    assert places[:1] == places[1:]
-    ticks = {item.text: float(item.get("x", "")) for item in picture.iter("text") if item.get("class") == "tick"
-             and item.get("text-anchor") == "middle"}  # fmt: skip
-    degree = (ticks["90"] - ticks["0"]) / 90
-    return [(x - ticks["0"]) / degree for x in places[0]] if places else []
-
-
-def on_a_turn(**faults: Any) -> Trace:
-    theta = np.radians(np.arange(0, 360.0, 0.5))
-    wave = ARCSEC * np.cos(3 * theta)
-    return Trace("run.csv", 1.0, theta, wave, 0.5 * wave, 0.9 * wave, **faults)
-
-
-def test_the_pictures_mark_what_was_set_aside_and_slips() -> None:
-    trace = on_a_turn(set_aside=np.radians([30.0, 720 + 100]), slips=np.radians([45.0, -80.0]))
-    page = to_html(replace(diagnosis(), traces=(trace, on_a_turn())))
-    wide, narrow, bare_wide, bare_narrow = waveform_pictures(page)
-    assert marked(wide, "aside") == pytest.approx([30, 100], abs=0.3)
-    assert marked(wide, "slip") == pytest.approx([45, 280], abs=0.3)
-    assert marked(narrow, "aside") == pytest.approx([30], abs=0.3)  # the first 90 degrees are drawn
-    assert marked(narrow, "slip") == pytest.approx([45], abs=0.3)
-    assert "marked: sample set aside, 2; marked: slip of the reading, 2" in wide.get("aria-label", "")
-    assert "marked" not in bare_wide.get("aria-label", "")
-    assert not [
-        marked(bare, kind) for bare in (bare_wide, bare_narrow) for kind in ("aside", "slip") if marked(bare, kind)
-    ]
-    keys = re.findall(r'<div class="key">(.*?)</div>', page, re.S)
-    assert ["sample set aside" in key and "slip of the reading" in key for key in keys] == [True, False, False, False]
-
-
-def test_over_a_part_of_a_turn_marks_stay_where_they_are() -> None:
-    whole = on_a_turn(set_aside=np.radians([5.0, 50.0, 500.0]))
-    part = replace(whole, **{name: getattr(whole, name)[:200] for name in ("theta", "measured", "before", "after")})
-    wide, _ = waveform_pictures(to_html(replace(diagnosis(), traces=(part,))))
-    assert marked(wide, "aside") == pytest.approx([5, 50], abs=0.3)
-
-
-def test_marks_that_would_cover_each_other_are_one() -> None:
-    crowd = on_a_turn(set_aside=np.linspace(0, 6, 50_000))
-    wide, _ = waveform_pictures(to_html(replace(diagnosis(), traces=(crowd,))))
-    assert len(marked(wide, "aside")) < 960
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------
@@ -457,37 +398,32 @@ def assert_self_contained(text: str) -> None:
 
 
 def test_the_page_is_self_contained(result: Outcome) -> None:
-    """Of the command line, and the page alone: it needs no namespace either, so it holds no address at all."""
     assert_self_contained((result.folder / "page.html").read_text(encoding="utf-8"))
     text = to_html(result.diagnosis, files=input_files([DEMO / "model.toml"]))
     assert text.startswith("<!doctype html>")
     assert_self_contained(text)
-    assert "://" not in text
     page = Page(text)
-    assert not {name for name, _ in page.attributes} & {"href", "xlink:href", "style"}
-    assert page.pieces["title"] == page.pieces["h1"] == "rverror: explained"
+    assert page.pieces["title"] == f"rverror: {page.pieces['h1']}"
     assert ("charset", "utf-8") in page.attributes
     assert ("content", "default-src 'none'; style-src 'unsafe-inline'") in page.attributes
     assert ("content", "width=device-width, initial-scale=1") in page.attributes
 
 
-def test_the_page_holds_the_text_report(result: Outcome) -> None:
-    assert Page(to_html(result.diagnosis)).pieces["pre"] == to_text(result.diagnosis)
+def test_the_page_holds_what_the_text_says(result: Outcome) -> None:
+    """Every word of the text, and a picture of waveform, residual and spectrum of each run."""
+    text = to_html(result.diagnosis)
+    bare = re.sub(r"<svg.*?</svg>|</?strong>", "", text, flags=re.DOTALL)
+    words = set(html.unescape(re.sub(r"<[^>]+>", " ", bare)).split())
+    assert {word for word in to_text(result.diagnosis).split() if set(word) != {"-"}} <= words | {"Notes"}
+    svgs = re.findall(r"<svg.*?</svg>", text, re.DOTALL)
+    assert len(svgs) == 3 * len(result.diagnosis.traces)
+    for svg in svgs:
+        ET.fromstring(svg)  # well-formed
 
 
 def test_the_page_has_both_themes_paper_and_phone(result: Outcome) -> None:
-    text = to_html(result.diagnosis)
     for rule in ("prefers-color-scheme: dark", "@media print", "max-width: 46rem"):
-        assert rule in text
-    svgs = re.findall(r"<svg role=.*?</svg>", text, re.DOTALL)
-    pictures = 2 * (1 + 1) * len(result.diagnosis.traces)  # waveform and spectrum of each run, wide and narrow
-    assert len(svgs) == pictures
-    widths = [int(re.search(r'viewBox="0 0 (\d+) ', svg)[1]) for svg in svgs]  # type: ignore[index]
-    assert sorted(set(widths)) == [400, 960]
-    for svg in svgs:
-        root = ET.fromstring(svg)  # well-formed
-        assert root.get("aria-label")
-        assert not [item for item in root.iter() if item.get("fill") or item.get("stroke")]  # the theme colours all
+        assert rule in to_html(result.diagnosis)
 
 
 def contrast(one: str, other: str) -> float:
@@ -510,32 +446,6 @@ def test_letters_and_lines_stand_out_in_both_themes(result: Outcome) -> None:
         for letters in ("ink", "soft"):
             for ground in ("page", "panel"):
                 assert contrast(theme[letters], theme[ground]) >= 4.5
-        for line in ("before", "after"):
-            assert contrast(theme[line], theme["page"]) >= 3
-
-
-def numbers_of(data: Any) -> set[float]:
-    if isinstance(data, dict):
-        return set().union(*map(numbers_of, data.values())) if data else set()
-    if isinstance(data, list):
-        return set().union(*map(numbers_of, data)) if data else set()
-    return {float(data)} if isinstance(data, int | float) and not isinstance(data, bool) else set()
-
-
-def test_every_number_of_the_page_is_one_of_the_json(result: Outcome) -> None:
-    files = input_files([result.folder / "model.toml"])
-    data = to_json(result.diagnosis, files=files)
-    cells = re.findall(r'<data value="([^"]*)">([^<]*)</data>', to_html(result.diagnosis, files=files))
-    assert len(cells) > 50
-    known = numbers_of(data)
-    for exact, seen in cells:
-        assert float(exact) in known
-        assert float(seen) == pytest.approx(float(exact), rel=6e-4)
-    shown = {float(exact) for exact, _ in cells}
-    for key in ("before", "before_refitted", "after"):
-        assert set(data[key].values()) <= shown
-    for added in data["added"]:
-        assert numbers_of(added["parameters"]) <= shown
 
 
 def test_the_input_files_are_named_with_their_hashes(result: Outcome, tmp_path: Path) -> None:
@@ -643,7 +553,7 @@ def test_a_torque_ripple_is_not_called_arcsec(result: Outcome) -> None:
     assert data["noise_rms_newton_metre"] == 0.25
     assert not [key for key in data if "arcsec" in key]
     assert "residual, N*m" in to_text(ripple)
-    assert "arcsec" not in re.sub(r"<tr>.*?</tr>", "", Page(to_html(ripple)).pieces["h1"])
+    assert "arcsec" not in to_text(ripple).splitlines()[1]
 
 
 def hostile(found: Diagnosis, name: str) -> Diagnosis:
@@ -672,9 +582,8 @@ def test_names_cannot_break_out_of_the_page(result: Outcome, name: str) -> None:
     text = to_html(found, files=[InputFile(name, name, 1)])
     assert_self_contained(text)
     page = Page(text)
-    assert "b" not in page.tags or page.tags.count("b") == 4  # those of the tiles
-    assert page.pieces["pre"] == to_text(found, files=[InputFile(name, name, 1)])
-    assert name in page.pieces["pre"]
+    assert "b" not in page.tags
+    assert name in page.pieces["td"]
     for svg in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
         ET.fromstring(svg)
 
@@ -683,11 +592,7 @@ def test_names_cannot_break_out_of_the_page(result: Outcome, name: str) -> None:
 @settings(max_examples=10, deadline=None)
 def test_no_name_changes_what_the_page_is_made_of(result: Outcome, name: str) -> None:
     """The same tags and attributes as with a plain name, and no character that is not to be printed."""
-    small = tuple(
-        replace(t, left_out=None, **{key: getattr(t, key)[:64] for key in ("theta", "measured", "before", "after")})
-        for t in result.diagnosis.traces
-    )
-    found = replace(result.diagnosis, traces=small)
+    found = replace(result.diagnosis, traces=())  # no picture: matplotlib escapes what it writes
     pages = []
     for word in ("plain", name):
         text = to_html(hostile(found, word), files=[InputFile(word, word, 1)])
@@ -699,31 +604,27 @@ def test_no_name_changes_what_the_page_is_made_of(result: Outcome, name: str) ->
 
 
 def test_control_characters_are_shown_not_sent_to_the_terminal(result: Outcome) -> None:
-    text = to_text(hostile(result.diagnosis, "a\x1b[31m\u202e\r\nVerdict: nothing missing"))
+    text = to_text(hostile(result.diagnosis, "a\x1b[31m\u202e\r\nNothing missing"))
     assert "\x1b" not in text
-    assert r"a\x1b[31m\u202e\r\nVerdict: nothing missing" in text
-    assert text.count("\nVerdict:") == 0
+    assert r"a\x1b[31m\u202e\r\nNothing missing" in text
+    assert text.count("\nNothing missing") == 0
 
 
 def test_each_verdict_has_its_page(result: Outcome) -> None:
     line = Line(80.0, 2 * ARCSEC, 1.5 * ARCSEC, 2.5 * ARCSEC, ("carrier, disc or crank 40 x 2",))
     bare = replace(result.diagnosis, elastic=())
     pages = {
-        "explained": bare,
-        "nothing_missing": replace(bare, verdict="nothing_missing", added=()),
-        "unexplained": replace(bare, verdict="unexplained", added=(), unexplained=(line,)),
+        "Explained": bare,
+        "Nothing missing": replace(bare, verdict="nothing_missing", added=()),
+        "Unexplained": replace(bare, verdict="unexplained", added=(), unexplained=(line,)),
     }
-    heads = {}
-    for verdict, found in pages.items():
+    common = {"Residual by order", "Candidates by a linear step", "What was declared"}
+    for strong, found in pages.items():
         text = to_html(found)
-        heads[verdict] = set(re.findall(r"<h2>(.*?)</h2>", text))
-        assert Page(text).pieces["title"] == f"rverror: {verdict.replace('_', ' ')}"
-    common = {"Before and after", "Candidates", "What was declared", "Notes", "Inputs and version"}
-    assert all(common <= found for found in heads.values())
-    assert heads["explained"] - common == {"What was added", "What to measure next"}
-    assert heads["nothing_missing"] == common
-    assert heads["unexplained"] - common == {"Lines that nothing in the catalogue explains", "What to measure next"}
-    assert "docs/adding-an-effect.md" in to_html(pages["unexplained"])
+        assert f"<strong>{strong}</strong>" in text
+        heads = set(re.findall(r"<h2>(.*?)</h2>", text)) - common
+        assert heads == ({"Lines that no source of the catalogue explains"} if strong == "Unexplained" else set())
+    assert "docs/adding-an-effect.md" in to_html(pages["Unexplained"])
 
 
 # --- the picture ------------------------------------------------------------------------------------------------------
@@ -770,7 +671,8 @@ def test_a_diagnosis_of_a_drive_is_reported_the_same_way(tmp_path: Path) -> None
 
 def test_a_declared_model_without_name_is_called_by_its_reducer(result: Outcome) -> None:
     plain = replace(result.diagnosis, declared=Model(reducer("RV-40E")))
-    assert "Declared: RV-40E, 0 effects" in to_text(plain)
+    assert to_text(plain).startswith("Diagnosis: RV-40E\n")
+    assert "no effect is declared" in to_text(plain)
 
 
 def test_what_to_measure_next_knows_the_zero_of_the_runs(result: Outcome) -> None:
@@ -797,5 +699,5 @@ def test_a_size_far_below_one_of_its_unit_is_told_with_two_digits_of_its_interva
         Estimate("sin", "compliance", 0.0, 0.0, 0.0),
     )
     text = rverror.to_text(replace(diagnosis(), added=(Addition(wave, sizes, (), (3.0,), 0.0, ()),)))
-    assert "0.00602 arcsec/(N*m) 95 % [0.00579, 0.00625]" in text
-    assert "0.000 arcsec/(N*m) 95 % [0.000, 0.000]" in text
+    assert re.search(r"cos +0\.006019  0\.005793 to 0\.006248  arcsec/\(N\*m\)", text)
+    assert re.search(r"sin +0 +0 to 0  arcsec/\(N\*m\)", text)

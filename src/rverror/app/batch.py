@@ -29,7 +29,7 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json
+from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import input_files
 from rverror.views.html import document, escaped, number, table
 
@@ -360,7 +360,10 @@ def _diagnose_unit(
         mapping = None if mapping_path is None else load_mapping(mapping_path)
         found = diagnose(model, [read_run(path, model, mapping) for path in run_paths])
         data = diagnosis_json(found, files=files)
-        page = diagnosis_html(found, files=files) if with_page else ""
+        if with_page:
+            from rverror.views.report import to_html  # all kinds of results, for this option alone
+
+            page = to_html(found, files=files)
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along

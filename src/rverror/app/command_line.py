@@ -50,7 +50,8 @@ from rverror.runs.order_fit import checked_orders, order_table_from_runs
 from rverror.runs.order_table import OrderTable
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
+from rverror.views.blocks import as_text
+from rverror.views.diagnosis_report import diagnosis_json, diagnosis_sheet
 from rverror.views.envelope import InputFile, input_files
 
 #: Commands of each file of commands, as help lists them.  A file is loaded for its own: a diagnosis would wait for the
@@ -332,7 +333,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     result = _diagnose_with_progress(model, runs, jobs=options.jobs, prior=prior)
     if unseen:
         result = validated(result, unseen)
-    print(diagnosis_text(result), end="")
+    print(as_text(diagnosis_sheet(result)), end="")
     _write_results(result, options, figure, input_files(inputs))
 
 
@@ -376,7 +377,9 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
     if options.plot:
         write_picture(options.plot, figure(result))
     if options.report:
-        write_output(options.report, diagnosis_html(result, files=files))
+        from rverror.views.report import to_html  # all kinds of results, for this option alone
+
+        write_output(options.report, to_html(result, files=files))
     if options.save:
         say_replaced(options.save)
         # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error
@@ -448,7 +451,7 @@ def _demo(options: argparse.Namespace) -> None:
         name = Path(trace.name).name
         print(f"{name}: peak-to-peak over the mean turn, arcsec: bench {sizes[0]:.1f}, declared model {sizes[1]:.1f}, "
               f"with what was added {sizes[2]:.1f}")  # fmt: skip
-    print("\n" + diagnosis_text(result))
+    print("\n" + as_text(diagnosis_sheet(result)))
     written = [folder / "diagnosis.json", folder / "model-with-cause.toml"]
     write_json(written[0], diagnosis_json(result, files=input_files([model_path, *run_paths])))
     say_replaced(written[1])

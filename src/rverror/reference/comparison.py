@@ -32,7 +32,8 @@ from rverror.reference.cases import (
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
 from rverror.runs.reading import refuse
-from rverror.views.bench_report import BESIDE, bench_json, bench_lines, plus_minus
+from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, plus_minus
+from rverror.views.blocks import as_text, section
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.report import to_json, to_text
 
@@ -381,7 +382,7 @@ def comparison_text(found: Comparison, *, most: int = 12) -> str:
     if found.other_rms is not None:
         word = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
         lines.append(f"{f'rms against the {word}':28s} {_arcsec(found.other_rms)}{of_rms}")
-    lines += bench_lines(found.bench)
+    lines += as_text(section("What the bench leaves uncertain", *bench_sheet(found.bench))).splitlines()
     told = [line for line in found.orders[:most] if abs(line.difference) >= 1e-6 * ARCSEC]
     if told:
         lines += [

@@ -7,11 +7,10 @@ from typing import Any
 from rverror.base.numbers import in_arcsec, rounded
 from rverror.base.units import ARCSEC
 from rverror.runs.measuring_chain import COVERAGE, BenchUncertainty, Figure
-from rverror.views.html import escaped, number, scrolled
+from rverror.views.blocks import Sheet, grid, line
 
 #: What stands in brackets behind a figure's uncertainty.
 BESIDE = f"bench, k = {COVERAGE:g}"
-_HEADING = "What the bench leaves uncertain"
 _SAME = "the same in every turn and run: no averaging takes it off, and differences between runs are free of it"
 _FIGURES: tuple[Figure, ...] = ("reading", "peak_to_peak", "rms")
 _TOLD: tuple[tuple[str, Figure], ...] = (("one angle", "reading"), ("peak-to-peak", "peak_to_peak"), ("rms", "rms"))
@@ -67,36 +66,18 @@ def bench_json(bench: BenchUncertainty | None, *, whole: bool = True) -> dict[st
     }
 
 
-def bench_lines(bench: BenchUncertainty | None, *, whole: bool = True) -> list[str]:
-    """Budget as lines of a text report; `whole` as in `bench_json`."""
+def bench_sheet(bench: BenchUncertainty | None, *, whole: bool = True) -> Sheet:
+    """Budget as a report; `whole` as in `bench_json`."""
     if bench is None:
-        return []
-    widths = (16, 9, 9, 10, 19, 11)
-    heads = "".join(f"{head:>{width}}" for head, width in zip(_HEADS, widths, strict=True))
-    lines = ["", f"{_HEADING}, arcsec", f"  {'':<15}{heads}"]
-    for one, peak, rms in zip(*(bench.budget(figure) for figure in _FIGURES), strict=True):
-        sizes = (one.limit, one.standard, peak.limit, rms.limit)
-        cells = [one.distribution, f"{one.divisor:.3f}", *(f"{size / ARCSEC:.3f}" for size in sizes)]
-        lines.append(f"  {one.name:<15}" + "".join(f"{c:>{width}}" for c, width in zip(cells, widths, strict=True)))
-    shown = [pair for pair in _TOLD if whole or pair[1] != "peak_to_peak"]
-    told = [f"{words} ± {bench.of(figure) / ARCSEC:.3f}" for words, figure in shown]
-    return [*lines, f"  combined and expanded, k = {COVERAGE:g}: {', '.join(told)}", f"  {_SAME}"]
-
-
-def bench_html(data: dict[str, Any] | None) -> str:
-    """Budget as a section of an HTML page, from what `bench_json` makes."""
-    if data is None:
-        return ""
-    sizes = ("divisor", "limit_arcsec", "standard_arcsec", "peak_to_peak_limit_arcsec", "rms_limit_arcsec")
+        return ()
     rows = [
-        [escaped(one["name"]), escaped(one["distribution"]), *(number(one[size]) for size in sizes)]
-        for one in data["parts"]
+        (one.name, one.distribution, one.divisor, *(size / ARCSEC for size in sizes))
+        for one, peak, rms in zip(*(bench.budget(figure) for figure in _FIGURES), strict=True)
+        for sizes in [(one.limit, one.standard, peak.limit, rms.limit)]
     ]
-    told = ", ".join(
-        f"{words} ± {number(size)}" for words, figure in _TOLD if (size := data[f"{figure}_arcsec"]) is not None
-    )
+    shown = [pair for pair in _TOLD if whole or pair[1] != "peak_to_peak"]
+    told = ", ".join(f"{words} ± {bench.of(figure) / ARCSEC:.3f}" for words, figure in shown)
     return (
-        f"<h2>{_HEADING}</h2>\n"
-        + scrolled(["part, arcsec", *_HEADS], rows, numbers=range(2, 7))
-        + f"<p>Combined and expanded, k = {COVERAGE:g}: {told} arcsec; {_SAME}.</p>"
+        *grid(("part, arcsec", *_HEADS), rows),
+        *line(f"Combined and expanded, k = {COVERAGE:g}: {told} arcsec; {_SAME}."),
     )

@@ -1,4 +1,4 @@
-"""Budgets and an allocation for people and for programs: text and JSON."""
+"""Budgets and an allocation for programs, and how their sizes are called."""
 
 from __future__ import annotations
 
@@ -10,22 +10,19 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.numbers import at_input_speed, count_of, in_arcsec, interval, rounded, way, with_unit
-from rverror.base.text import joined
+from rverror.base.numbers import at_input_speed, in_arcsec, rounded, way
 from rverror.base.units import ARCSEC
-from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
-from rverror.tolerances.allocation import Allocation, ClosedFormQuantile, Rate
+from rverror.tolerances.allocation import Allocation, ClosedFormQuantile
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_budget import LoadedBudget
 from rverror.tolerances.sampling import IntervalEstimate, Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
-from rverror.tolerances.stacking import Stack
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.kinds import described
 from rverror.views.variables import columns
-from rverror.views.yield_report import LEVELS, together_entry, yield_entries, yield_lines
+from rverror.views.yield_report import LEVELS, together_entry, yield_entries
 
 _ROUNDING = 1e-9 * ARCSEC
 #: Of all intervals that are told: of the estimate, where other draws of as many units would put it.
@@ -40,82 +37,6 @@ SIZES: tuple[tuple[Size, str, str], ...] = (
 )
 
 
-def budget_text(found: ErrorBudget | Budget, *, limit: Any | None = None) -> str:
-    """Budget as text.
-
-    Parameters
-    ----------
-    found : ErrorBudget or Budget
-    limit : float or str or quantity, optional
-        Of the peak-to-peak, rad: the yield of an `ErrorBudget` is told at it.
-
-    Returns
-    -------
-    str
-        Angles in arcsec.
-
-    Raises
-    ------
-    InputError
-        If a limit is given for a budget in closed form, which knows no yield.
-
-    Examples
-    --------
-    >>> import rverror
-    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um")]
-    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
-    >>> print(budget_text(found).splitlines()[0])
-    Error budget of RV-40E: 1 tolerance, 8 components, forward
-    >>> print(budget_text(found.closed).splitlines()[0])
-    Budget in closed form: 1 tolerance, 8 components
-    """
-    limit = None if limit is None else units.named_core("limit", limit, "angle")
-    closed, drawn, indices = _parts(found)
-    if isinstance(found, Budget):
-        _check_no_limit(limit)
-        lines = [f"Budget in closed form: {_counts(closed)}", f"{closed.mean.size} angles. All in arcsec.", ""]
-    else:
-        bearings = ": rigid bearings, all loaded pins carry" if isinstance(found.model.mechanism, Reducer) else ""
-        if found.stack.speed is not None:
-            bearings = f" about the loaded state{at_input_speed(found.stack.speed)}"
-        lines = [
-            f"Error budget of {found.model.name or found.model.mechanism.name or 'the model'}: "
-            f"{_counts(closed)}, {way(found.direction)}",
-            f"Closed form{bearings}; {closed.mean.size} angles; {found.units.count} virtual units, "
-            f"seed {found.units.seed}. All in arcsec.",
-            "",
-        ]
-    levels = LEVELS if drawn else ()
-    heads = ("nominal", *(f"P{level * 100:g}" for level in levels), "worst")
-    lines.append(f"{'':20s} " + " ".join(f"{head:>9s}" for head in heads))
-    for size, name, _ in SIZES:
-        at = [drawn.quantile(level, size).value for level in levels] if drawn else []
-        cells = map(_cell, (_nominal(closed, size), *at, worst_of(closed, size)))
-        lines.append(f"{name:20s} " + " ".join(cells))
-    p99 = drawn.quantile(0.99) if drawn else None
-    told = "" if p99 is None else f"P99 of the peak-to-peak: {interval(p99.value, low=p99.low, high=p99.high)} *; "
-    told += (
-        f"root sum of squares of the single peak-to-peaks: {closed.rss / ARCSEC:.4g}; "
-        f"expected rms {closed.rms / ARCSEC:.4g}"
-    )
-    lines += ["", told[0].upper() + told[1:]]
-    if drawn and limit is not None:
-        share = drawn.yield_at(limit)
-        lines.append(
-            f"Yield at {limit / ARCSEC:g} arcsec peak-to-peak: {100 * share.value:.4g} % "
-            f"[{100 * share.low:.4g}, {100 * share.high:.4g}] *"
-        )
-    if drawn:
-        lines.append(f"* [..] is the {OF_ESTIMATE}: of {drawn.count} drawn units, not their spread")
-    lines += ["", *_contribution_lines(closed, indices)]
-    if isinstance(found, ErrorBudget) and found.at_load is not None:
-        lines += ["", *yield_lines(found.at_load.verified), "", *_loaded_lines(found, found.at_load)]
-    quiet = [entry.label for entry in closed.contributions if entry.effect != "wave"]
-    return joined(
-        lines + (["", "In closed form moves the offset alone, or nothing: " + ", ".join(quiet)] if quiet else [])
-    )
-
-
 def _parts(found: ErrorBudget | Budget) -> tuple[Budget, VirtualUnits | None, SobolIndices | None]:
     return (found, None, None) if isinstance(found, Budget) else (found.closed, found.units, found.indices)
 
@@ -125,50 +46,7 @@ def _check_no_limit(limit: float | None) -> None:
         raise InputError("limit: a budget in closed form knows no yield; leave it out, or give an error_budget")
 
 
-def _counts(closed: Budget) -> str:
-    entries = closed.contributions
-    return f"{count_of(len(entries), 'tolerance')}, {count_of(sum(e.components for e in entries), 'component')}"
-
-
-def _contribution_lines(closed: Budget, indices: SobolIndices | None) -> list[str]:
-    entries = closed.contributions
-    width = max(len(entry.label) for entry in entries)
-    heads = (
-        ("tolerance", "width", "share of", "p-p", "alone", "part of", "Sobol index", "of the p-p"),
-        ("", "", "variance", "mean", "worst", "worst", "first", "total"),
-    )
-    lines = [
-        f"{name:{width}s} {size:>12s} {share:>9s} {mean:>9s} {worst:>9s} {part:>8s} {first:>13s} {total:>13s}".rstrip()
-        for name, size, share, mean, worst, part, first, total in heads
-    ]
-    for e, entry in sorted(enumerate(entries), key=lambda each: -each[1].share):
-        size = with_unit(entry.width, entry.dimension)
-        first, total = (_share(indices, which, e, waves=entry.effect == "wave") for which in ("first", "total"))
-        lines.append(
-            f"{entry.label:{width}s} {size:>12s} {100 * entry.share:8.1f}% {_cell(entry.mean_peak_to_peak)} "
-            f"{_cell(entry.worst_peak_to_peak)} {_cell(entry.worst_part, 8)} {first:>13s} {total:>13s}"
-        )
-    if indices is not None:
-        lines.append(f"+- of a Sobol index: half of the {OF_ESTIMATE}")
-    return lines
-
-
-def _share(indices: SobolIndices | None, which: str, entry: int, *, waves: bool) -> str:
-    if indices is None or not waves:
-        return "-"
-    value, low, high = (float(getattr(indices, f"{which}{end}")[entry]) for end in ("", "_low", "_high"))
-    if math.isnan(value):  # correlated with others, so no cause by itself
-        return "-"
-    return f"{value:.2f} +- {(high - low) / 2:.2f}"
-
-
-def _cell(value: float, width: int = 9) -> str:
-    if abs(value) < _ROUNDING:
-        return " " * (width - 1) + "0"
-    return f"{value / ARCSEC:{width}.4g}" if math.isfinite(value) else " " * (width - 1) + "-"
-
-
-def _nominal(closed: Budget, size: Size) -> float:
+def nominal_of(closed: Budget, size: Size) -> float:
     """Of the model with every toleranced value at its mean."""
     return {
         "peak_to_peak": closed.nominal_peak_to_peak,
@@ -202,7 +80,7 @@ def budget_json(
     ----------
     found : ErrorBudget or Budget
     limit : float or str or quantity, optional
-        As for `budget_text`.
+        Of the peak-to-peak, rad: the yield of an `ErrorBudget` is told at it.
     files : sequence of InputFile, optional
         What it was made from.
 
@@ -228,7 +106,7 @@ def budget_json(
     closed, drawn, indices = _parts(found)
     sizes = {
         key: {
-            "nominal": in_arcsec(_nominal(closed, size)),
+            "nominal": in_arcsec(nominal_of(closed, size)),
             **({} if drawn is None else _drawn_json(drawn, size)),
             "worst_case": in_arcsec(worst_of(closed, size)),
         }
@@ -255,34 +133,13 @@ def budget_json(
         "limit_arcsec": in_arcsec(limit),
         "yield": None if limit is None else _interval(found.units.yield_at(limit), 1.0),
         "contributions": [
-            {"label": entry["label"], "key": tolerance.key, **entry, **_cause(found, at)}
+            {"label": entry["label"], "key": tolerance.key, **entry, **cause_of(found, at)}
             for at, (tolerance, entry) in enumerate(zip(found.tolerances, entries, strict=True))
         ],
         "limits": [] if found.at_load is None else _loaded_entries(found, found.at_load),
         **({} if found.at_load is None else together_entry(found.at_load.verified)),
     }
     return enveloped("ErrorBudget", content, files)
-
-
-def _loaded_lines(found: ErrorBudget, loaded: LoadedBudget) -> list[str]:
-    """What the closed form says of the limits, the worst parts, and what each tolerance makes at the load."""
-    lines = []
-    for one, share, worst in zip(loaded.verified.limits, loaded.closed_form, loaded.worst_parts, strict=True):
-        told = [] if share is None else [f"closed form, contacts closed: yield {100 * share:.4g} %"]
-        told += [] if worst is None else [f"the worst parts of the closed form make {worst / ARCSEC:.4g} arcsec"]
-        lines += [f"{one.limit.label}: {'; '.join(told)}"] if told else []
-    every = [(one.limit.label, indices) for one, indices in zip(loaded.verified.limits, loaded.shares, strict=True)]
-    shown = [(label, indices) for label, indices in every if indices is not None]
-    if not shown:
-        return lines
-    labels = [item.label for item in found.closed.contributions]
-    width = max(map(len, labels))
-    lines += ["", "Total Sobol index at the load", f"{'':{width}s} " + " ".join(f"{label:>34s}" for label, _ in shown)]
-    order = np.argsort(-np.max([indices.total for _, indices in shown], axis=0))
-    for e in order:
-        cells = (_share(indices, "total", e, waves=True) for _, indices in shown)
-        lines.append(f"{labels[e]:{width}s} " + " ".join(f"{cell:>34s}" for cell in cells))
-    return lines
 
 
 def _loaded_entries(found: ErrorBudget, loaded: LoadedBudget) -> list[dict[str, Any]]:
@@ -302,7 +159,7 @@ def _loaded_entries(found: ErrorBudget, loaded: LoadedBudget) -> list[dict[str, 
     ]
 
 
-def _cause(found: ErrorBudget, at: int) -> dict[str, Any]:
+def cause_of(found: ErrorBudget, at: int) -> dict[str, Any]:
     """Where the error of a tolerance sits, its orders, its limits, and what one unit of it makes."""
     item, stack = found.tolerances[at], found.stack
     entry, mechanism = source(item.key), found.model.mechanism
@@ -370,74 +227,6 @@ def _entries(found: Budget | Allocation, names: Mapping[str, str]) -> list[dict[
     ]
 
 
-def allocation_text(found: Allocation, stack: Stack | None = None) -> str:
-    """Allocation as text.
-
-    Parameters
-    ----------
-    found : Allocation
-    stack : Stack, optional
-        Not needed: the allocation knows what its widths are.
-
-    Returns
-    -------
-    str
-        Angles in arcsec, widths in the units that people read.
-
-    Examples
-    --------
-    Half the peak-to-peak costs twice as much.
-
-    >>> import rverror
-    >>> from rverror.tolerances.cost import Reciprocal
-    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
-    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
-    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
-    >>> print(allocation_text(found).splitlines()[0])
-    Least cost for worst-case peak-to-peak within 37 arcsec
-    """
-    what = limited_by(found)
-    width = max(len(label) for label in found.labels)
-    loaded = found.verified is not None
-    unit, size = ("%", 0.01) if loaded else ("arcsec", ARCSEC)
-    lines = [
-        f"Least cost {within(found)}",
-        "",
-        f"{'cost':12s} {found.cost_before:12.4g} -> {found.cost:.4g}",
-        f"{what:12s} {found.value_before / size:12.4g} -> {found.value / size:.4g} {unit}"
-        + (" (upper end of its interval)" if found.kind == "yield" else ""),
-        *(
-            []
-            if found.uniform_cost is None
-            else [f"{'':25s}    {found.uniform_cost:.4g}, all widths as given scaled alike to the same yield"]
-        ),
-        "",
-        *([] if found.verified is None else [*yield_lines(found.verified), ""]),
-        f"Closed form, contacts closed: {_closed_form(found.closed_form)}",
-        "",
-        f"{'tolerance':{width}s} {'before':>12s} {'allocated':>12s} {'cost':>9s} {'':>9s}",
-    ]
-    for e, label in enumerate(found.labels):
-        before, after = (with_unit(widths[e], found.dimensions[e]) for widths in (found.widths_before, found.widths))
-        mark = "fixed" if found.fixed[e] else found.grades[e] or ""
-        if not mark and "bound" in "".join(found.held_by[e : e + 1]):
-            mark = found.held_by[e]
-        costs = f"{found.costs_before[e]:9.4g} {found.costs[e]:9.4g}"
-        lines.append(f"{label:{width}s} {before:>12s} {after:>12s} {costs}  {mark}".rstrip())
-    if found.shadow_price is not None:
-        more = "1 % more of all limits" if loaded else "One arcsec more"
-        lines += ["", f"{more} would save {found.shadow_price:.4g}."]
-    one = "% of all limits" if loaded else "arcsec"
-    for title, rates, which in (
-        (f"From the widths as given, tighten first (cost of 1 {one} gained)", found.tighten_first, "tighten"),
-        (f"From the widths as given, relax first (cost saved by 1 {one} given up)", found.relax_first, "relax"),
-    ):
-        if rates:
-            lines += ["", f"{title}:", *(f"  {rate.label:{width}s} {_price(rate, which)}" for rate in rates)]
-    lines += ["", f"How good it is: {found.proof}."]
-    return joined(lines)
-
-
 def limited_by(found: Allocation) -> str:
     """What an allocation limits, in words."""
     quantile = f"P{100 * found.level:g} of the peak-to-peak"
@@ -452,30 +241,12 @@ def within(found: Allocation) -> str:
     return f"for {limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
 
 
-def _price(rate: Rate, which: str) -> str:
-    value = getattr(rate, which)
-    return "the width does not matter" if math.isinf(value) else f"{value:.4g}"
-
-
-def _closed_form(found: ClosedFormQuantile) -> str:
-    level = f"P{100 * found.level:g}"
-    return (
-        f"{level} of the peak-to-peak {found.quantile / ARCSEC:.4g} arcsec [{found.low / ARCSEC:.4g}, "
-        f"{found.high / ARCSEC:.4g}] in {found.units} fresh units, seed {found.seed}; [..] is the "
-        f"{100 * found.confidence:g} % interval of that quantile's estimate"
-    )
-
-
-def allocation_json(
-    found: Allocation, stack: Stack | None = None, *, files: Sequence[InputFile] = ()
-) -> dict[str, Any]:
+def allocation_json(found: Allocation, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
     """Allocation as plain data for `json.dump`; keys are only ever added.
 
     Parameters
     ----------
     found : Allocation
-    stack : Stack, optional
-        Not needed: the allocation knows what its widths are.
     files : sequence of InputFile, optional
         What it was made from.
 

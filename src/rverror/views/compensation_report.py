@@ -1,4 +1,4 @@
-"""A compensation for programs and as a page: orders, error before and after, what stays, data that no fit saw."""
+"""A compensation for programs: orders, error before and after, what stays, data that no fit saw."""
 
 from __future__ import annotations
 
@@ -6,20 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from rverror.base import units
 from rverror.base.numbers import in_arcsec
-from rverror.base.text import file_name
-from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation, HeldError
-from rverror.compensation.table_files import WrittenTable, correction_json, table_told
+from rverror.compensation.table_files import WrittenTable, correction_json
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, escaped
-from rverror.views.notebook import page
-from rverror.views.svg import waveforms
 
 _WIDTH = 720
 _MOST_PICTURES = 4
@@ -61,27 +54,6 @@ def compensation_json(
         },
         files,
     )
-
-
-def compensation_html(made: Compensation, *, files: Sequence[InputFile] = (), table: WrittenTable | None = None) -> str:
-    """Compensation as one HTML page that needs nothing else, with the error of runs before and after."""
-    parts = [page(made)]
-    if table is not None:
-        parts.append("".join(f"<p>{escaped(line)}</p>" for line in table_told(table)))
-    shown = sorted(made.traces, key=lambda trace: not trace.unseen)[:_MOST_PICTURES]
-    for trace in shown:
-        name = f"{file_name(trace.name) or 'run'}, {'seen by no fit' if trace.unseen else 'stretches left out'}"
-        rank = np.argsort(trace.theta, kind="stable")
-        before, after = (values[rank] / ARCSEC for values in (trace.before, trace.after))
-        drawn = waveforms(
-            [(f"{name}: error, arcsec", [("before", before), ("after", after)])],
-            np.degrees(trace.theta[rank]),
-            width=_WIDTH,
-            title=f"error before and after, {name}",
-        )
-        parts.append(f"<figure>{drawn}</figure>")
-    parts += [f"<p>{escaped(file.path)}, SHA-256 {file.sha256}</p>" for file in files]
-    return document("rverror: compensation", "\n".join(parts))
 
 
 def _held(one: HeldError) -> dict[str, float | None]:

@@ -1,19 +1,19 @@
-"""A diagnosis for people and for programs: text, JSON and the pictures of its page."""
+"""A diagnosis for people and for programs."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
-from rverror.base.numbers import brief, rounded, way
-from rverror.base.text import describe, file_name, joined
+from rverror.base.numbers import brief, count_of, rounded, way
+from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.base.version import __version__
 from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import (
     Addition,
@@ -32,25 +32,21 @@ from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.views import svg
-from rverror.views.bench_report import BESIDE, bench_json, bench_lines, plus_minus
-from rverror.views.by_order import beside, leading_orders, residual_spectrum, samples_per_turn, short_frame, turns_of
-from rverror.views.diagnosis_page import AS_MEASURED, AS_TOLD, SHARES, effect_toml, page
+from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
+from rverror.views.blocks import Ends, Sentence, Sheet, Verbatim, columns_of, grid, line, notes, section, title
+from rverror.views.by_order import beside, leading_orders, samples_per_turn, turns_of
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.passport_report import passport_html, passport_json, passport_lines
-from rverror.views.resonance_report import resonance_html, resonance_lines, resonances_json
-from rverror.views.set_aside import LABELS, marks
+from rverror.views.passport_report import passport_json, passport_sheet
+from rverror.views.resonance_report import resonance_sheet, resonances_json
 
-_VERDICTS = {
-    "explained": "explained: what was added accounts for all that is significant",
-    "nothing_missing": "nothing missing: the declared model accounts for all that is significant",
-    "unexplained": "unexplained: significant lines remain that no candidate accounts for",
+#: What accounts for the power of an order, as `OrderShare` names it and as people do.
+SHARES = {
+    "parts": "parts",
+    "compliance": "compliance",
+    "measuring_chain": "measuring chain",
+    "empirical": "law only",
+    "left": "nothing",
 }
-_WIDTHS = (960, 400)  # px, of pictures on a desktop and on a phone
-_ANGLES = (math.inf, 90.0)  # degrees of the waveforms on them: forty waves a turn fill a phone's width with ink
-_HIGHEST_SHOWN = 260.0
-_NAMED = (8, 5)  # lines named in a spectrum of each width
-_LISTED = 12  # unexplained lines in the text
 _ANGLE_DIGITS = 9  # so that samples of many turns stay apart
 
 
@@ -356,98 +352,6 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     return enveloped("Diagnosis", content, files, listed="files")
 
 
-def diagnosis_text(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
-    """Diagnosis as a text report.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    files : sequence of InputFile, optional
-        What it was made from: see `rverror.input_files`.
-
-    Returns
-    -------
-    str
-        Ends with a line end.  Characters that cannot be printed show as their escapes.
-
-    Examples
-    --------
-    >>> import numpy as np, rverror
-    >>> theta, rng = np.linspace(0, 8 * np.pi, 4001), np.random.default_rng(1)
-    >>> run = rverror.run_from_arrays(input_angle=14 * theta, te=1e-6 * rng.standard_normal(theta.size))
-    >>> found = rverror.diagnose(rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0})), [run])
-    >>> print(diagnosis_text(found).splitlines()[0])
-    Verdict: nothing missing: the declared model accounts for all that is significant
-    >>> diagnosis_json(found)["verdict"], diagnosis_json(found)["added"]
-    ('nothing_missing', [])
-    """
-    scale, bench = _SCALES[diagnosis.quantity], stated_bench(diagnosis)
-    lines = [f"Verdict: {_VERDICTS[diagnosis.verdict]}", ""]
-    declared = diagnosis.declared
-    lines.append(f"Declared: {declared.name or declared.mechanism.name}, {len(declared.effects)} effects")
-    lines += [f"Run: {trace.name}, {way(trace.direction)}" for trace in diagnosis.traces]
-    if _tells_loads(diagnosis):
-        lines += ["", *passport_lines(diagnosis.passport, bench=bench)]
-    if diagnosis.resonances:
-        lines += ["", *resonance_lines(diagnosis.resonances)]
-    of_rms = None if bench is None else bench.of("rms") / ARCSEC
-    of_peak = None if bench is None or diagnosis.conditions else bench.of("peak_to_peak") / ARCSEC
-    beside = [plus_minus(of_rms), plus_minus(of_peak, 2), plus_minus(of_rms)]
-    heads = [
-        f"{head:>{width}}" for head, width in zip(("rms", "peak-to-peak", "held-out rms"), (9, 15, 15), strict=True)
-    ]
-    heads = [head + " " * len(more) for head, more in zip(heads, beside, strict=True)]
-    lines += ["", f"{'residual, ' + scale.unit:<26}{''.join(heads)}".rstrip() + (f"  (± {BESIDE})" if bench else "")]
-    for label, residual in (
-        ("before (as declared)", diagnosis.before),
-        ("before, sizes refitted", diagnosis.before_refitted),
-        ("after", diagnosis.after),
-    ):
-        rms, peak, heldout = (scale(x) for x in (residual.rms, residual.peak_to_peak, residual.heldout_rms))
-        sizes = [f"{rms:>9.3f}", f"{peak:>15.2f}", f"{heldout:>15.3f}"]
-        lines.append(f"{label:<26}" + "".join(size + more for size, more in zip(sizes, beside, strict=True)))
-    lines.append(f"{'noise':<26}{scale(diagnosis.noise_rms):>9.3f}")
-    lines += bench_lines(bench, whole=not diagnosis.conditions)
-    lines += _validation_lines(diagnosis, scale, plus_minus(of_rms))
-    lines += _share_lines(diagnosis, scale)
-    causes = [addition for addition in diagnosis.added if _is_cause(addition)]
-    for number, addition in enumerate(causes, 1):
-        lines += ["", *_addition_lines(number, addition, scale)]
-    lines += _law_lines([addition for addition in diagnosis.added if addition not in causes])
-    lines += _elastic_lines(diagnosis)
-    lines += _order_lines(diagnosis, scale)
-    if diagnosis.unexplained:
-        lines += ["", *_unexplained_lines(diagnosis, scale)]
-    lines += _candidate_lines(diagnosis)
-    lines += _next_lines(diagnosis)
-    if diagnosis.notes:
-        lines += ["", "Notes", *(f"  {note}" for note in diagnosis.notes)]
-    if files:
-        lines += ["", "Inputs (sha256)", *(f"  {item.sha256}  {item.path}" for item in files)]
-        lines.append(f"rverror {__version__}")
-    return joined(lines)
-
-
-def _addition_lines(number: int, addition: Addition, scale: _Scale) -> list[str]:
-    lines = [f"Added {number}: {describe(addition.effect.key, addition.effect.indices)}"]
-    for estimate in addition.estimates:
-        sizes = (estimate.value, estimate.low, estimate.high)
-        value, low, high = (units.to_display(size, estimate.dimension) for size in sizes)
-        told = math.isfinite(low)
-        # two digits of the interval: a compliance in arcsec/(N*m) has none of them among the first three decimals
-        digits = max(3, 1 - math.floor(math.log10(high - low))) if told and high > low else 3
-        interval = f"95 % [{low:.{digits}f}, {high:.{digits}f}]" if told else "not determined by these runs"
-        unit = f"{units.DISPLAY_UNITS[estimate.dimension]} "
-        lines.append(f"  {estimate.name:<12}{value:>10.{digits}f} {unit:<8}{interval}")
-    orders = ", ".join(f"{order:g}" for order in addition.orders)
-    shows = f"at orders {orders}" if orders else "at no order: constant, or growing along the run"
-    lines.append(f"  {shows}; held-out rms {scale(addition.heldout_rms):.3f} {scale.unit} once added")
-    if addition.indistinguishable:
-        names = ", ".join(describe(key, indices) for key, indices in addition.indistinguishable)
-        lines.append(f"  these runs cannot tell it from: {names}")
-    return lines + [f"  note: {note}" for note in addition.notes]
-
-
 def _tells_loads(diagnosis: Diagnosis) -> bool:
     """Tell whether a passport says more than one size of each order: of a table, or of runs at three loads."""
     return bool(diagnosis.conditions) or any(law.slope is not None for one in diagnosis.passport for law in one.laws)
@@ -459,105 +363,6 @@ def _is_cause(addition: Addition) -> bool:
     return entry is None or entry.is_cause
 
 
-def _law_lines(laws: Sequence[Addition]) -> list[str]:
-    """Laws that describe an order, a line each."""
-    if not laws:
-        return []
-    lines = ["", "Added beside them, to describe orders that no cause explains: no part is behind these"]
-    for law in laws:
-        sizes = ", ".join(
-            f"{e.name} {brief(units.to_display(e.value, e.dimension))} {units.DISPLAY_UNITS[e.dimension]}"
-            for e in law.estimates
-        )
-        lines.append(f"  {describe(law.effect.key, law.effect.indices)}: {sizes}")
-    return lines
-
-
-def _elastic_lines(diagnosis: Diagnosis) -> list[str]:
-    if not diagnosis.elastic:
-        return []
-    told = [elastic for elastic in diagnosis.elastic if elastic.told]
-    lines = ["", AS_TOLD]
-    if told:
-        lines.append(f"  {'':<16}{'declared':>12}{'fitted':>12}")
-    for row in map(_elastic_json, told):
-        ends = "95 % [{}, {}]".format(*(_few(row[end]) for end in ("low", "high")))
-        if row["low"] is None and row["high"] is None:
-            ends = "not determined by these runs"
-        unit = "" if row["unit"] == "dimensionless" else row["unit"]
-        lines.append(f"  {row['name']:<16}{_few(row['declared']):>12}{_few(row['value']):>12} {unit:<6}{ends}")
-    rest = ", ".join(elastic.name for elastic in diagnosis.elastic if not elastic.told)
-    return [*lines, f"  not told by these runs: {rest}"] if rest else lines
-
-
-def _few(value: float | None) -> str:
-    return "-" if value is None else brief(value)
-
-
-def _validation_lines(diagnosis: Diagnosis, scale: _Scale, beside: str) -> list[str]:
-    """What is left of measurements that no fit saw."""
-    lines = [""] if diagnosis.validation else []
-    for one in diagnosis.validation:
-        lines.append(
-            f"Not seen by any fit: {one.file or 'in memory'}: rms {scale(one.before):.3f}{beside} before, "
-            f"{scale(one.after):.3f}{beside} {scale.unit} after" + (f" ({BESIDE})" if beside else "")
-        )
-    return lines
-
-
-def _share_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
-    """What accounts for the power of each order."""
-    if not diagnosis.shares:
-        return []
-    lines = ["", "What accounts for the power of each order, %"]
-    lines.append(f"{'order':>10}{scale.unit:>10}" + "".join(f"{name:>17}" for name in SHARES.values()))
-    for one in diagnosis.shares:
-        shares = "".join(f"{round(100 * getattr(one, name)):>17d}" for name in SHARES)
-        lines.append(f"{one.order:>10g}{scale(one.amplitude):>10.2f}{shares}")
-    return lines
-
-
-def _order_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
-    rows = leading_orders(diagnosis, most=8)
-    if not rows:
-        return []
-    bench = stated_bench(diagnosis)
-    beside = f", ± {BESIDE}" if bench else ""
-    lines = [
-        "",
-        f"Leading orders of the residual of the mean turn, {scale.unit}: before, after{beside}, frames that they fit",
-    ]
-    for row in rows:
-        frames = "; ".join((*row.frames, *row.beside)) or "no frame of this drive"
-        more = plus_minus(_at_order(bench, row.order))
-        lines.append(f"  {row.order:>8.6g}  {scale(row.before):>8.3f}  {scale(row.after):>8.3f}{more}  {frames}")
-    return lines
-
-
-def _unexplained_lines(diagnosis: Diagnosis, scale: _Scale) -> list[str]:
-    sampling, unit, bench = samples_per_turn(diagnosis), diagnosis.declared.mechanism, stated_bench(diagnosis)
-    lines = ["Lines that remain (order per output turn, amplitude with 95 % interval, frames that it fits)"]
-    for line in diagnosis.unexplained[:_LISTED]:
-        size = f"{scale(line.amplitude):.3f} {scale.unit} [{scale(line.low):.3f}, {scale(line.high):.3f}]"
-        if bench:
-            size += f"{plus_minus(_at_order(bench, line.order))} ({BESIDE})"
-        frames = "; ".join(line.frames or beside(unit, line.order)) or "no frame of this drive: not in the catalogue"
-        lines.append(f"  {line.order:>8.6g}  {size}  {frames}")
-        above = [f"{f.order:g} ({'; '.join(f.frames)})" for f in folds(unit, line.order, sampling) if f.frames]
-        if above:
-            lines.append(f"            could fold from {', '.join(above)}")
-    if len(diagnosis.unexplained) > _LISTED:
-        lines.append(f"  and {len(diagnosis.unexplained) - _LISTED} more")
-    effect = _as_measured(diagnosis.unexplained[0], unit)
-    return [
-        *lines,
-        "",
-        "The remaining lines fit no source of the catalogue.",
-        "An effect of your own is one function and one catalogue entry: see docs/adding-an-effect.md.",
-        *([AS_MEASURED.format(**effect), *(f"  {line}" for line in effect_toml(effect))] if effect else ()),
-    ]
-
-
 def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
     """A line as an effect of the model file, where it is a whole order of a reducer."""
     order, most = round(line.order), len(empirical.ORDER.indices[1].allowed(unit))
@@ -567,111 +372,293 @@ def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
     return {"key": empirical.ORDER.key, "frame": "output", "harmonic": order, **sizes}
 
 
-def _candidate_lines(diagnosis: Diagnosis) -> list[str]:
-    if not diagnosis.candidates:
-        return []
-    lines = [
-        "",
-        f"Best of {diagnosis.tried} candidates (what each would take off chi-square, as far as the model is linear)",
-    ]
-    for candidate in diagnosis.candidates[:5]:
-        error = standard_error(candidate.fold_gains)
-        spread = "" if error is None else f" +- {error:<8.3g}"
-        lines.append(f"  {candidate.heldout_gain:>10.1f}{spread}  {describe(candidate.key, candidate.indices)}")
-    return lines
+# --- for people -------------------------------------------------------------------------------------------------------
+
+_STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
+_SIZES = {"rms": "rms", "peak_to_peak": "peak-to-peak", "heldout_rms": "held-out rms"}
+_PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
+_RANKED = 10  # candidates that are listed
 
 
-def _next_lines(diagnosis: Diagnosis) -> list[str]:
-    steps = _next(diagnosis)
-    if not steps:
-        return []
-    lines = ["", "What to measure next"]
-    for at, (addition, step) in enumerate(steps, 1):
-        lines.append(f"  {at}. {step.what}: {step.why}")
-        if addition and step.separates:
-            others = ", ".join(describe(key, indices) for key, indices in step.separates)
-            lines.append(f"     separates {describe(addition.effect.key, addition.effect.indices)} from {others}")
-    return lines
-
-
-def _summary(diagnosis: Diagnosis) -> str:
-    """The outcome in one or two sentences."""
-    scale = _SCALES[diagnosis.quantity]
-    bench = stated_bench(diagnosis)
-    before, after, noise, spread = (
-        brief(float(f"{scale(value):.3g}"))
-        for value in (
-            diagnosis.before.heldout_rms,
-            diagnosis.after.heldout_rms,
-            diagnosis.noise_rms,
-            bench.of("rms") if bench else 0.0,
-        )
+def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
+    """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
+    data, bench = diagnosis_json(diagnosis), stated_bench(diagnosis)
+    causes = [one for one, added in zip(data["added"], diagnosis.added, strict=True) if _is_cause(added)]
+    laws = [one for one in data["added"] if one not in causes]
+    return (
+        *title("Diagnosis", data["declared"]["name"]),
+        Sentence(*_verdict(diagnosis)),
+        *_residuals(data),
+        *line(_credit(diagnosis)),
+        *_sizes_of("what was added", causes),
+        *(sentence for one in causes for sentence in _about(one, diagnosis)),
+        *section("Laws that only describe orders", *_sizes_of("law", laws)),
+        *_steps(data),
+        *section("Lines that no source of the catalogue explains", *_lines(data)),
+        *section("Measurements that no fit saw", *_validated(data)),
+        *section("Orders over load, speed and temperature", *_passport(diagnosis, bench)),
+        *section("Natural frequencies that orders show over the speed", *resonance_sheet(diagnosis.resonances)),
+        *section("What accounts for the power of each order, %", *_shares(data)),
+        *section("Residual by order", *_by_order(data)),
+        *section("Stiffness, backlash and contact law", *_stiffness(data)),
+        *section("Candidates by a linear step", *_candidates(diagnosis, data)),
+        *section("What was declared", *_declared(data)),
+        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.conditions)),
+        *notes(data["notes"]),
     )
-    beside = f" ± {spread} ({BESIDE})" if bench else ""
-    fall = f"Held-out rms {before} before, {after}{beside} {scale.unit} after; the noise floor is {noise}."
-    names = ", ".join(describe(a.effect.key, a.effect.indices) for a in diagnosis.added if _is_cause(a))
-    laws = sum(not _is_cause(a) for a in diagnosis.added)
-    twins = sum(len(a.indistinguishable) for a in diagnosis.added)
-    if names and twins:
-        names += f" (or one of {twins} other{'s' if twins > 1 else ''} that these runs cannot tell from it)"
+
+
+def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
+    """The outcome in one or two sentences, and the word to be read first."""
+    scale, bench = _SCALES[diagnosis.quantity], stated_bench(diagnosis)
+    before, after, noise = (
+        brief(scale(size), 3)
+        for size in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
+    )
+    spread = f" ± {brief(scale(bench.of('rms')), 3)} ({BESIDE})" if bench else ""
+    fall = f"The held-out rms falls from {before} to {after}{spread} {scale.unit}; the noise has {noise}."
+    causes = [added for added in diagnosis.added if _is_cause(added)]
+    names = ", ".join(
+        describe(added.effect.key, added.effect.indices) + _or_rivals(added.indistinguishable) for added in causes
+    )
     orders = ", ".join(f"{line.order:g}" for line in diagnosis.unexplained[:6])
-    return {
-        "explained": f"What the model lacked: {names}. {fall}",
-        "nothing_missing": f"The declared model accounts for all that is significant. {fall}",
-        "unexplained": (f"Added: {names}. " if names else "")
-        + (f"Beside {'them' if names else 'what was declared'} {laws} laws only describe. " if laws else "")
-        + f"Significant lines remain that no candidate accounts for, at order {orders}. {fall}",
-    }[diagnosis.verdict]
+    laws = len(diagnosis.added) - len(causes)
+    words = {
+        "explained": ("Explained", f"the model lacks {names}, and nothing else that is significant."),
+        "nothing_missing": ("Nothing missing", "the declared model accounts for all that is significant."),
+        "unexplained": (
+            "Unexplained",
+            (f"the model lacks {names}, but " if names else "")
+            + f"no source of the catalogue accounts for {'orders' if ',' in orders else 'order'} {orders}."
+            + (f" {count_of(laws, 'law')} only {'describes' if laws == 1 else 'describe'} orders." if laws else ""),
+        ),
+    }
+    strong, rest = words[diagnosis.verdict]
+    return f"{strong}: {rest} {fall}", strong
 
 
-def diagnosis_html(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> str:
-    """Diagnosis as one HTML page, as `to_html` tells it."""
-    data = diagnosis_json(diagnosis, files=files)
-    runs = [(_label(trace, at), trace) for at, trace in enumerate(diagnosis.traces)]
-    pictures = [(f"Run {name}: {file_name(t.name)}", _waveform_pictures(diagnosis, t)) for name, t in runs]
-    pictures += [(f"Residual spectrum, run {name}", _spectrum_pictures(diagnosis, t)) for name, t in runs]
-    first = passport_html(diagnosis.passport, bench=stated_bench(diagnosis)) if _tells_loads(diagnosis) else ""
-    first += resonance_html(diagnosis.resonances)
-    told = diagnosis_text(diagnosis, files=files)
-    return page(data, summary=_summary(diagnosis), first=first, figures=pictures, text=told)
+def _or_rivals(others: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> str:
+    if len(others) == 1:
+        return f" or {describe(*others[0])}"
+    return f" (or one of {len(others)} rivals)" if others else ""
 
 
-def _waveform_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
-    scale = _SCALES[diagnosis.quantity]
-    signal = "transmission error" if diagnosis.quantity == "angle" else "torque"
-    measured, before, after = (values / scale.size for values in (trace.measured, trace.before, trace.after))
-    angle = np.degrees(trace.theta)
-    marked = [(one.kind, np.degrees(one.angles)) for one in marks(trace)]
-    pictures = []
-    for width, reach in zip(_WIDTHS, _ANGLES, strict=True):
-        seen = angle <= angle[0] + reach
-        part = "" if seen.all() else f", the first {reach:g} degrees"
-        lines = [("measured", measured[seen]), ("before", before[seen]), ("after", after[seen])]
-        rest = [("before", (measured - before)[seen]), ("after", (measured - after)[seen])]
-        panels = [(f"{signal}, {scale.unit}{part}", lines), (f"residual, {scale.unit}{part}", rest)]
-        shown = [(kind, places[places <= angle[0] + reach]) for kind, places in marked]
-        title = f"{signal} and residual of {file_name(trace.name)}, {way(trace.direction)}, over the output angle{part}"
-        title += "".join(f"; marked: {LABELS[kind]}, {places.size}" for kind, places in shown if places.size)
-        pictures.append(svg.waveforms(panels, angle[seen], width=width, title=title, marks=shown))
-    return pictures
+def _credit(diagnosis: Diagnosis) -> str:
+    """How much of the fall is due to what was added, where refitting declared sizes did a part of it."""
+    before, refitted, after = (
+        one.heldout_rms**2 for one in (diagnosis.before, diagnosis.before_refitted, diagnosis.after)
+    )
+    if not diagnosis.added or not before > after:
+        return ""
+    share = min(max((refitted - after) / (before - after), 0.0), 1.0)
+    if share > 0.95:
+        return ""
+    return (
+        f"Of this fall in mean square {100 * share:.0f} % are due to what was added, the rest to refitting declared "
+        "sizes within their uncertainty."
+    )
 
 
-def _spectrum_pictures(diagnosis: Diagnosis, trace: Trace) -> list[str]:
-    scale = _SCALES[diagnosis.quantity]
-    found = residual_spectrum(trace)
-    rows = leading_orders(diagnosis, most=max(_NAMED))
-    highest = max([_HIGHEST_SHOWN, *(1.1 * row.order for row in rows)])
-    seen = found.order <= highest
-    order, before, after = found.order[seen], found.before[seen] / scale.size, found.after[seen] / scale.size
-    peaks: list[svg.Peak] = []
-    for row in rows:
-        if any(abs(row.order - peak.order) < highest / 40 for peak in peaks):
-            continue  # the skirt of a larger line; the table has it
-        at = int(np.argmin(np.abs(order - row.order)))
-        name = short_frame(row.frames[0]) if row.frames else "no frame"
-        peaks.append(svg.Peak(float(row.order), float(max(before[at], after[at])), name))
-    title = f"order spectrum of the residual of {file_name(trace.name)}, {way(trace.direction)}, before and after"
-    return [
-        svg.spectrum(order, before, after, peaks[:most], width=width, title=title, unit=scale.unit)
-        for width, most in zip(_WIDTHS, _NAMED, strict=True)
-    ]
+def _beside(data: Mapping[str, Any], sizes: list[Any]) -> dict[str, list[Any]]:
+    """Column of the bench's uncertainty, where the model states a bench."""
+    return {f"± {BESIDE}": sizes} if data["bench_uncertainty"] else {}
+
+
+def _residuals(data: Mapping[str, Any]) -> Sheet:
+    stages = [stage for stage in _STAGES if stage != "after" or data["added"]]
+    suffix, stated = data["suffix"], data["bench_uncertainty"]
+    rows = [(_STAGES[stage], *(data[stage][f"{name}_{suffix}"] for name in _SIZES)) for stage in stages]
+    rows.append(("noise", data[f"noise_rms_{suffix}"], None, None))
+    if stated:
+        rows.append((f"± {BESIDE}", *(stated[f"{name}_arcsec"] for name in _SIZES)))
+    return grid((f"residual, {data['unit']}", *_SIZES.values()), rows)
+
+
+def _named(entry: Mapping[str, Any]) -> str:
+    return describe(entry["key"], entry["indices"])
+
+
+def _sizes_of(head: str, added: Sequence[Mapping[str, Any]]) -> Sheet:
+    return grid(
+        (head, "parameter", "size", "95 % interval", "unit"),
+        [
+            (_named(one) if not at else "", name, *_as_known(size["value"], size["low"], size["high"]), size["unit"])
+            for one in added
+            for at, (name, size) in enumerate(one["parameters"].items())
+        ],
+    )
+
+
+def _as_known(value: float | None, low: float | None, high: float | None) -> tuple[float | None, Ends]:
+    """Size and interval without the digits that the interval makes meaningless: two of its width are left."""
+    if value is None or low is None or high is None or high <= low:
+        return value, Ends((low, high))
+    digits = 1 - math.floor(math.log10(high - low))
+    return round(value, digits), Ends((round(low, digits), round(high, digits)))
+
+
+def _about(one: Mapping[str, Any], diagnosis: Diagnosis) -> Iterator[Sentence]:
+    """What a cause is, where it shows, what cannot be told from it."""
+    name, orders = _named(one), ", ".join(brief(order) for order in one["orders"])
+    drive = isinstance(diagnosis.declared.mechanism, Drive)
+    fixed = "" if drive or one["frame"] not in _PARTS else f", fixed in the {one['frame']}"
+    counted = "; indices count from 0" if any(isinstance(value, int) for value in one["indices"].values()) else ""
+    shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
+    yield Sentence(f"{name}: {one['summary'] or 'a source of your own'}{fixed}; it {shows}{counted}.")
+    if one["indistinguishable_from"]:
+        yield Sentence(f"These runs cannot tell {name} from {', '.join(map(_named, one['indistinguishable_from']))}.")
+    yield from (Sentence(f"{name}: {note}.") for note in one["notes"])
+
+
+def _steps(data: Mapping[str, Any]) -> Iterator[Sentence]:
+    for at, step in enumerate(data["next_measurements"], 1):
+        others = ", ".join(map(_named, step["separates"]))
+        tells = f" This tells {_named(step['about'])} from {others}." if others else ""
+        why = f": {step['why']}" if step["why"] else ""
+        yield Sentence(f"Measure next, {at}: {step['what']}{why}.{tells}", strong=f"Measure next, {at}:")
+
+
+def _lines(data: Mapping[str, Any]) -> Sheet:
+    found = data["unexplained_orders"]
+    if not found:
+        return ()
+    shown = columns_of(
+        {
+            "unexplained order": [one["order"] for one in found],
+            f"amplitude, {data['unit']}": [one[f"amplitude_{data['suffix']}"] for one in found],
+            "95 % interval": [Ends((one["low"], one["high"])) for one in found],
+            **_beside(data, [one["bench_uncertainty_arcsec"] for one in found]),
+            "frames of this order": [_frames(one) for one in found],
+            "or an alias of": [_folds(one["could_fold_from"]) for one in found],
+        }
+    )
+    effect = found[0]["as_effect"]
+    described = () if effect is None else (
+        Sentence(f"To describe order {effect['harmonic']} as measured, which explains nothing, add to the model:"),
+        Verbatim("\n".join(["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())])),
+    )  # fmt: skip
+    own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
+    return (*shown, Sentence(own), *described)
+
+
+def _frames(row: Mapping[str, Any]) -> str:
+    return "; ".join(row["frames"] or row["beside"]) or "none of this drive"
+
+
+def _folds(found: Sequence[Mapping[str, Any]] | None) -> str:
+    if found is None:
+        return "not known: the sampling is not kept"
+    return ", ".join(f"{brief(fold['order'])} ({'; '.join(fold['frames'])})" for fold in found) or "none that is known"
+
+
+def _validated(data: Mapping[str, Any]) -> Sheet:
+    rms = f"rms_{data['suffix']}"
+    found, of_rms = data["validation"], (data["bench_uncertainty"] or {}).get("rms_arcsec")
+    shown = {
+        "file": [one["file"] or "in memory" for one in found],
+        f"rms before, {data['unit']}": [one["before"][rms] for one in found],
+        "after": [one["after"][rms] for one in found],
+    }
+    return columns_of(shown | _beside(data, [of_rms] * len(found)))
+
+
+def _passport(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> Sheet:
+    return passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
+
+
+def _shares(data: Mapping[str, Any]) -> Sheet:
+    return grid(
+        ("order", f"amplitude, {data['unit']}", *SHARES.values()),
+        [
+            (one["order"], one[f"amplitude_{data['suffix']}"], *(100 * one["shares"][name] for name in SHARES))
+            for one in data["shares"]
+        ],
+    )
+
+
+def _by_order(data: Mapping[str, Any]) -> Sheet:
+    rows, suffix = data["by_order"], data["suffix"]
+    runs = {run["label"]: at for at, run in enumerate(data["runs"])} if len(data["runs"]) <= 4 else {}
+    shown: dict[str, list[Any]] = {
+        "order": [row["order"] for row in rows],
+        f"before, {data['unit']}": [row[f"before_{suffix}"] for row in rows],
+        "after": [row[f"after_{suffix}"] for row in rows],
+        **_beside(data, [row["bench_uncertainty_arcsec"] for row in rows]),
+    }
+    for label, at in runs.items():
+        shown[f"run {label}"] = [
+            f"{brief(row['runs'][at][f'before_{suffix}'])} → {brief(row['runs'][at][f'after_{suffix}'])}"
+            if row["runs"][at][f"before_{suffix}"] is not None
+            else "–"
+            for row in rows
+        ]
+    explained = "Amplitudes of the mean of turns that were each left out of the fit; over the runs, root mean square."
+    return (
+        *columns_of(shown | {"frames of this order": [_frames(row) for row in rows]}),
+        *line(explained * bool(rows)),
+    )
+
+
+def _stiffness(data: Mapping[str, Any]) -> Sheet:
+    rows = data["stiffness"]
+    told = [row for row in rows if row["told"]]
+    rest = ", ".join(row["name"] for row in rows if not row["told"])
+    return (
+        *grid(
+            ("stiffness, backlash, contact law", "declared", "fitted", "95 % interval", "unit"),
+            [
+                (row["name"], row["declared"], *_as_known(row["value"], row["low"], row["high"]),
+                 "" if row["unit"] == "dimensionless" else row["unit"])
+                for row in told
+            ],
+        ),
+        *line(f"These runs do not determine {rest}." if rest else ""),
+    )  # fmt: skip
+
+
+def _candidates(diagnosis: Diagnosis, data: Mapping[str, Any]) -> Sheet:
+    rows = data["candidates"][:_RANKED]
+    beside = (
+        "adds to what was found" if isinstance(diagnosis.declared.mechanism, Drive) else "adds to the declared model"
+    )
+    explained = (
+        f"The best of {data['candidates_tried']}: what each takes off chi-square where it alone {beside}, as far as "
+        "the model is linear."
+    )
+    return (
+        *columns_of(
+            {
+                "candidate": [_named(row) for row in rows],
+                "takes off chi-square": [row["heldout_gain"] for row in rows],
+                "± 1 s.e.": [row["standard_error"] for row in rows],
+                "less than the best by": [row["behind_best"] for row in rows],
+                "± 1 s.e. of it": [row["behind_best_standard_error"] for row in rows],
+            }
+        ),
+        *line(explained * bool(rows)),
+    )
+
+
+def _declared(data: Mapping[str, Any]) -> Sheet:
+    declared, runs = data["declared"], data["runs"]
+    effects = [
+        (
+            _named(effect) if not at else "", name, size["value"],
+            "exact" if effect["uncertainty"] is None else effect["uncertainty"]["value"],
+            size["refitted"], size["unit"],
+        )
+        for effect in declared["effects"]
+        for at, (name, size) in enumerate(effect["parameters"].items())
+    ]  # fmt: skip
+    return (
+        Sentence(declared["mechanism"] + ("" if effects else "; no effect is declared")),
+        *grid(("effect", "parameter", "declared", "1 sigma", "refitted", "unit"), effects),
+        *columns_of(
+            {
+                "run": [run["name"] for run in runs],
+                "direction": [run["direction"] for run in runs],
+                "output torque": [run["torque"] or "–" for run in runs],
+                "samples an output turn": [run["samples_per_turn"] for run in runs],
+            }
+        ),
+    )

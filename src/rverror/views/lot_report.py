@@ -1,37 +1,26 @@
-"""A lot as text, for programs, as a page with pictures, and as a table for spreadsheets."""
+"""A lot for programs, and as a table for spreadsheets."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rverror.base.numbers import in_arcsec, rounded
 from rverror.base.text import printable
-from rverror.base.units import ARCSEC, DISPLAY_UNITS, to_display
+from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy, Predicted, Shift
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, escaped, inputs
 from rverror.views.kinds import described
-from rverror.views.lot_words import process_name
-from rverror.views.notebook import page
-from rverror.views.sheets import as_text, sheet
-from rverror.views.svg import Bar, bars, spectrum
 from rverror.views.variables import columns
 
 _WIDTH = 720
 _MOST_PICTURES = 4
-
-
-def lot_text(result: Lot, *, files: Sequence[InputFile] = ()) -> str:
-    """Lot as text, angles in arcsec and lengths in um; `files` are what it was made from."""
-    text = as_text(sheet(result))
-    return text + (f"\nMade from {len(files)} files; the JSON lists them\n" if files else "")
 
 
 def lot_csv(result: Lot) -> str:
@@ -226,57 +215,3 @@ def _shown(value: float, dimension: str) -> float | None:
 
 def _ends(one: Interval, dimension: str = "number") -> list[float | None]:
     return [_shown(end, dimension) for end in (one.low, one.high)]
-
-
-# --- the page ---------------------------------------------------------------------------------------------------------
-
-
-def lot_html(result: Lot, *, files: Sequence[InputFile] = ()) -> str:
-    """Lot as one HTML page that needs nothing else: what the text says, and pictures of it."""
-    data = lot_json(result, files=files)
-    parts = [
-        f"<h1>{escaped(f'Lot of {result.model}')}</h1>",
-        page(result),
-        *_deviations(result),
-        *_spectra(result),
-        inputs(data["inputs"], data["version"]),
-    ]
-    return document(f"rverror: lot of {result.model}", "\n".join(parts))
-
-
-def _deviations(result: Lot) -> Iterable[str]:
-    """Standard deviations with intervals, a picture for each unit."""
-    for dimension in dict.fromkeys(one.dimension for one in result.processes if one.above_zero):
-        unit = DISPLAY_UNITS[dimension]
-        rows = [
-            (process_name(one), _own_bars(one, one.deviation))
-            for one in result.processes
-            if one.above_zero and one.deviation is not None and one.dimension == dimension
-        ]
-        caption = f"standard deviation, {unit}"
-        drawn = bars(rows, width=_WIDTH, title=f"{caption}, of each process", caption=caption)
-        allowed = "; below it, in orange, what the tolerance allows (Cp = 1)" if _toleranced(result, dimension) else ""
-        words = f"Made, in blue, with the 95 % interval{allowed}."
-        yield f"<figure>{drawn}<figcaption>{escaped(words)}</figcaption></figure>"
-
-
-def _toleranced(result: Lot, dimension: str) -> bool:
-    return any(one.capability is not None for one in result.processes if one.dimension == dimension)
-
-
-def _own_bars(one: MadeBy, deviation: Interval) -> list[Bar]:
-    value, low, high = (to_display(x, one.dimension) for x in (deviation.value, deviation.low, deviation.high))
-    made = Bar(look="after", value=value, low=low, high=high)
-    return [made] if one.capability is None else [made, Bar(look="before", value=one.capability * value)]
-
-
-def _spectra(result: Lot) -> Iterable[str]:
-    """Spread of the units by order, measured and made, of the first conditions."""
-    for condition, measured, made in list(zip(result.conditions, result.amplitudes, result.made, strict=False))[
-        :_MOST_PICTURES
-    ]:
-        title = f"spread of the units by order, {condition}"
-        sizes = (measured / ARCSEC, made / ARCSEC)
-        drawn = spectrum(result.orders.astype(float), *sizes, [], width=_WIDTH, title=title, unit="arcsec rms")
-        words = f"{condition}: spread of the units about their mean, measured (orange, wide) and made (blue, thin)."
-        yield f"<figure>{drawn}<figcaption>{escaped(words)}</figcaption></figure>"

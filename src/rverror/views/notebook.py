@@ -14,8 +14,9 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
+from rverror.views.blocks import Title, as_html
 from rverror.views.html import escaped
-from rverror.views.sheets import Title, as_html, has_sheet, sheet
+from rverror.views.sheets import has_sheet, sheet
 
 _STYLE = (
     "<style>"
@@ -100,5 +101,5 @@ def page(thing: Any) -> str:
     >>> "<td>eccentricity</td>" in page(rverror.reducer("RV-40E"))
     True
     """
-    body = as_html(sheet(thing)) if has_sheet(thing) else f"<pre>{escaped(repr(thing))}</pre>"
+    body = as_html(sheet(thing), folded=True) if has_sheet(thing) else f"<pre>{escaped(repr(thing))}</pre>"
     return f'<div class="rverror-page">{_STYLE}\n{body}\n</div>'

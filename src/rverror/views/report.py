@@ -1,16 +1,20 @@
-"""Any result as text, as plain data for JSON, as a page: one function each, one entry a kind that has its own.
+"""Any result as text, as plain data for JSON, as a page.
 
-What has no entry is told by its sheet or its table, so a new kind of result is told as soon as it has these.
+Text and page are made of its report (`sheets`), JSON of its table (`kinds`) unless its keys are fixed.  So a new kind
+of result has all of them as soon as it has these two.
 """
 
 from __future__ import annotations
 
+import inspect
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import singledispatch
 from typing import Any
 
 from rverror.base.errors import InputError
+from rverror.base.version import __version__
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
@@ -20,22 +24,34 @@ from rverror.lots.result import Lot
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
-from rverror.views.budget_page import allocation_html, budget_html
-from rverror.views.budget_report import allocation_json, allocation_text, budget_json, budget_text
-from rverror.views.compensation_report import compensation_html, compensation_json
-from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
+from rverror.views.blocks import (
+    Block,
+    Heading,
+    Notes,
+    Sentence,
+    Sheet,
+    Title,
+    as_html,
+    as_text,
+    grid,
+    line,
+    section,
+)
+from rverror.views.budget_report import allocation_json, budget_json
+from rverror.views.compensation_report import compensation_json
+from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, escaped_lines
+from rverror.views.html import document, escaped, escaped_lines
 from rverror.views.kinds import described
-from rverror.views.life_report import compared_json, life_html, trend_json
-from rverror.views.lot_report import lot_html, lot_json, lot_text
-from rverror.views.notebook import page
-from rverror.views.sheets import as_text, has_sheet, sheet
+from rverror.views.life_report import compared_json, trend_json
+from rverror.views.lot_report import lot_json
+from rverror.views.plots.page_figures import figures_of
+from rverror.views.sheets import has_sheet, sheet
 
 
 @singledispatch
-def to_text(result: Any, /, **options: Any) -> str:
+def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
     """Result as text.
 
     Parameters
@@ -45,9 +61,11 @@ def to_text(result: Any, /, **options: Any) -> str:
         Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure, Wear, Modes, SpeedResponse,
         RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
+    files : sequence of InputFile, optional
+        What it was made from: see `input_files`.
     **options
-        A Diagnosis and a Lot take their `files` (see `input_files`), an ErrorBudget the `limit`, rad or with a unit, at
-        which its yield is told, a Comparison how many orders are told, `most`.
+        An ErrorBudget takes the `limit`, rad or with a unit, at which its yield is given, a Compensation the `table`
+        that was written of it, a Comparison how many orders are listed, `most`.
 
     Returns
     -------
@@ -69,11 +87,26 @@ def to_text(result: Any, /, **options: Any) -> str:
     angle        60  exact    arcsec
     <BLANKLINE>
     """
+    return as_text((*_reported(result, options), *_origin(files)))
+
+
+def _reported(result: Any, options: Mapping[str, Any]) -> Sheet:
+    """Report of a result, made with the options that its kind takes."""
     if not has_sheet(result):
         known = {kind.__name__ for of in (to_text, sheet) for kind in of.registry} - {"object"}
         raise InputError(f"a {type(result).__name__} has no text; these have: {', '.join(sorted(known))}")
-    _check_no(options, result)
-    return as_text(sheet(result))
+    takes = list(inspect.signature(sheet.dispatch(type(result))).parameters)[1:]
+    for name in options:
+        if name not in takes:
+            listed = f"it takes {', '.join(takes)}" if takes else "it takes none"
+            raise InputError(f"{type(result).__name__}: no option {name!r}; {listed}")
+    return sheet(result, **options)
+
+
+def _origin(files: Sequence[InputFile]) -> Sheet:
+    """What a result was made from."""
+    rows = [(file.path, file.bytes, file.sha256) for file in files]
+    return section("Inputs", *grid(("file", "bytes", "sha256"), rows), *line(f"rverror {__version__}" if rows else ""))
 
 
 @singledispatch
@@ -129,21 +162,20 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-@singledispatch
-def to_html(result: Any, /, **options: Any) -> str:
-    """Result as one HTML page that needs nothing else: no script, no network, no library for its pictures.
+def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
+    """Result as one HTML page that needs nothing else: no script, no network; its pictures are drawn by matplotlib.
 
     Parameters
     ----------
     result
         Whatever `to_text` takes.
-    **options
-        A Diagnosis takes its `files`; so do a Lot, an Allocation and an ErrorBudget, which takes its `limit` too, and a
-        Compensation, which takes the `table` that was written of it.
+    files, **options
+        As for `to_text`.
 
     Returns
     -------
     str
+        Without pictures where matplotlib is not installed, which the page then says.
 
     Raises
     ------
@@ -156,34 +188,45 @@ def to_html(result: Any, /, **options: Any) -> str:
     >>> to_html(rverror.reducer("RV-40E")).startswith("<!doctype html>")
     True
     """
-    _check_no(options, result)
-    body = page(result) if has_sheet(result) else f"<pre>{escaped_lines(to_text(result))}</pre>"
-    return document(f"rverror: {type(result).__name__}", body)
+    if not has_sheet(result):
+        told = escaped_lines(to_text(result, **options))
+        return document(f"rverror: {type(result).__name__}", f"<pre>{told}</pre>")
+    first, *rest = _reported(result, options)
+    assert isinstance(first, Title)
+    name = f"{first.kind}: {first.rest[0]}" if first.rest else first.kind
+    about = (Sentence(", ".join(first.rest[1:])),) if first.rest[1:] else ()
+    drawn = "\n".join(f'<figure><div class="scroll">{one}</div></figure>' for one in _figures(result, options))
+    parts = [f"<h1>{escaped(name)}</h1>", as_html((*about, *_before_sections(rest))), drawn]
+    parts += [as_html((*_sections(rest), *_origin(files)))]
+    return document(f"rverror: {name}", "\n".join(parts))
 
 
-def _check_no(options: Mapping[str, Any], result: Any) -> None:
-    for name in options:
-        raise InputError(f"{type(result).__name__}: no option {name!r}; it takes none")
+def _figures(result: Any, options: Mapping[str, Any]) -> Iterable[str]:
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        return [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
+    return figures_of(result, **options)
 
 
-for _kind, _text, _json in (
-    (Diagnosis, diagnosis_text, diagnosis_json),
-    (Budget, budget_text, budget_json),
-    (ErrorBudget, budget_text, budget_json),
-    (Allocation, allocation_text, allocation_json),
-    (Lot, lot_text, lot_json),
+def _before_sections(blocks: Sequence[Block]) -> Sheet:
+    return tuple(itertools.takewhile(lambda block: not isinstance(block, Heading | Notes), blocks))
+
+
+def _sections(blocks: Sequence[Block]) -> Sheet:
+    return tuple(itertools.dropwhile(lambda block: not isinstance(block, Heading | Notes), blocks))
+
+
+for _kind, _json in (
+    (Diagnosis, diagnosis_json),
+    (Budget, budget_json),
+    (ErrorBudget, budget_json),
+    (Allocation, allocation_json),
+    (Lot, lot_json),
+    (Compensation, compensation_json),
+    (Trend, trend_json),
+    (RunsCompared, compared_json),
+    (Modes, modes_json),
+    (SpeedResponse, speeds_json),
 ):
-    to_text.register(_kind, _text)
     to_json.register(_kind, _json)
-to_html.register(Diagnosis, diagnosis_html)
-to_html.register(ErrorBudget, budget_html)
-to_html.register(Allocation, allocation_html)
-to_html.register(Compensation, compensation_html)
-to_html.register(Lot, lot_html)
-to_json.register(Compensation, compensation_json)
-to_html.register(Trend, life_html)
-to_html.register(RunsCompared, life_html)
-to_json.register(Trend, trend_json)
-to_json.register(RunsCompared, compared_json)
-to_json.register(Modes, modes_json)
-to_json.register(SpeedResponse, speeds_json)

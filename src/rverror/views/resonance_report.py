@@ -1,4 +1,4 @@
-"""Natural frequencies that orders show over the speed: JSON, text, a section of the HTML report."""
+"""Natural frequencies that orders show over the speed, for people and for programs."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 
 from rverror.base.numbers import brief, rounded
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.orders.resonances import ForetoldPeak, Resonance, ResonantSeries
-from rverror.views.html import escaped, scrolled
-from rverror.views.svg import Branch, branches
+from rverror.views.blocks import Sheet, grid, line
 
 _RPM = 30 / math.pi
-_WIDTH, _HEIGHT = 250, 190  # px of a picture, so wide as a tile of the page
 _CURVE = 301  # points of a law
-_HEADS = ("order", "alone, Hz", "largest at, rpm", "between", "foretold by the others")
+_HEADS = ("order", "alone, Hz", "largest at, rpm", "between", "predicted by the others")
 
 
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
@@ -38,18 +35,14 @@ def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
     ]
 
 
-def resonance_lines(found: Sequence[Resonance]) -> list[str]:
-    """Natural frequencies as lines of text.
+def resonance_sheet(found: Sequence[Resonance]) -> Sheet:
+    """Natural frequencies as a report: a sentence and a table of each.
 
     Parameters
     ----------
     found : sequence of Resonance
     """
-    lines = ["Natural frequencies that orders show over the speed"] if found else []
-    for one in found:
-        lines += ["", f"  {_sentence(one)}", "    {:>5}  {:>9}  {:>15}  {:>14}  {}".format(*_HEADS)]
-        lines += ["    {:>5}  {:>9}  {:>15}  {:>14}  {}".format(*_row(peak)) for peak in one.peaks]
-    return lines
+    return tuple(block for one in found for block in (*line(f"{_sentence(one)}."), *grid(_HEADS, map(_row, one.peaks))))
 
 
 def _sentence(one: Resonance) -> str:
@@ -74,55 +67,8 @@ def _row(peak: ForetoldPeak) -> tuple[str, ...]:
     return f"{peak.order:g}", brief(peak.alone), highest, f"{below} to {above}", told
 
 
-def resonance_html(found: Sequence[Resonance]) -> str:
-    """Natural frequencies as a section of an HTML page: a sentence, a table and a picture of each order.
-
-    Parameters
-    ----------
-    found : sequence of Resonance
-
-    Returns
-    -------
-    str
-        Elements for `html.document`; empty where none was found.
-    """
-    parts = ["<h2>Natural frequencies that orders show over the speed</h2>"] if found else []
-    for one in found:
-        rows = [[escaped(cell) for cell in _row(peak)] for peak in one.peaks]
-        tiles = "".join(f'<figure class="tile">{_picture(one, order)}</figure>' for order in one.orders)
-        parts.append(
-            f"<p>{escaped(_sentence(one))}.</p>\n{scrolled(list(_HEADS), rows, numbers=(0, 1, 2))}\n"
-            '<p class="soft">Marks: measured; lines: one mode. Whole: the largest load; dashed: the smallest.</p>\n'
-            f'<div class="tiles">{tiles}</div>'
-        )
-    return "\n".join(parts)
-
-
 def law_of(series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
     """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
     frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), points)
     static = series.static if series.direction > 0 else series.static.conjugate()
     return frequency, np.abs(static + series.part(frequency))
-
-
-def _picture(one: Resonance, order: float) -> str:
-    own = sorted((s for s in one.series if s.order == order), key=lambda s: (-s.direction, s.torque or 0.0))
-    drawn = []
-    for series, dashed in ((own[0], True), (own[-1], False))[len(own) == 1 :]:
-        frequency, size = law_of(series)
-        drawn.append(
-            Branch(
-                look="before" if dashed else "after",
-                dashed=dashed,
-                points=(series.frequency, np.abs(series.waves) / ARCSEC),
-                line=(frequency, size / ARCSEC),
-            )
-        )
-    return branches(
-        drawn,
-        width=_WIDTH,
-        height=_HEIGHT,
-        title=f"Amplitude of order {order:g} over its frequency, with the law of one mode",
-        label=f"order {order:g}, arcsec",
-        caption="frequency of the order, Hz",
-    )

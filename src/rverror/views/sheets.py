@@ -1,15 +1,13 @@
-"""Every kind of result as a sheet: title, small tables, lines and notes, which a notebook shows, a terminal prints.
+"""Every kind of result as a report: title, sentences, tables and notes, of which text, page and notebook are made.
 
 Which columns of a result's table are shown, and under which words, is said here; their values and units come from
-`kinds`.  `as_html` and `as_text` are the two ways to set a sheet, and every text is escaped there.
+`kinds`.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from functools import singledispatch
 from typing import Any
 
@@ -18,9 +16,10 @@ import numpy as np
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.numbers import at_input_speed, brief, count_of, way, with_unit
-from rverror.base.text import describe, joined
+from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation
+from rverror.compensation.table_files import WrittenTable, table_told
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
@@ -40,15 +39,15 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
-from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.allocation import Allocation, Rate
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
-from rverror.tolerances.sampling import Size, VirtualUnits
+from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.stacking import Stack, Tolerance
 from rverror.views.bench_report import BESIDE
-from rverror.views.budget_report import SIZES, limited_by, within, worst_of
-from rverror.views.by_order import beside
-from rverror.views.html import escaped, table
+from rverror.views.blocks import Ends, Listing, Sentence, Sheet, columns_of, facts, grid, line, notes, section, title
+from rverror.views.budget_report import OF_ESTIMATE, SIZES, cause_of, limited_by, nominal_of, within, worst_of
+from rverror.views.diagnosis_report import diagnosis_sheet
 from rverror.views.kinds import described
 from rverror.views.life_words import compared_verdict, life_rivals, remaining_words, trend_verdict
 from rverror.views.lot_words import (
@@ -64,123 +63,12 @@ from rverror.views.lot_words import (
     verdict,
 )
 from rverror.views.variables import NUMBER, columns
-from rverror.views.yield_report import LEVELS
-
-#: Rows that a table shows before it says how many more there are.
-MOST_ROWS = 24
+from rverror.views.yield_report import LEVELS, yield_sheet
 
 _NONE = "–"
-_WIDEST = 36  # letters of a fact's name or a text cell that others are lined up with
 
 
 # --- pieces -----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Title:
-    """Kind of result, and what is told of it in a few words."""
-
-    kind: str
-    rest: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Sentence:
-    """A sentence; a strong one is read first."""
-
-    text: str
-    strong: str = ""
-
-
-@dataclass(frozen=True)
-class Listing:
-    """Table of texts and numbers."""
-
-    heads: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
-
-    def cells(self) -> list[list[str]]:
-        """Rows as texts, as many as are shown."""
-        return [[_cell(value) for value in row] for row in self.rows[:MOST_ROWS]]
-
-    def flush(self) -> list[int]:
-        """Columns of numbers alone, which are set flush right."""
-        numbers = (float, int, _Interval)
-        return [at for at in range(len(self.heads)) if all(isinstance(row[at], numbers) for row in self.rows)]
-
-    def more(self) -> str:
-        """How many rows are not shown."""
-        left = len(self.rows) - MOST_ROWS
-        return f"and {left} more" if left > 0 else ""
-
-
-@dataclass(frozen=True)
-class Facts:
-    """Names and texts, one under another."""
-
-    facts: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class Notes:
-    """What was noticed; folded away where that can be."""
-
-    notes: tuple[str, ...]
-
-
-Block = Title | Sentence | Listing | Facts | Notes
-Sheet = tuple[Block, ...]
-
-
-class _Interval(tuple[float, float]):
-    """Ends of an interval."""
-
-    __slots__ = ()
-
-
-def _title(kind: str, name: str, rest: str = "") -> Sheet:
-    return (Title(kind, tuple(text for text in (name, rest) if text)),)
-
-
-def _line(text: str) -> Sheet:
-    return (Sentence(text),)
-
-
-def _grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
-    listed = tuple(tuple(row) for row in rows)
-    return (Listing(tuple(heads), listed),) if listed else ()
-
-
-def _beside(columns: Mapping[str, Iterable[Any]]) -> Sheet:
-    """Listing of columns by their heads."""
-    return _grid(list(columns), zip(*columns.values(), strict=True))
-
-
-def _notes(notes: Sequence[str]) -> Sheet:
-    return (Notes(tuple(notes)),) if notes else ()
-
-
-def _facts(facts: Mapping[str, str]) -> Sheet:
-    """Those without text are left out."""
-    return (Facts(tuple((name, text) for name, text in facts.items() if text)),)
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, _Interval):
-        if any(math.isnan(end) for end in value):
-            return "not determined"
-        return f"{_number(value[0])} to {_number(value[1])}"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return _number(value) if isinstance(value, (int, float)) else str(value)
-
-
-def _number(value: float) -> str:
-    if math.isnan(value):
-        return _NONE
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    return brief(float(value))
 
 
 def _shown(thing: Any, rows: str = "") -> tuple[dict[str, list[Any]], dict[str, str]]:
@@ -200,7 +88,7 @@ def _columns(thing: Any, *names: str) -> Sheet:
     """Columns of a result's table under their own names, all where none is named."""
     found, told = _shown(thing)
     heads = {name: f"{name}, {unit}" if (unit := told.get(name, "")) else name for name in names or found}
-    return _beside({head.replace("_", " "): found[name] for name, head in heads.items()})
+    return columns_of({head.replace("_", " "): found[name] for name, head in heads.items()})
 
 
 def _effects(found: Mapping[str, list[Any]]) -> list[str]:
@@ -208,87 +96,16 @@ def _effects(found: Mapping[str, list[Any]]) -> list[str]:
     return [f"{key} ({inside})" if inside else key for key, inside in zip(found["key"], found["indices"], strict=True)]
 
 
-def _intervals(low: Sequence[float], high: Sequence[float]) -> list[_Interval]:
-    return [_Interval(ends) for ends in zip(low, high, strict=True)]
-
-
-# --- the two ways to set a sheet --------------------------------------------------------------------------------------
-
-
-def as_html(blocks: Sheet) -> str:
-    """Sheet as HTML without script, links or colours of its own."""
-    return "\n".join(_html_of(block) for block in blocks)
-
-
-def _html_of(block: Block) -> str:
-    match block:
-        case Title():
-            return f"<p>{', '.join([f'<strong>{escaped(block.kind)}</strong>', *map(escaped, block.rest)])}</p>"
-        case Sentence(strong=""):
-            return _soft(block.text)
-        case Sentence():
-            before, _, after = block.text.partition(block.strong)
-            return f"<p>{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}</p>"
-        case Listing():
-            rows = [[escaped(cell) for cell in row] for row in block.cells()]
-            more = _soft(block.more()) if block.more() else ""
-            return table(block.heads, rows, numbers=block.flush()) + more
-        case Facts():
-            facts = (
-                f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
-            )
-            return "<table><tbody>" + "\n".join(facts) + "</tbody></table>"
-        case Notes():
-            listed = "".join(map(_soft, block.notes))
-            heading = count_of(len(block.notes), "note")
-            return f'<details class="soft"><summary>{heading}</summary>{listed}</details>'
-
-
-def _soft(text: str) -> str:
-    return f'<p class="soft">{escaped(text)}</p>'
-
-
-def as_text(blocks: Sheet) -> str:
-    """Sheet as text that ends with a line end, its tables lined up."""
-    lines: list[str] = []
-    for block in blocks:
-        if isinstance(block, Listing | Facts | Notes):
-            lines.append("")
-        lines += _text_of(block)
-    return joined(lines)
-
-
-def _text_of(block: Block) -> Iterator[str]:
-    match block:
-        case Title():
-            yield f"{block.kind}: {', '.join(block.rest)}" if block.rest else block.kind
-        case Sentence():
-            yield block.text
-        case Listing():
-            rows, flush = [list(block.heads), *block.cells()], block.flush()
-            widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]
-            for row in rows:
-                cells = (
-                    cell.rjust(width) if at in flush else cell.ljust(width)
-                    for at, (cell, width) in enumerate(zip(row, widths, strict=True))
-                )
-                yield "  ".join(cells).rstrip()
-            if block.more():
-                yield block.more()
-        case Facts():
-            width = min(_WIDEST, max((len(name) for name, _ in block.facts), default=0))
-            yield from (f"{name:{width}}  {text}" for name, text in block.facts)
-        case Notes():
-            yield "Notes"
-            yield from (f"  {note}" for note in block.notes)
+def _intervals(low: Sequence[float], high: Sequence[float]) -> list[Ends]:
+    return [Ends(ends) for ends in zip(low, high, strict=True)]
 
 
 # --- one entry a kind -------------------------------------------------------------------------------------------------
 
 
 @singledispatch
-def sheet(thing: Any) -> Sheet:
-    """Sheet of one kind of result.
+def sheet(thing: Any, **options: Any) -> Sheet:
+    """Report of one kind of result; an `ErrorBudget` takes the `limit` at which its yield is told.
 
     Raises
     ------
@@ -305,12 +122,12 @@ def has_sheet(thing: Any) -> bool:
 
 @sheet.register
 def _of_reducer(thing: Reducer) -> Sheet:
-    return _title("Reducer", thing.name, _ratio(thing)) + _columns(thing, "parameter", "value", "unit")
+    return title("Reducer", thing.name, _ratio(thing)) + _columns(thing, "parameter", "value", "unit")
 
 
 @sheet.register
 def _of_drive(thing: Drive) -> Sheet:
-    return _title("Drive", thing.name, _ratio(thing)) + _grid(("shaft", "turns per output turn"), thing.shafts.items())
+    return title("Drive", thing.name, _ratio(thing)) + grid(("shaft", "turns per output turn"), thing.shafts.items())
 
 
 def _ratio(unit: Reducer | Drive) -> str:
@@ -320,12 +137,12 @@ def _ratio(unit: Reducer | Drive) -> str:
 
 @sheet.register
 def _of_effect(thing: Effect) -> Sheet:
-    return _title("Effect", describe(thing.key, thing.indices), thing.origin) + _sizes(thing, 1)
+    return title("Effect", describe(thing.key, thing.indices), thing.origin) + _sizes(thing, 1)
 
 
 @sheet.register
 def _of_model(thing: Model) -> Sheet:
-    title = _title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
+    headed = title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}")
     stated = ((thing.bench, BENCH_DIMENSIONS), (thing.encoders, ENCODER_DIMENSIONS))
     ends = {
         f"bench: {name.replace('_', ' ')}": _told_of_bench(value, dimensions[name])
@@ -333,7 +150,7 @@ def _of_model(thing: Model) -> Sheet:
         for name, value in things.given().items()
     }
     return (
-        title + (_sizes(thing, 0) if thing.effects else _line("no effect is declared")) + (_facts(ends) if ends else ())
+        headed + (_sizes(thing, 0) if thing.effects else line("no effect is declared")) + (facts(ends) if ends else ())
     )
 
 
@@ -346,14 +163,14 @@ def _sizes(thing: Model | Effect, first: int) -> Sheet:
     found, _ = _shown(thing)
     sigmas = ["exact" if math.isnan(sigma) else sigma for sigma in found["uncertainty"]]
     rows = zip(_effects(found), found["parameter"], found["value"], sigmas, found["unit"], strict=True)
-    return _grid(("effect", "parameter", "size", "1 sigma", "unit")[first:], (row[first:] for row in rows))
+    return grid(("effect", "parameter", "size", "1 sigma", "unit")[first:], (row[first:] for row in rows))
 
 
 @sheet.register
 def _of_run(thing: Run) -> Sheet:
     table = described(thing)
     angles = {"input angle": thing.input_angle, "output angle": thing.output_angle}
-    facts = {
+    stated = {
         "samples": str(thing.size),
         "direction": str(table.about["direction"]),
         **{
@@ -367,7 +184,7 @@ def _of_run(thing: Run) -> Sheet:
         "columns": ", ".join(columns(table)[0]),
         **{f"# {key}": value for key, value in thing.metadata.items()},
     }
-    return _title("Run", thing.path) + _facts(facts) + _notes(thing.notes)
+    return title("Run", thing.path) + facts(stated) + notes(thing.notes)
 
 
 def _loads(run: Run) -> str:
@@ -389,10 +206,10 @@ _CONDITIONS = {"torque": "torque", "input_speed": "angular_speed", "temperature"
 @sheet.register
 def _of_orders(thing: OrderTable) -> Sheet:
     found, told = _shown(thing)
-    facts = {"conditions": str(len(thing.cases))}
+    stated = {"conditions": str(len(thing.cases))}
     columns_shown: dict[str, list[Any]] = {}
     senses = dict.fromkeys(way(case.condition.direction) for case in thing.cases)
-    facts["direction"] = " and ".join(senses)
+    stated["direction"] = " and ".join(senses)
     if len(senses) > 1:
         columns_shown["direction"] = [way(sense) for sense in found["direction"]]
     for name, dimension in _CONDITIONS.items():
@@ -402,18 +219,18 @@ def _of_orders(thing: OrderTable) -> Sheet:
         heading = name.replace("_", " ")
         if known:
             low, high = brief(known[0]), brief(known[-1])
-            facts[heading] = f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+            stated[heading] = f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
         if known and (low != high or len(known) < len(values)):  # what is the same in all rows is said above
             columns_shown[f"{heading}, {unit}"] = values
     for name in ("order", "amplitude", "phase", "sigma"):
         if name in found:
             columns_shown[f"{name}, {told[name]}" if told[name] else name] = found[name]
-    facts |= {
+    stated |= {
         "orders": ", ".join(brief(order) for order in sorted(set(found["order"]))),
         "zero": _zero(thing.index),
         **{f"# {key}": value for key, value in thing.metadata.items()},
     }
-    return _title("Order table", thing.path) + _facts(facts) + _beside(columns_shown) + _notes(thing.notes)
+    return title("Order table", thing.path) + facts(stated) + columns_of(columns_shown) + notes(thing.notes)
 
 
 @sheet.register
@@ -422,13 +239,13 @@ def _of_influence(thing: Influence) -> Sheet:
     rows = zip(thing.labels, np.ptp(matrix, axis=1).tolist(), matrix.mean(axis=1).tolist(), strict=True)
     heads = ("parameter", "peak-to-peak", "mean")
     note = f"rad of output per {units.CORE_UNITS[source(thing.key).parameters[0].dimension]} of each parameter"
-    return _title("Influence", f"{thing.key}, {count_of(matrix.shape[1], 'angle')}") + _grid(heads, rows) + _line(note)
+    return title("Influence", f"{thing.key}, {count_of(matrix.shape[1], 'angle')}") + grid(heads, rows) + line(note)
 
 
 @sheet.register
 def _of_equilibrium(thing: Equilibrium) -> Sheet:
     error, pins = thing.transmission_error, thing.loaded_pins
-    facts = {
+    stated = {
         "transmission error, mean": f"{_angle(float(error.mean()))}, windup and lost motion included",
         "transmission error, peak-to-peak": _angle(float(np.ptp(error))),
         **{f"pins that carry, disc {disc}": f"{row.min()} to {row.max()}" for disc, row in enumerate(pins)},
@@ -440,7 +257,7 @@ def _of_equilibrium(thing: Equilibrium) -> Sheet:
         "largest spline torque": with_unit(float(np.abs(thing.contact_forces["spline"]).max()), "torque"),
         "out of balance": f"{thing.residual.max():.1e} of the load at the most",
     }
-    return _title("Equilibrium", count_of(error.size, "angle")) + _facts(facts)
+    return title("Equilibrium", count_of(error.size, "angle")) + facts(stated)
 
 
 def _angle(value: float) -> str:
@@ -453,7 +270,7 @@ def _of_torsion(thing: TorsionCurve) -> Sheet:
     spread = _intervals(angle.min(axis=1).tolist(), angle.max(axis=1).tolist())
     rows = zip(found["torque"].shown(display=True).tolist(), angle.mean(axis=1).tolist(), spread, strict=True)
     where = count_of(angle.shape[1], "angle") + " of the output"
-    return _title("Torsion curve", where) + _grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
+    return title("Torsion curve", where) + grid(("torque, N*m", "turn, arcsec", "over the angles, arcsec"), rows)
 
 
 @sheet.register
@@ -466,14 +283,14 @@ def _of_hysteresis(thing: Hysteresis) -> Sheet:
         "width over the angles, arcsec": _intervals(spread.min(axis=0).tolist(), spread.max(axis=0).tolist()),
     }
     where = count_of(thing.width.shape[1], "angle") + " of the output"
-    return _title("Hysteresis", where) + _beside(columns_shown) + _line("turns are means over the angles")
+    return title("Hysteresis", where) + columns_of(columns_shown) + line("turns are means over the angles")
 
 
 @sheet.register
 def _of_efficiency(thing: Efficiency) -> Sheet:
     at_input, change = thing.input_torque, thing.error_change
     mean, least, most = (brief(100 * share) for share in (thing.mean, thing.efficiency.min(), thing.efficiency.max()))
-    facts = {
+    stated = {
         "efficiency": f"{mean} %, {least} to {most} over the angles",
         "torque at the input, mean": with_unit(float(at_input.mean()), "torque"),
         "torque at the input, peak-to-peak": with_unit(float(np.ptp(at_input)), "torque"),
@@ -487,9 +304,12 @@ def _of_efficiency(thing: Efficiency) -> Sheet:
     }
     about = described(thing).about
     where = f"{with_unit(thing.torque, 'torque')}, {about['direction']}, the {thing.drives} drives"
-    notes = ["self-locking: at some angle the output cannot drive it"] if thing.self_locking else []
+    noticed = ["self-locking: at some angle the output cannot drive it"] if thing.self_locking else []
     return (
-        _title("Efficiency", where, count_of(thing.theta.size, "angle")) + _facts(facts) + _beside(lost) + _notes(notes)
+        title("Efficiency", where, count_of(thing.theta.size, "angle"))
+        + facts(stated)
+        + columns_of(lost)
+        + notes(noticed)
     )
 
 
@@ -506,16 +326,16 @@ def _of_pressure(thing: ContactPressure) -> Sheet:
         "ripple, %": found["ripple"],
     }
     note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
-    return _title("Contact pressure", count_of(thing.theta.size, "angle")) + _beside(columns_shown) + _line(note)
+    return title("Contact pressure", count_of(thing.theta.size, "angle")) + columns_of(columns_shown) + line(note)
 
 
 @sheet.register
 def _of_duty_efficiency(thing: DutyEfficiency) -> Sheet:
-    facts = {"efficiency of the cycle": f"{brief(100 * thing.mean)} %"}
-    facts |= {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
-    facts |= {where: with_unit(getattr(thing, where), "temperature") for where in ("ambient", "housing", "inside")}
+    stated = {"efficiency of the cycle": f"{brief(100 * thing.mean)} %"}
+    stated |= {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
+    stated |= {where: with_unit(getattr(thing, where), "temperature") for where in ("ambient", "housing", "inside")}
     rows = _columns(thing, "torque", "input_speed", "duty_hours", "efficiency", "input_torque", "drag")
-    return _title("Duty", f"the {thing.phases[0].drives} drives") + _facts(facts) + rows
+    return title("Duty", f"the {thing.phases[0].drives} drives") + facts(stated) + rows
 
 
 @sheet.register
@@ -532,7 +352,7 @@ def _of_wear(thing: Wear) -> Sheet:
     }
     gained = {joint: f"{joint}_clearance" for joint, row in thing.clearance.items() if row.any()}
     heads |= {f"{joint.replace('_', ' ')} looser, um": name for joint, name in gained.items()}
-    return _title("Wear", duty_words(thing.duty)) + _beside({head: found[name] for head, name in heads.items()})
+    return title("Wear", duty_words(thing.duty)) + columns_of({head: found[name] for head, name in heads.items()})
 
 
 @sheet.register
@@ -549,14 +369,14 @@ def _of_modes(thing: Modes) -> Sheet:
         "of the machine": ["no" if of else "yes" for of in thing.of_sun_support],
     }
     where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, at {math.degrees(thing.theta):.6g} deg"
-    notes = []
+    noticed = []
     if thing.of_sun_support.any():
-        notes.append(
+        noticed.append(
             "a mode of the sun's support is none of the machine: that spring only gives a floating sun a place"
         )
     if thing.estimated:
-        notes.append(f"estimated from the geometry, to some 30 %: {', '.join(thing.estimated)}")
-    return _title("Modes", where) + _beside(columns_shown) + _notes(notes)
+        noticed.append(f"estimated from the geometry, to some 30 %: {', '.join(thing.estimated)}")
+    return title("Modes", where) + columns_of(columns_shown) + notes(noticed)
 
 
 #: Speeds and orders that are shown of an error against speed: as many as stand on a page.
@@ -576,18 +396,18 @@ def _of_speeds(thing: SpeedResponse) -> Sheet:
     }
     where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, {count_of(thing.speed.size, 'input speed')}"
     return (
-        _title("Error against speed", where)
-        + _beside(columns_shown)
-        + _line("amplitudes by order in arcsec; the first line is the equilibrium's, at a crawl")
+        title("Error against speed", where)
+        + columns_of(columns_shown)
+        + line("amplitudes by order in arcsec; the first line is the equilibrium's, at a crawl")
         + _critical(thing)
-        + _notes(_cautions(thing))
+        + notes(_cautions(thing))
     )
 
 
 def _critical(thing: SpeedResponse) -> Sheet:
     critical, _ = _shown(thing, "critical")
     if not thing.critical_speeds:
-        return _line(f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl")
+        return line(f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl")
     names = {
         "speed": "critical speed, rpm",
         "order": "order",
@@ -595,11 +415,11 @@ def _critical(thing: SpeedResponse) -> Sheet:
         "growth": "times that at a crawl",
         "frequency": "natural frequency, Hz",
     }
-    return _beside({head: critical[name] for name, head in names.items()})
+    return columns_of({head: critical[name] for name, head in names.items()})
 
 
 def _cautions(thing: SpeedResponse) -> list[str]:
-    notes = []
+    noticed = []
     for name, share in thing.pulled.items():
         over = thing.speed[share > PULLED]
         if over.size:
@@ -609,13 +429,13 @@ def _cautions(thing: SpeedResponse) -> list[str]:
                 if over.size == 1
                 else f"at {over.size} speeds of {brief(low)} to {brief(high)} rpm"
             )
-            notes.append(
+            noticed.append(
                 f"closed {name} would have to pull {between}, by up to {brief(100 * float(share.max()))} % of their "
                 "force: they open, and the error there is no prediction"
             )
     if any(one.of_sun_support for one in thing.critical_speeds):
-        notes.append("a peak at a mode of the sun's support is none of the machine")
-    return notes
+        noticed.append("a peak at a mode of the sun's support is none of the machine")
+    return noticed
 
 
 @sheet.register
@@ -636,19 +456,19 @@ def _of_run_up(thing: RunUp) -> Sheet:
     }
     spread, shaken, twisted = (float(np.ptp(row)) / ARCSEC for row in _parts(thing))
     low, high = (with_unit(float(end), "torque") for end in (thing.output_torque.min(), thing.output_torque.max()))
-    notes = []
+    noticed = []
     if thing.output_torque.min() < 0:
         first = thing.time[np.argmax(thing.output_torque < 0)]
-        notes.append(
+        noticed.append(
             f"from {brief(float(first))} s on contacts would have to pull: they open, and the error is no prediction"
         )
     where = f"{with_unit(thing.torque, 'torque')}, {way(thing.direction)}, {brief(float(np.ptp(thing.time)))} s"
     return (
-        _title("Run-up", where)
-        + _beside(columns_shown)
-        + _line(f"peak-to-peak {brief(spread)} arcsec, of it vibration {brief(shaken)}, windup {brief(twisted)}")
-        + _line(f"the output carries {low} to {high}")
-        + _notes(notes)
+        title("Run-up", where)
+        + columns_of(columns_shown)
+        + line(f"peak-to-peak {brief(spread)} arcsec, of it vibration {brief(shaken)}, windup {brief(twisted)}")
+        + line(f"the output carries {low} to {high}")
+        + notes(noticed)
     )
 
 
@@ -665,86 +485,7 @@ def _most_of(shares: Mapping[str, Any]) -> list[tuple[str, float]]:
     return found
 
 
-@sheet.register
-def _of_diagnosis(thing: Diagnosis) -> Sheet:
-    unit = units.DISPLAY_UNITS[thing.quantity]
-    noise = units.to_display(thing.noise_rms, thing.quantity)
-    stages, _ = _shown(thing, "stage")
-    labels = ["as declared", "declared sizes refitted", *(["with what was added"] if thing.added else [])]
-    added, _ = _shown(thing, "added")
-    elastic, _ = _shown(thing, "elastic")
-    lines, _ = _shown(thing, "unexplained")
-    fits = (
-        frames or "; ".join(beside(thing.declared.mechanism, order)) or "no frame of this drive"
-        for order, frames in zip(lines["order"], lines["frames"], strict=True)
-    )
-    verdict, names = thing.verdict.replace("_", " "), dict.fromkeys(trace.name for trace in thing.traces)
-    tried = f"{len(thing.added)} added of {count_of(thing.tried, 'candidate')}"
-    return (
-        *_title("Diagnosis", thing.declared.name or thing.declared.mechanism.name),
-        Sentence(f"Verdict: {verdict}; {tried}", strong=verdict),
-        *_beside(
-            {
-                f"residual, {unit}": [*labels, "noise"],
-                "rms": [*stages["rms"][: len(labels)], noise],
-                "peak-to-peak": [*stages["peak_to_peak"][: len(labels)], math.nan],
-                "held-out rms": [*stages["heldout_rms"][: len(labels)], math.nan],
-            }
-        ),
-        *_beside(
-            {
-                "added": _once(_effects(added), added["number"]),
-                "parameter": added["parameter"],
-                "size": added["value"],
-                "95 % interval": _intervals(added["low"], added["high"]),
-                "unit": added["unit"],
-            }
-        ),
-        *map(Sentence, _about_added(thing)),
-        *_beside(_told(elastic)),
-        *_not_told(thing),
-        *_beside(
-            {
-                "unexplained order": lines["order"],
-                f"amplitude, {unit}": lines["amplitude"],
-                f"95 % interval, {unit}": _intervals(lines["low"], lines["high"]),
-                "fits": fits,
-            }
-        ),
-        *(_line("Runs: " + ", ".join(names)) if names else ()),
-        *_notes(thing.notes),
-    )
-
-
-def _told(elastic: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Stiffness, backlash and contact law of which the runs say something."""
-    shown = {
-        "stiffness, backlash, contact law": elastic["name"],
-        "declared": elastic["declared"],
-        "fitted": elastic["value"],
-        "95 % interval": _intervals(elastic["low"], elastic["high"]),
-        "unit": elastic["unit"],
-    }
-    return {name: list(itertools.compress(row, elastic["told"])) for name, row in shown.items()}
-
-
-def _not_told(thing: Diagnosis) -> Sheet:
-    rest = ", ".join(elastic.name for elastic in thing.elastic if not elastic.told)
-    return _line(f"Stiffness, backlash and contact law not told by these runs: {rest}") if rest else ()
-
-
-def _once(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
-    """Names, each only in the first of the rows of its number."""
-    return [name if at == 0 or numbers[at - 1] != numbers[at] else "" for at, name in enumerate(names)]
-
-
-def _about_added(thing: Diagnosis) -> Iterable[str]:
-    for added in thing.added:
-        name = describe(added.effect.key, added.effect.indices)
-        if added.indistinguishable:
-            others = ", ".join(describe(key, indices) for key, indices in added.indistinguishable)
-            yield f"These runs cannot tell {name} from: {others}"
-        yield from (f"{name}: {note}" for note in added.notes)
+sheet.register(Diagnosis, diagnosis_sheet)
 
 
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
@@ -756,7 +497,7 @@ def _of_bench(sizes: Sequence[float]) -> dict[str, Sequence[float]]:
 
 
 @sheet.register
-def _of_compensation(thing: Compensation) -> Sheet:
+def _of_compensation(thing: Compensation, *, table: WrittenTable | None = None) -> Sheet:
     stages, _ = _shown(thing, "stage")
     orders, _ = _shown(thing, "order")
     unseen, _ = _shown(thing, "unseen")
@@ -765,9 +506,9 @@ def _of_compensation(thing: Compensation) -> Sheet:
     of_rms = [] if bench is None else [bench.of("rms") / ARCSEC]
     of_orders = [] if bench is None else [bench.of_order(one.order) / ARCSEC for one in thing.orders]
     return (
-        *_title("Compensation", thing.model.name or thing.model.mechanism.name),
+        *title("Compensation", thing.model.name or thing.model.mechanism.name),
         Sentence(verdict),
-        *_beside(
+        *columns_of(
             {
                 "error of data left out, arcsec": ["without", "with"],
                 "rms": stages["rms"],
@@ -775,7 +516,7 @@ def _of_compensation(thing: Compensation) -> Sheet:
                 "one more, 95 %": _intervals(stages["low"], stages["high"]),
             }
         ),
-        *_beside(
+        *columns_of(
             {
                 "seen by no fit, rms, arcsec": unseen["file"],
                 "without": unseen["before"],
@@ -783,7 +524,7 @@ def _of_compensation(thing: Compensation) -> Sheet:
                 **_of_bench(len(thing.unseen) * of_rms),
             }
         ),
-        *_beside(
+        *columns_of(
             {
                 "order": orders["order"],
                 "amplitude, arcsec": orders["amplitude"],
@@ -795,7 +536,8 @@ def _of_compensation(thing: Compensation) -> Sheet:
         ),
         *(Sentence(f"Stays: {text}") for text in thing.stays),
         *(Sentence(_BENCH_REPEATS) for _ in of_rms if thing.worth),
-        *_notes(thing.notes),
+        *(() if table is None else map(Sentence, table_told(table))),
+        *notes(thing.notes),
     )
 
 
@@ -805,10 +547,10 @@ def _of_trend(thing: Trend) -> Sheet:
     times = f"{count_of(len(thing.at), 'session')}, {brief(thing.at[0])} to {brief(thing.at[-1])} {hours}"
     heads = ("grows", "parameter", "course", "since", "change", "95 % interval", f"per 1000 {hours}", "95 % interval")
     return (
-        *_title("Trend", thing.model, times),
-        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
+        *title("Trend", thing.model, times),
+        *(line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
         Sentence(*trend_verdict(thing)),
-        *_grid(
+        *grid(
             (*heads, "unit"),
             [
                 (
@@ -822,17 +564,17 @@ def _of_trend(thing: Trend) -> Sheet:
         ),
         *_jumped(("jump at",), thing.jumps),
         *map(Sentence, life_rivals(thing.changed)),
-        *(_line(remaining_words(thing)) if thing.remaining else ()),
-        *_notes(thing.notes),
+        *(line(remaining_words(thing)) if thing.remaining else ()),
+        *notes(thing.notes),
     )  # fmt: skip
 
 
 @sheet.register
 def _of_compared(thing: RunsCompared) -> Sheet:
     return (
-        *_title("Runs compared", "; ".join(thing.conditions)),
+        *title("Runs compared", "; ".join(thing.conditions)),
         Sentence(*compared_verdict(thing)),
-        *_grid(
+        *grid(
             ("order", "condition", "before, arcsec", "after, arcsec", "95 % interval", "chance"),
             [
                 (one.order, one.condition, one.before / ARCSEC, *_sized(one.interval, "angle"), one.chance)
@@ -841,19 +583,19 @@ def _of_compared(thing: RunsCompared) -> Sheet:
         ),
         *_jumped((), thing.changed),
         *map(Sentence, life_rivals(thing.changed)),
-        *_notes(thing.notes),
+        *notes(thing.notes),
     )
 
 
-def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, _Interval]:
+def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, Ends]:
     """Size and interval in the unit for people."""
     value, low, high = (times * units.to_display(x, dimension) for x in (size.value, size.low, size.high))
-    return value, _Interval((low, high))
+    return value, Ends((low, high))
 
 
 def _jumped(heads: tuple[str, ...], changed: Sequence[Changed]) -> Sheet:
     """Causes that are another size at once, behind the time of each where there is a head for it."""
-    return _grid(
+    return grid(
         (*heads, "cause", "parameter", "by", "95 % interval", "unit"),
         [
             (
@@ -871,17 +613,17 @@ def _of_lot(thing: Lot) -> Sheet:
     said, strong = verdict(thing)
     unseen, ruled_out = silent(thing), clean(thing)
     return (
-        *_title("Lot", thing.model, size_of(thing)),
-        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
+        *title("Lot", thing.model, size_of(thing)),
+        *(line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
         Sentence(said, strong=strong),
         *_made_by([one for one in thing.processes if one.above_zero]),
         *_at_most([one for one in thing.processes if not one.above_zero]),
         *map(Sentence, not_told_apart(thing)),
-        *(_line(unseen) if unseen else ()),
+        *(line(unseen) if unseen else ()),
         *_shifted(("systematic error",), [((), one) for one in thing.shifts]),
-        *_grid(
+        *grid(
             ("stiffness", "times what is stated", "95 % interval"),
-            [(name, one.value, _Interval((one.low, one.high))) for name, one in thing.stiffness.items()],
+            [(name, one.value, Ends((one.low, one.high))) for name, one in thing.stiffness.items()],
         ),
         *_shifted(
             ("unit that is no member", "chance", "cause"),
@@ -901,11 +643,11 @@ def _of_lot(thing: Lot) -> Sheet:
         ),
         *map(Sentence, rivals(thing)),
         *map(Sentence, diagnosed(thing)),
-        *(_line(ruled_out) if ruled_out else ()),
+        *(line(ruled_out) if ruled_out else ()),
         *_limits(thing.processes),
-        *_beside(_foretold(thing)),
-        *(_line(COME) if thing.differences or thing.changes else ()),
-        *_notes(thing.notes),
+        *columns_of(_foretold(thing)),
+        *(line(COME) if thing.differences or thing.changes else ()),
+        *notes(thing.notes),
     )
 
 
@@ -920,13 +662,13 @@ def _made_by(processes: Sequence[MadeBy]) -> Sheet:
         shown["Cp"] = [_or_nan(one.capability) for one in processes]
         shown["Cpk"] = [_or_nan(one.capability_centred) for one in processes]
     shown["units for ± 25 %"] = [_or_nan(one.units_needed) for one in processes]
-    return _beside(shown)
+    return columns_of(shown)
 
 
 def _at_most(processes: Sequence[MadeBy]) -> Sheet:
     """Processes that are not told from none, and what they are below."""
     told = [(one, one.deviation) for one in processes if one.deviation is not None]
-    return _grid(
+    return grid(
         ("not above zero", "standard deviation below", "unit"),
         [
             (process_name(one), units.to_display(size.high, one.dimension), units.DISPLAY_UNITS[one.dimension])
@@ -937,7 +679,7 @@ def _at_most(processes: Sequence[MadeBy]) -> Sheet:
 
 def _limits(processes: Sequence[MadeBy]) -> Sheet:
     """What one part has to be off to be found."""
-    return _grid(
+    return grid(
         ("one part, found in 95 %", "off in half of the lot by", "off in one unit by", "unit"),
         [
             (
@@ -960,7 +702,7 @@ def _shifted(heads: Sequence[str], rows: Sequence[tuple[tuple[Any, ...], Shift]]
         "parameter": [shift.parameter for shift in shifts],
         **_sizes_of([(shift.size, shift.dimension) for shift in shifts], "size"),
     }
-    return _beside(found)
+    return columns_of(found)
 
 
 def _sizes_of(sizes: Iterable[tuple[Interval | None, str]], name: str) -> dict[str, list[Any]]:
@@ -970,7 +712,7 @@ def _sizes_of(sizes: Iterable[tuple[Interval | None, str]], name: str) -> dict[s
         each = (math.nan,) * 3 if size is None else (size.value, size.low, size.high)
         value, low, high = (units.to_display(one, dimension) for one in each)
         found[name].append(value)
-        found["95 % interval"].append(_Interval((low, high)))
+        found["95 % interval"].append(Ends((low, high)))
         found["unit"].append(units.DISPLAY_UNITS[dimension])
     return found
 
@@ -986,7 +728,7 @@ def _foretold(thing: Lot) -> dict[str, list[Any]]:
         "peak-to-peak, arcsec": [one.condition for one in found],
         "mean, to come": [one.mean / ARCSEC for one in found],
         "P95, to come": [one.quantile.value / ARCSEC for one in found],
-        "95 % interval": [_Interval((one.quantile.low / ARCSEC, one.quantile.high / ARCSEC)) for one in found],
+        "95 % interval": [Ends((one.quantile.low / ARCSEC, one.quantile.high / ARCSEC)) for one in found],
         "mean, measured": [one.seen[0] / ARCSEC for one in found],
         "P95, measured": [one.seen[1] / ARCSEC for one in found],
     }
@@ -995,6 +737,7 @@ def _foretold(thing: Lot) -> dict[str, list[Any]]:
 def _contributions(thing: Budget | ErrorBudget) -> Sheet:
     """Tolerances, the largest share first."""
     found, _ = _shown(thing)
+    closed = thing if isinstance(thing, Budget) else thing.closed
     shown = {
         "tolerance": found["tolerance"],
         "width": found["width"],
@@ -1004,114 +747,223 @@ def _contributions(thing: Budget | ErrorBudget) -> Sheet:
         "p-p alone, worst, arcsec": found["worst_peak_to_peak"],
         "part of worst case, arcsec": found["worst_part"],
     }
-    if "sobol_total" in found:
-        shares = zip(*(found[f"sobol_total{end}"] for end in ("", "_low", "_high")), found["effect"], strict=True)
-        shown["Sobol total ± 95 %"] = [
-            f"{total:.2f} ± {(high - low) / 2:.2f}" if effect == "wave" else "" for total, low, high, effect in shares
-        ]
+    drawn = "sobol_total" in found
+    if drawn:
+        for which in ("first", "total"):
+            sizes = zip(*(found[f"sobol_{which}{end}"] for end in ("", "_low", "_high")), found["effect"], strict=True)
+            shown[f"Sobol {which} ± 95 %"] = [_index(*size, effect=effect) for *size, effect in sizes]
     rows = list(zip(*shown.values(), strict=True))
-    return _grid(list(shown), sorted(rows, key=lambda row: -row[3]))
+    quiet = ", ".join(entry.label for entry in closed.contributions if entry.effect != "wave")
+    return (
+        *grid(list(shown), sorted(rows, key=lambda row: -row[3])),
+        *line(
+            f"Sobol index: share of the variance of the peak-to-peak; ±: half of the {OF_ESTIMATE}." if drawn else ""
+        ),
+        *line(
+            f"In closed form these change the offset of the output angle alone, or nothing: {quiet}." if quiet else ""
+        ),
+    )
+
+
+def _index(value: float, low: float, high: float, *, effect: str) -> str:
+    """Sobol index; none of what makes no wave, or is correlated with others and so no cause by itself."""
+    return "" if effect != "wave" or math.isnan(value) else f"{value:.2f} ± {(high - low) / 2:.2f}"
 
 
 @sheet.register
 def _of_budget(thing: Budget) -> Sheet:
-    facts = {
-        "worst-case peak-to-peak": _angle(thing.worst.peak_to_peak),
+    stated = {
         "root sum of squares of single peak-to-peaks": _angle(thing.rss),
         "expected rms": _angle(thing.rms),
-        "offset": f"{_angle(thing.offset_mean)}, standard deviation {_angle(thing.offset_deviation)}",
+        "standard deviation of the offset": _angle(thing.offset_deviation),
     }
-    title = _title("Budget in closed form", count_of(len(thing.contributions), "tolerance"))
-    return title + _facts(facts) + _contributions(thing)
+    return (
+        *title("Budget in closed form", _counts(thing)),
+        *_quantiles(None, thing),
+        *facts(stated),
+        *_contributions(thing),
+    )
 
 
-def _quantiles(drawn: VirtualUnits, worst: Mapping[Size, float]) -> Sheet:
+def _counts(closed: Budget) -> str:
+    entries = closed.contributions
+    return f"{count_of(len(entries), 'tolerance')}, {count_of(sum(e.components for e in entries), 'component')}"
+
+
+def _quantiles(drawn: VirtualUnits | None, closed: Budget | None = None) -> Sheet:
     """Sizes of the output error at several shares of the units, with what no unit exceeds where that is known."""
-    rows = []
+    rows, levels = [], LEVELS if drawn else ()
     for size, name, _ in SIZES:
-        row: list[Any] = [name]
-        for level in LEVELS:
+        row: list[Any] = [name] if closed is None else [name, nominal_of(closed, size) / ARCSEC]
+        for level in levels:
+            assert drawn is not None
             found = drawn.quantile(level, size)
-            row += [found.value / ARCSEC, _Interval((found.low / ARCSEC, found.high / ARCSEC))]
-        rows.append([*row, *([worst[size] / ARCSEC] if worst else [])])
-    heads = [text for level in LEVELS for text in (f"P{level * 100:g}", "95 % interval")]
-    return _grid(["size, arcsec", *heads, *(["worst case"] if worst else [])], rows)
+            row += [found.value / ARCSEC, Ends((found.low / ARCSEC, found.high / ARCSEC))]
+        rows.append(row if closed is None else [*row, worst_of(closed, size) / ARCSEC])
+    heads = [text for level in levels for text in (f"P{level * 100:g}", "95 % interval")]
+    known = ([], []) if closed is None else (["nominal"], ["worst case"])
+    return grid(["size, arcsec", *known[0], *heads, *known[1]], rows)
 
 
 @sheet.register
 def _of_virtual_units(thing: VirtualUnits) -> Sheet:
-    return _title("Virtual units", f"{thing.count}, {thing.draws}, seed {thing.seed}") + _quantiles(thing, {})
+    return title("Virtual units", f"{thing.count}, {thing.draws}, seed {thing.seed}") + _quantiles(thing)
 
 
 @sheet.register
-def _of_error_budget(thing: ErrorBudget) -> Sheet:
-    bounds = {size: worst_of(thing.closed, size) for size, _, _ in SIZES}
-    drawn = f"{thing.units.count} virtual units, seed {thing.units.seed}"
-    at_load: Sheet = ()
-    if thing.at_load is not None:
-        at_load = _yields(thing)
-    where = f"{way(thing.direction)}{at_input_speed(thing.stack.speed)}, {drawn}"
-    title = _title("Error budget", thing.model.name or thing.model.mechanism.name, where)
-    return title + _quantiles(thing.units, bounds) + at_load + _contributions(thing)
-
-
-def _yields(thing: ErrorBudget | Allocation) -> Sheet:
-    """Limits at the load: quantiles of what the units have, and yields."""
-    heads = (
-        "limit_value",
-        *(f"p{100 * level:g}" for level in LEVELS),
-        "limit_unit",
-        "yield",
-        "yield_low",
-        "yield_high",
+def _of_error_budget(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
+    drawn, p99 = thing.units, thing.units.quantile(0.99)
+    rigid = "" if thing.stack.speed is None else f" about the loaded state{at_input_speed(thing.stack.speed)}"
+    if thing.stack.speed is None and isinstance(thing.model.mechanism, Reducer):
+        rigid = ": rigid bearings, all loaded pins carry"
+    size, ends = p99.value / ARCSEC, [brief(end / ARCSEC) for end in (p99.low, p99.high)]
+    strong = f"99 % of the units stay within {brief(size)} arcsec peak-to-peak"
+    first = max(thing.closed.contributions, key=lambda one: one.share)
+    most = " No tolerance changes more than the offset."
+    if first.share > 0:
+        most = f" {first.label} makes most of it, {100 * first.share:.0f} % of the variance."
+    return (
+        *title(
+            "Error budget", thing.model.name or thing.model.mechanism.name, _counts(thing.closed), way(thing.direction)
+        ),
+        Sentence(f"{strong} ({ends[0]} to {ends[1]}).{most}", strong=strong),
+        *line(_yield_at(drawn, limit)),
+        *line(f"Closed form{rigid}; {thing.closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."),
+        *_quantiles(drawn, thing.closed),
+        *line(f"P99: what 99 % of the units do not exceed. Intervals: the {OF_ESTIMATE}, not how far units scatter."),
+        *line(
+            f"Root sum of squares of the single peak-to-peaks {_angle(thing.closed.rss)}; expected rms "
+            f"{_angle(thing.closed.rms)}."
+        ),
+        *section("At the load, contacts that open included", *_at_load(thing)),
+        *section("What each tolerance contributes", *_contributions(thing)),
+        *section("Where each tolerance acts", *_where(thing)),
     )
-    found, _ = _shown(thing, "limit_at_load")
-    named = {"at the load": found["limit_at_load"]} | {head.replace("_", " "): found[head] for head in heads}
-    return _beside(named)
+
+
+def _where(thing: ErrorBudget) -> Sheet:
+    causes = [cause_of(thing, at) for at in range(len(thing.tolerances))]
+    return columns_of(
+        {
+            "tolerance": thing.stack.labels,
+            "fixed in": [one["frame"] for one in causes],
+            "orders": [", ".join(brief(order) for order in one["orders"][:4]) or _NONE for one in causes],
+            "limits": [_ends(one["lower_limit"], one["upper_limit"]) for one in causes],
+            "p-p of 1 unit, arcsec": [one["peak_to_peak_per_unit_arcsec"] for one in causes],
+        }
+    )
+
+
+def _ends(low: float | None, high: float | None) -> str:
+    return "within the width" if low is None or high is None else f"{brief(low)} to {brief(high)}"
+
+
+def _yield_at(drawn: VirtualUnits, limit: Any | None) -> str:
+    if limit is None:
+        return ""
+    size = units.named_core("limit", limit, "angle")
+    share, low, high = (100 * getattr(drawn.yield_at(size), name) for name in ("value", "low", "high"))
+    return f"Yield at {size / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({low:.4g} to {high:.4g})."
+
+
+def _at_load(thing: ErrorBudget) -> Sheet:
+    """Yields at the load, the worst parts of the closed form solved there, and what each tolerance makes."""
+    loaded = thing.at_load
+    if loaded is None:
+        return ()
+    worst = [
+        f"{one.limit.label} {with_unit(size, 'angle')}"
+        for one, size in zip(loaded.verified.limits, loaded.worst_parts, strict=True)
+        if size is not None
+    ]
+    every = [(one.limit.label, indices) for one, indices in zip(loaded.verified.limits, loaded.shares, strict=True)]
+    told = [(label, indices) for label, indices in every if indices is not None]
+    order = np.argsort(-np.max([indices.total for _, indices in told], axis=0)).tolist() if told else []
+    labels = [entry.label for entry in thing.closed.contributions]
+    shares = {
+        label: [_index(i.total[e], i.total_low[e], i.total_high[e], effect="wave") for e in order] for label, i in told
+    }
+    return (
+        *yield_sheet(loaded.verified, loaded.closed_form),
+        *line(f"The worst parts of the closed form make, at the load: {', '.join(worst)}." if worst else ""),
+        *(columns_of({"Sobol index, total, at the load": [labels[e] for e in order], **shares}) if told else ()),
+    )
 
 
 @sheet.register
 def _of_allocation(thing: Allocation) -> Sheet:
-    loaded = thing.verified is not None
+    loaded, check = thing.verified is not None, thing.closed_form
     stages, _ = _shown(thing, "stage")
     found, _ = _shown(thing)
-    grades = (grade or ("fixed" if fixed else "") for grade, fixed in zip(found["grade"], thing.fixed, strict=True))
-    gap = "" if thing.gap is None else f"; the gap is {100 * thing.gap:.2g} % of the cost"
-    return (
-        _title("Allocation", f"least cost {within(thing)}")
-        + _grid(
-            ("", "before", "allocated", "unit"),
-            [
-                ("cost", *stages["total_cost"], ""),
-                (limited_by(thing), *stages["value"], "of the limits" if loaded else "arcsec"),
-            ],
-        )
-        + (_yields(thing) if loaded else ())
-        + _beside(
-            {
-                "tolerance": found["tolerance"],
-                "width before": found["width_before"],
-                "allocated": found["width"],
-                "unit": found["unit"],
-                "grade": grades,
-                "cost before": found["cost_before"],
-                "cost": found["cost"],
-            }
-        )
-        + _line(f"How good it is: {thing.proof}{gap}.")
+    per = "% of all limits" if loaded else "arcsec"
+    more = "1 % more of all limits" if loaded else "One arcsec more"
+    binds = "The limit holds some widths." if "limit" in thing.held_by else "Bounds and grades alone hold the widths."
+    strong = f"Cost {brief(thing.cost_before)} → {brief(thing.cost)}"
+    low, high = check.low / ARCSEC, check.high / ARCSEC
+    alike = (
+        "" if thing.uniform_cost is None else f"{brief(thing.uniform_cost)}, all widths scaled alike to the same yield"
     )
+    upper = ", upper end of its interval" if thing.kind == "yield" else ""
+    value = f"{limited_by(thing)}{upper}, {'of the limits' if loaded else 'arcsec'}"
+    return (
+        *title("Allocation", f"least cost {within(thing)}"),
+        Sentence(f"{strong}. {binds}", strong=strong),
+        *grid(("", "before", "allocated"), [("cost", *stages["total_cost"]), (value, *stages["value"])]),
+        *line(f"For comparison: {alike}." if alike else ""),
+        *section("At the load, contacts that open included", *(yield_sheet(thing.verified) if thing.verified else ())),
+        *section(
+            "Widths and costs",
+            *columns_of(
+                {
+                    "tolerance": found["tolerance"],
+                    "width before": found["width_before"],
+                    "allocated": found["width"],
+                    "unit": found["unit"],
+                    "times": [b / a for a, b in zip(found["width_before"], found["width"], strict=True)],
+                    "cost before": found["cost_before"],
+                    "cost": found["cost"],
+                    "held by": [_held(*pair) for pair in zip(_padded(thing), thing.grades, strict=True)],
+                }
+            ),
+            *line(f"{more} would save {brief(thing.shadow_price)}." if thing.shadow_price is not None else ""),
+            *grid((f"to tighten first (cost of 1 {per} gained)", "cost"), _rates(thing.tighten_first, "tighten")),
+            *grid((f"to relax first (cost saved by 1 {per} given up)", "saved"), _rates(thing.relax_first, "relax")),
+        ),
+        *section(
+            "How good it is",
+            *line(f"{thing.proof}{'' if thing.gap is None else f'; the gap is {100 * thing.gap:.2g} % of the cost'}."),
+            *line(
+                f"Closed form, contacts closed: P{100 * check.level:g} of the peak-to-peak "
+                f"{_angle(check.quantile)} ({brief(low)} to {brief(high)}), {check.units} units, seed {check.seed}."
+            ),
+        ),
+    )
+
+
+def _padded(thing: Allocation) -> list[str]:
+    """What holds each width, nothing where that is not known."""
+    return [*thing.held_by, *[""] * (len(thing.labels) - len(thing.held_by))]
+
+
+def _held(by: str, grade: str | None) -> str:
+    return f"{by}: {grade}" if grade else by
+
+
+def _rates(rates: Sequence[Rate], which: str) -> list[tuple[str, Any]]:
+    values = [(rate.label, getattr(rate, which)) for rate in rates]
+    return [(label, "the width does not matter" if math.isinf(value) else value) for label, value in values]
 
 
 @sheet.register
 def _of_stack(thing: Stack) -> Sheet:
-    title = _title("Stack", count_of(len(thing.labels), "tolerance"), count_of(len(thing.components), "component"))
-    return title + _columns(thing, "tolerance", "width", "unit", "distribution", "correlation")
+    headed = title("Stack", count_of(len(thing.labels), "tolerance"), count_of(len(thing.components), "component"))
+    return headed + _columns(thing, "tolerance", "width", "unit", "distribution", "correlation")
 
 
 @sheet.register
 def _of_tolerance(thing: Tolerance) -> Sheet:
     names = ("width", "unit", "distribution", "correlation", "random_phase", "fixed")
-    return _title("Tolerance", thing.label) + _columns(thing, *names)
+    return title("Tolerance", thing.label) + _columns(thing, *names)
 
 
 @sheet.register(list)
@@ -1120,4 +972,4 @@ def _of_row(thing: Sequence[Any]) -> Sheet:
     """Effects, tolerances, points of a front or efficiencies, as the columns of their table."""
     listed = _columns(thing)
     count = sum(len(block.rows) for block in listed if isinstance(block, Listing))
-    return _title(described(thing).kind, count_of(count, "row")) + listed
+    return title(described(thing).kind, count_of(count, "row")) + listed

@@ -1,37 +1,63 @@
-"""Yields at the load for people and for programs: lines of text, and the entries of JSON."""
+"""Yields at the load for people and for programs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from rverror.base.numbers import brief, rounded
 from rverror.tolerances.loaded_yield import LimitYield, Verified
+from rverror.views.blocks import Ends, Sheet, columns_of, line
 
 #: Quantiles that are told.
 LEVELS = (0.5, 0.95, 0.99)
 
 
-def yield_lines(found: Verified) -> list[str]:
-    """Lines of a table: each limit, quantiles of what the units have, and the yield with its interval."""
+def yield_sheet(found: Verified, closed: Sequence[float | None] = ()) -> Sheet:
+    """Yields at the load as a report: each limit, quantiles of what the units have, and the yield with its interval.
+
+    Parameters
+    ----------
+    found : Verified
+    closed : sequence of float or None
+        Yield of each limit in closed form, where that is compared.
+    """
     limited = [one for one in found.limits if one.limit.value is not None]
-    heads = [f"P{100 * level:g}" for level in LEVELS]
-    lines = [
-        f"At the load, contacts that open included: {found.limits[0].units} units drawn afresh, seed {found.seed}; "
-        f"[..] is the {100 * found.limits[0].confidence:g} % interval",
-        f"{'':34s} {'limit':>20s} " + " ".join(f"{head:>7s}" for head in heads) + "   yield, %",
+    shown: dict[str, list[Any]] = {
+        "at the load": [one.limit.label for one in found.limits],
+        "limit": [None if one.limit.value is None else one.limit.shown(one.limit.value) for one in found.limits],
+    }
+    for level in LEVELS:
+        each = [one.limit.shown(one.quantile(level).value) for one in found.limits]
+        shown[f"P{100 * level:g}"] = [value if math.isfinite(value) else None for value in each]
+    shown["unit"] = [one.limit.unit for one in found.limits]
+    shown["yield, %"] = [None if one.limit.value is None else 100 * one.share for one in found.limits]
+    shown[f"{100 * found.limits[0].confidence:g} % interval"] = [
+        None if one.limit.value is None else _percent(one.interval) for one in found.limits
     ]
-    for one in found.limits:
-        value = "-" if one.limit.value is None else _value(one, one.limit.value)
-        values = [one.limit.shown(one.quantile(level).value) for level in LEVELS]
-        quantiles = " ".join(f"{brief(value) if math.isfinite(value) else '-':>7s}" for value in values)
-        told = "" if one.limit.value is None else _share(one.share, one.interval)
-        lines.append(f"{one.limit.label:34s} {value:>20s} {quantiles}   {told}".rstrip())
-    if len(limited) > 1:
-        lines.append(f"{'all limits together':77s}    {_share(found.together, found.together_interval)}".rstrip())
-    if found.failures:
-        lines.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}")
-    return lines
+    if closed:
+        shown["yield in closed form, %"] = [None if share is None else 100 * share for share in closed]
+    low, high = _percent(found.together_interval)
+    together = f"All limits together are met by {_short(100 * found.together)} % of the units, {low:.4g} to {high:.4g}."
+    failed = f"{len(found.failures)} units have no equilibrium and count as bad: {(*found.failures, '')[0]}."
+    return (
+        *columns_of(shown),
+        *line(together if len(limited) > 1 else ""),
+        *line(failed if found.failures else ""),
+        *line(
+            f"{found.limits[0].units} units drawn afresh, seed {found.seed}, solved by the equilibrium. A quantile far "
+            "within the limit may not be known; P99 of a stiffness is what 99 % of the units do not fall below."
+        ),
+    )
+
+
+def _percent(interval: tuple[float, float]) -> Ends:
+    return Ends((100 * interval[0], 100 * interval[1]))
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}"
 
 
 def yield_entries(found: Verified) -> list[dict[str, Any]]:
@@ -72,7 +98,3 @@ def _quantile(one: LimitYield, level: float) -> dict[str, float | None]:
 
 def _value(one: LimitYield, value: float, digits: int = 4) -> str:
     return f"{brief(one.limit.shown(value), digits)} {one.limit.unit}"
-
-
-def _share(share: float, interval: tuple[float, float]) -> str:
-    return f"{100 * share:.4g} [{100 * interval[0]:.4g}, {100 * interval[1]:.4g}]"

@@ -19,7 +19,6 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
-from rverror.views.svg import thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,6 +52,7 @@ ORDER = "order, per output turn"
 
 #: Columns of points of the widest figure as a file: two points in each are all that a line can show there.
 COLUMNS = 1200
+_PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
 _INSIDE = 0.96  # of the room of axes in a layout, less what it leaves free
 _WIDEST_BESIDE = 0.4  # of the room of axes, that a legend may take from their width
@@ -246,6 +246,39 @@ def titled(ax: Axes, *parts: str) -> None:
     title.set_transform(_across_figure(ax, own) if wide else own)
     title.set_x(_middle(ax) if wide else 0.5)
     _make_room(ax)
+
+
+def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Samples that show what lines of many look like: the lowest and highest of each line in each column.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Not a number where the lines are broken.
+    rows : sequence of ndarray, shape (n,)
+    columns : int
+        Over the span of x.
+
+    Returns
+    -------
+    ndarray
+        Places of the samples, ends and breaks included.
+    """
+    n = x.size
+    if n <= 2 * columns:
+        return np.arange(n)
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    breaks = np.flatnonzero(np.isnan(x))
+    at = np.floor(np.nan_to_num((x - low) / (high - low or 1.0), nan=-1.0) * columns)
+    column = np.cumsum(np.diff(at, prepend=at[:1]) != 0)
+    if column[-1] > _PASSES * columns:  # to and fro on the spot: no columns, so parts of the trace
+        column = np.arange(n) * columns // n
+    kept = [np.array([0, n - 1]), breaks, breaks[breaks > 0] - 1, breaks[breaks < n - 1] + 1]
+    for row in rows:
+        order = np.lexsort((np.where(np.isnan(row), np.nanmedian(row), row), column))
+        ends = np.flatnonzero(np.diff(column[order], append=-1))
+        kept += [order[ends], order[np.append(0, ends[:-1] + 1)]]
+    return np.unique(np.concatenate(kept))
 
 
 def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:

@@ -1,0 +1,255 @@
+"""Blocks of which every report consists, and the two ways to set them: as HTML and as text.
+
+A report is a tuple of blocks.  Every text is escaped here.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rverror.base.numbers import brief, count_of
+from rverror.base.text import joined
+from rverror.views.html import escaped, escaped_lines, scrolled
+
+#: Rows that a table shows before it says how many more there are.
+MOST_ROWS = 24
+
+_NONE = "–"
+_WIDEST = 44  # letters of a fact's name or a text cell that others are lined up with
+
+
+@dataclass(frozen=True)
+class Title:
+    """Kind of result, and what it is of, in a few words."""
+
+    kind: str
+    rest: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Heading of a section; a notebook folds the section away."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence; a strong one is read first."""
+
+    text: str
+    strong: str = ""
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Table of texts and numbers."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def cells(self) -> list[list[str]]:
+        """Rows as texts, as many as are shown."""
+        return [[_cell(value) for value in row] for row in self.rows[:MOST_ROWS]]
+
+    def flush(self) -> list[int]:
+        """Columns of numbers alone, which are set flush right."""
+        numbers = (float, int, Ends, type(None))
+        return [at for at in range(len(self.heads)) if all(isinstance(row[at], numbers) for row in self.rows)]
+
+    def more(self) -> str:
+        """How many rows are not shown."""
+        left = len(self.rows) - MOST_ROWS
+        return f"and {left} more" if left > 0 else ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and texts, one under another."""
+
+    facts: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Verbatim:
+    """Lines to be copied as they stand, such as those of a model file."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Notes:
+    """What was noticed; folded away where that can be."""
+
+    notes: tuple[str, ...]
+
+
+Block = Title | Heading | Sentence | Listing | Facts | Verbatim | Notes
+Sheet = tuple[Block, ...]
+
+
+class Ends(tuple[float | None, float | None]):
+    """Ends of an interval; None or not a number where it is not determined."""
+
+    __slots__ = ()
+
+
+# --- blocks that are left out where they would be empty ---------------------------------------------------------------
+
+
+def title(kind: str, *rest: str) -> Sheet:
+    """Title; texts that are empty are left out."""
+    return (Title(kind, tuple(text for text in rest if text)),)
+
+
+def line(text: str) -> Sheet:
+    """A sentence, nothing where there is no text."""
+    return (Sentence(text),) if text else ()
+
+
+def section(heading: str, *blocks: Block) -> Sheet:
+    """Blocks under a heading, nothing where there are none."""
+    return (Heading(heading), *blocks) if blocks else ()
+
+
+def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
+    """Table, nothing where it has no row."""
+    listed = tuple(tuple(row) for row in rows)
+    return (Listing(tuple(heads), listed),) if listed else ()
+
+
+def columns_of(columns: Mapping[str, Iterable[Any]]) -> Sheet:
+    """Table of columns by their heads; those of which no value is known are left out."""
+    listed = {head: list(values) for head, values in columns.items()}
+    known = {head: values for head, values in listed.items() if any(value is not None for value in values)}
+    return grid(list(known), zip(*known.values(), strict=True))
+
+
+def facts(given: Mapping[str, str]) -> Sheet:
+    """Facts; those without text are left out."""
+    return (Facts(tuple((name, text) for name, text in given.items() if text)),)
+
+
+def notes(given: Sequence[str]) -> Sheet:
+    """Notes, nothing where there are none."""
+    return (Notes(tuple(given)),) if given else ()
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, Ends):
+        known = [end for end in value if end is not None and not math.isnan(end)]
+        return " to ".join(map(_number, known)) if len(known) == 2 else "not determined"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return _number(value) if value is None or isinstance(value, (int, float)) else str(value)
+
+
+def _number(value: float | None) -> str:
+    if value is None or math.isnan(value):
+        return _NONE
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return brief(float(value))
+
+
+# --- the two ways to set a report -------------------------------------------------------------------------------------
+
+
+def as_html(blocks: Sheet, *, folded: bool = False) -> str:
+    """Report as HTML without script, links or colours of its own.
+
+    Parameters
+    ----------
+    blocks : Sheet
+    folded : bool
+        Whether sections are folded away under their headings.
+    """
+    parts, opened = [], False
+    for block in blocks:
+        if folded and isinstance(block, Heading | Notes):
+            parts += ["</details>"] * opened
+            opened = isinstance(block, Heading)
+        parts.append(
+            f"<details><summary>{escaped(block.text)}</summary>"
+            if folded and isinstance(block, Heading)
+            else _html_of(block)
+        )
+    return "\n".join(parts + ["</details>"] * opened)
+
+
+def _html_of(block: Block) -> str:
+    match block:
+        case Title():
+            return f"<p>{', '.join([f'<strong>{escaped(block.kind)}</strong>', *map(escaped, block.rest)])}</p>"
+        case Heading():
+            return f"<h2>{escaped(block.text)}</h2>"
+        case Sentence(strong=""):
+            return _soft(block.text)
+        case Sentence():
+            before, _, after = block.text.partition(block.strong)
+            said = f"{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}"
+            return f'<p class="verdict">{said}</p>'
+        case Listing():
+            rows = [[escaped(cell) for cell in row] for row in block.cells()]
+            more = _soft(block.more()) if block.more() else ""
+            return scrolled(block.heads, rows, numbers=block.flush()) + more
+        case Facts():
+            rows_of = (
+                f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
+            )
+            return "<table><tbody>" + "\n".join(rows_of) + "</tbody></table>"
+        case Verbatim():
+            return f"<pre>{escaped_lines(block.text)}</pre>"
+        case Notes():
+            listed = "".join(map(_soft, block.notes))
+            heading = count_of(len(block.notes), "note")
+            return f'<details class="soft"><summary>{heading}</summary>{listed}</details>'
+
+
+def _soft(text: str) -> str:
+    return f'<p class="soft">{escaped(text)}</p>'
+
+
+def as_text(blocks: Sheet) -> str:
+    """Report as text that ends with a line end, its tables lined up."""
+    lines: list[str] = []
+    for before, block in itertools.pairwise((None, *blocks)):
+        apart = isinstance(block, Heading | Listing | Facts | Verbatim | Notes) or isinstance(before, Listing | Facts)
+        if apart and not isinstance(before, Heading | None):
+            lines.append("")
+        lines += _text_of(block) if block else ()
+    return joined(lines)
+
+
+def _text_of(block: Block) -> Iterator[str]:
+    match block:
+        case Title():
+            yield f"{block.kind}: {', '.join(block.rest)}" if block.rest else block.kind
+        case Heading():
+            yield block.text
+            yield "-" * len(block.text)
+        case Sentence():
+            yield block.text
+        case Listing():
+            rows, flush = [list(block.heads), *block.cells()], block.flush()
+            widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]
+            for row in rows:
+                cells = (
+                    cell.rjust(width) if at in flush else cell.ljust(width)
+                    for at, (cell, width) in enumerate(zip(row, widths, strict=True))
+                )
+                yield "  ".join(cells).rstrip()
+            if block.more():
+                yield block.more()
+        case Facts():
+            width = min(_WIDEST, max((len(name) for name, _ in block.facts), default=0))
+            yield from (f"{name:{width}}  {text}" for name, text in block.facts)
+        case Verbatim():
+            yield from (f"  {one}" for one in block.text.splitlines())
+        case Notes():
+            yield "Notes"
+            yield from (f"  {note}" for note in block.notes)

@@ -1,0 +1,55 @@
+"""The pictures of a result's page, as SVG elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from rverror.base.errors import InputError
+from rverror.compensation.outcome import Compensation
+from rverror.diagnosis.result import Diagnosis
+from rverror.lots.result import Lot
+from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.views.plots.diagnosed import diagnosis_figure
+from rverror.views.plots.drawing import PICTURES, draw
+from rverror.views.plots.figure import svg_element
+
+#: Plots on the page of a kind of result; of any other the usual one.
+_KINDS: Mapping[type, tuple[str, ...]] = MappingProxyType(
+    {
+        Diagnosis: ("waveform", "residual", "spectrum", "resonances"),
+        ErrorBudget: ("contributions", "distribution", "at_load"),
+        Allocation: ("widths", "costs", "at_load"),
+        Lot: ("processes", "shares", "orders", "predicted"),
+        Compensation: ("orders", "waveform"),
+    }
+)
+_EACH_RUN = frozenset({"residual", "spectrum", "waveform", "orders"})  # as far as they take a run
+_MOST_RUNS = 4
+
+
+def figures_of(result: Any, **options: Any) -> Iterator[str]:
+    """SVG elements of a page; plots for which a result has nothing to show are left out.
+
+    Parameters
+    ----------
+    result
+        One of the kinds of `PICTURES`; there is no picture of another.
+    **options
+        Of plots that take them: the `limit` of a distribution.
+    """
+    if isinstance(result, Diagnosis) and result.shares:
+        yield svg_element(diagnosis_figure(result))
+        return
+    own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
+    for kind in _KINDS.get(type(result), tuple(own)[:1]):
+        taken = own[kind].__annotations__ if hasattr(own[kind], "__annotations__") else {}
+        given = {name: value for name, value in options.items() if name in taken}
+        for run in range(_MOST_RUNS if kind in _EACH_RUN and "run" in taken else 1):
+            try:
+                ax = draw(result, kind=kind, **(given | ({"run": run} if run else {})))
+            except InputError:  # nothing of the kind, or no further run
+                break
+            yield svg_element(ax.figure)  # type: ignore[arg-type]
