@@ -6,11 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
 from rverror.geartrain.cycloid import loaded_share, profile
 from rverror.geartrain.mechanism import Reducer
+
+#: Points of a plane, x + 1j y.
+Points = npt.NDArray[np.complex128]
 
 #: Above it the residual is more than the stated uncertainty leaves by chance in one part of a hundred.
 _CHANCE = 0.01
@@ -48,7 +52,7 @@ class Estimate:
     reading: float
 
 
-def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None) -> Estimate:
+def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None, *, orthogonal: bool = False) -> Estimate:
     """Fit errors to readings.
 
     Parameters
@@ -57,6 +61,8 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None) ->
         Readings per unit of each error, and the readings; of many readings some at a time.
     sigma : float, optional
         Stated uncertainty of a reading.
+    orthogonal : bool
+        Whether nothing that is left in the readings can look like what is fitted: residuals then say nothing of it.
 
     Returns
     -------
@@ -87,18 +93,41 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None) ->
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
     found = inverse @ moment
     left = max(float(square - moment @ found), 0.0)
-    variance = left / free if free else np.nan
-    if sigma is not None and not (free and left > sigma**2 * scipy.stats.chi2.isf(_CHANCE, free)):
-        used = sigma**2
-    else:
-        used = variance
-    return Estimate(found, np.sqrt(used * np.diag(inverse)), float(np.sqrt(variance)), float(np.sqrt(used)))
+    used = sigma if orthogonal and sigma is not None else reading_sigma(left, free, sigma)
+    rms = np.sqrt(left / free) if free else np.nan
+    return Estimate(found, used * np.sqrt(np.diag(inverse)), float(rms), used)
+
+
+def reading_sigma(left: float, free: int, stated: float | None) -> float:
+    """Uncertainty of a reading: as stated, or what residuals say where nothing is or they are too large for chance.
+
+    Parameters
+    ----------
+    left : float
+        Sum of squared residuals.
+    free : int
+        Their degrees of freedom.
+    stated : float, optional
+
+    Returns
+    -------
+    float
+        NaN where nothing tells it.
+
+    Examples
+    --------
+    >>> reading_sigma(9.0, 10, 1.0), reading_sigma(40.0, 10, 1.0), reading_sigma(40.0, 10, None)
+    (1.0, 2.0, 2.0)
+    """
+    if stated is not None and not (free > 0 and left > stated**2 * scipy.stats.chi2.isf(_CHANCE, free)):
+        return stated
+    return float(np.sqrt(left / free)) if free > 0 else np.nan
 
 
 # --- places -----------------------------------------------------------------------------------------------------------
 
 
-def place_errors(angles: Array, radius: float, centres: Array, datum: str) -> tuple[Array, Array]:
+def place_errors(angles: Array, radius: float, centres: Points, datum: str) -> tuple[Array, Array]:
     """Errors of places on a circle, in the frame that the datum gives.
 
     Parameters
@@ -131,7 +160,7 @@ def place_errors(angles: Array, radius: float, centres: Array, datum: str) -> tu
     return _pairs(errors).reshape(-1, 2), kept
 
 
-def _pairs(numbers: Array) -> Array:
+def _pairs(numbers: Points) -> Array:
     """Real and imaginary parts in turn."""
     return np.ascontiguousarray(numbers, dtype=np.complex128).view(np.float64)
 
@@ -142,7 +171,7 @@ def ring_waves(angles: Array, harmonic: int) -> Array:
     return np.stack([_pairs(wave * unit) for unit in (1, 1j) for wave in (cos, sin)], axis=1)
 
 
-def circle(points: Array, sigma: float | None) -> tuple[complex, Estimate]:
+def circle(points: Points, sigma: float | None) -> tuple[complex, Estimate]:
     """Circle through points, by the least squares of their distances from it.
 
     Parameters
@@ -160,8 +189,9 @@ def circle(points: Array, sigma: float | None) -> tuple[complex, Estimate]:
     centre, estimate = complex(points.mean()), None
     for _ in range(30):
         away = points - centre
-        rows = np.stack([away.real / abs(away), away.imag / abs(away), np.ones(points.size)], axis=1)
-        estimate = least_squares([(rows, abs(away))], sigma)
+        far = np.abs(away)
+        rows = np.stack([away.real / far, away.imag / far, np.ones(points.size)], axis=1)
+        estimate = least_squares([(rows, far)], sigma)
         step = complex(*estimate.values[:2])
         centre += step
         if abs(step) < _SETTLED:
@@ -229,15 +259,15 @@ class LobeFit:
 class _Feet:
     """Feet of points on the nominal profile: in the disc's frame, roll angle, lobe, share of it, normal, distance."""
 
-    foot: Array
+    foot: Points
     roll: Array
-    lobe: Array
+    lobe: npt.NDArray[np.int64]
     share: Array
-    normal: Array
+    normal: Points
     distance: Array
 
 
-def lobe_points(reducer: Reducer, angle: Array, deviation: Array, place: int) -> Array:
+def lobe_points(reducer: Reducer, angle: Array, deviation: Array, place: int) -> Points:
     """Points at a distance from the nominal profile of a disc, at polar angles of their feet.
 
     Parameters
@@ -258,7 +288,7 @@ def lobe_points(reducer: Reducer, angle: Array, deviation: Array, place: int) ->
 
 def fit_lobes(
     reducer: Reducer,
-    points: Array,
+    points: Points,
     *,
     harmonics: int,
     lobe_harmonics: int,
@@ -313,7 +343,7 @@ def _first_root(reducer: Reducer, place: int) -> float:
     return -(-place * reducer.pins // reducer.discs) - place / reducer.discs
 
 
-def _place(reducer: Reducer, points: Array) -> int:
+def _place(reducer: Reducer, points: Points) -> int:
     """Disc whose roots are nearest to those of the points."""
     angle, lobes = np.angle(points), reducer.disc_lobes
     rows = [wave(h * angle) for h in (1, lobes) for wave in (np.cos, np.sin)]
@@ -323,7 +353,7 @@ def _place(reducer: Reducer, points: Array) -> int:
     return int(np.argmin(np.abs(away)))
 
 
-def _feet(reducer: Reducer, points: Array, place: int, *, steps: int = 3) -> _Feet:
+def _feet(reducer: Reducer, points: Points, place: int, *, steps: int = 3) -> _Feet:
     """Feet of points, at the same polar angle first and then by steps along the profile."""
     rolls = np.linspace(0, 2 * np.pi, _POINTS)
     curve = _complex(profile(reducer, rolls))
@@ -344,10 +374,10 @@ def _feet(reducer: Reducer, points: Array, place: int, *, steps: int = 3) -> _Fe
     turned = np.exp(2j * np.pi * (root + lobe) / lobes)
     distance = ((here - foot) * np.conj(normal)).real
     share = np.angle(foot) * lobes / (2 * np.pi)
-    return _Feet(foot * turned, roll, lobe.astype(int) % lobes, share, normal * turned, distance)
+    return _Feet(foot * turned, roll, lobe.astype(np.int64) % lobes, share, normal * turned, distance)
 
 
-def _complex(points: Array) -> Array:
+def _complex(points: Array) -> Points:
     return np.asarray(points[0] + 1j * points[1])
 
 

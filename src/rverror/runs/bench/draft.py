@@ -77,7 +77,7 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
         values = [f"{key} = {value}" for key, value in file.properties.items()]
     else:
         raw = read_bytes(path)
-        encoding, remark = _encoding(raw)
+        encoding, remark = found_encoding(raw)
         head, entries, values = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
         head[1:2] = [head[1], f"encoding = {_quoted(encoding)}{remark}"]
     lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
@@ -154,8 +154,14 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
     return head, [Entry(name=cell, unit=unit) for cell, unit in zip(cells, units, strict=False)], above
 
 
-def _encoding(raw: bytes) -> tuple[str, str]:
-    """Encoding of a text, and a remark where it is a guess."""
+def found_encoding(raw: bytes) -> tuple[str, str]:
+    """Encoding of a text, and a remark where it is a guess.
+
+    Examples
+    --------
+    >>> found_encoding("30 °".encode())
+    ('utf-8', '')
+    """
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16", ""
     try:
