@@ -9,9 +9,9 @@ from pathlib import Path
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
 from rverror.base.toml import quoted
 from rverror.parts.aqdef import SUFFIXES, open_aqdef
-from rverror.parts.machine_file import SHEETS, sheet_lines
-from rverror.parts.mapping import FEATURES
+from rverror.parts.mapping import DATUMS, FEATURES
 from rverror.parts.measured import KINDS
+from rverror.parts.reading import SHEETS, sheet_lines
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.draft import described_lines, found_encoding
 from rverror.runs.bench.mapping import meant_unit
@@ -23,35 +23,13 @@ _WORDS = {
     "number": r"(pin|bore|bohrung|cam|nocken|tooth|zahn|stift|bolzen)s?( ?(no|nr|number|index)\.?)?|no\.?|nr\.?|index",
     "angle": r"angle|winkel|phi|theta|azimuth",
     "radius": r"r|rad|radius",
-    "deviation": r"dev|deviation|abweichung|form",
-    "x": r"x", "y": r"y",
+    "deviation": r"dev|deviation|abweichung",
+    "x": r"x",
+    "y": r"y",
     "diameter": r"d|dia|diameter|durchmesser",
     "pitch": r"f_?p|single pitch|pitch|teilung|teilungseinzelabweichung",
     "cumulative": r"f_?p_?k|cumulative( pitch)?|summenteilung|teilungssummenabweichung",
     "runout": r"f_?r|run-?out|rundlauf",
-}  # fmt: skip
-#: Columns by which a feature is told, the kind of part that has it most, and what is to be filled in beside them.
-_FEATURES = {
-    "circles": ({"number", "angle", "radius"}, "crank", ('datum = "axis"  # scanned about the journals',)),
-    "lobes": (
-        {"angle", "radius"},
-        "disc",
-        (
-            'datum = "fit"  # the axis is fitted; "bores": scanned about the bores',
-            "harmonics = 6",
-            "lobe_harmonics = 3",
-        ),
-    ),
-    "places": (
-        {"number", "x", "y"},
-        "housing",
-        ('datum = "fit"  # moved and turned; "axis": turned alone; "given": these are the axes of the part',),
-    ),
-    "teeth": (
-        {"number", "pitch"},
-        "planet",
-        ('zero = "0 deg"  # angle of the first tooth', "sense = 1  # -1: counted clockwise", "harmonics = 6"),
-    ),
 }
 
 
@@ -65,7 +43,7 @@ def draft_parts_mapping(path: PathLike) -> str:
     Returns
     -------
     str
-        TOML; what was guessed from the names of the columns is marked.
+        TOML; what was guessed from the names of the columns is marked, what is to be filled in is empty.
 
     Raises
     ------
@@ -79,60 +57,41 @@ def draft_parts_mapping(path: PathLike) -> str:
     elif suffix in SHEETS:
         entries = described_lines(name, sheet_lines(path))[1]
     else:
-        raw = read_bytes(path)
-        encoding, remark = found_encoding(raw)
-        head, entries, _ = described_lines(name, split_lines(decoded(name, raw, encoding)))
+        encoding, remark = found_encoding(read_bytes(path))
+        head, entries, _ = described_lines(name, split_lines(decoded(name, read_bytes(path), encoding)))
         head.insert(2, f"encoding = {quoted(encoding)}{remark}")
-    found = _guessed(entries)
-    lines = [f"# Mapping for files of parts like {shown(name, 80)}.", "# Columns of the file:"]
-    lines += [f"#   {quoted(entry.name)}" + (f"  unit {entry.unit}" if entry.unit else "") for entry in entries]
-    feature = next((each for each, (columns, _, _) in _FEATURES.items() if columns <= found.keys()), "")
-    kind = _FEATURES[feature][1] if feature else "crank"
-    lines += ["", f'kind = "{kind}"  # confirm it: one of {", ".join(KINDS)}']
-    if "serial" in found:
-        lines.append(f"serial = {quoted(found['serial'].name)}  # guessed from its name: confirm it")
-    else:
-        lines.append('# serial = "..."  # column of the serial numbers; without it the name of the file is one')
-    head += ["", '# uncertainty: 1 sigma of a reading, such as "0.5 um"; leave it out where nothing is known']
-    return "\n".join([*lines, *head, *(_feature(feature, found) if feature else _errors(entries, found))]) + "\n"
-
-
-def _guessed(entries: Sequence[Entry]) -> Mapping[str, Entry]:
-    """The first column that may be each of `_WORDS`."""
     found: dict[str, Entry] = {}
     for entry in entries:
         word = re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", entry.name).strip().lower()
-        match = next((key for key, pattern in _WORDS.items() if key not in found and re.fullmatch(pattern, word)), None)
-        if match:
-            found[match] = entry
-    return found
+        key = next((key for key, words in _WORDS.items() if key not in found and re.fullmatch(words, word)), "")
+        found |= {key: entry} if key else {}
+    fitting = [
+        each for each, (_, needed, _, _) in FEATURES.items() if all(found.keys() & set(group) for group in needed)
+    ]
+    kinds = FEATURES[fitting[0]][2] if fitting else tuple(KINDS)
+    serial = f"serial = {quoted(found['serial'].name)}" if "serial" in found else '# serial = "..."'
+    lines = [f"# Mapping for files of parts like {shown(name, 80)}; confirm what is guessed from its columns:"]
+    lines += [f"#   {quoted(entry.name)}" + (f"  unit {entry.unit}" if entry.unit else "") for entry in entries]
+    lines += ["", f'kind = "{kinds[0]}"  # one of {", ".join(kinds)}']
+    lines += [f"{serial}  # column of serial numbers; without it the name of the file is one", *head, ""]
+    lines += ['# uncertainty: 1 sigma of a reading, such as "0.5 um"; leave it out where nothing is known']
+    return "\n".join([*lines, *(_feature(fitting[0], found) if fitting else _errors(entries, found))]) + "\n"
 
 
 def _feature(name: str, found: Mapping[str, Entry]) -> list[str]:
-    """Table of a feature, guessed from the names of its columns."""
-    lines = [f"[{name}]"]
-    for column, dimension in FEATURES[name][0].items():
-        if column in found:
-            lines.append(f"{column} = {_column(found[column], dimension)}  # guessed from its name: confirm it")
-    return [*lines, *_FEATURES[name][2]]
+    dimensions, _, _, more = FEATURES[name]
+    columns = [f"{key} = {_column(found[key], dimensions[key])}" for key in dimensions if key in found]
+    datum = [f'datum = ""  # one of {", ".join(DATUMS[name])}'] if name in DATUMS else []
+    return [f"[{name}]", *columns, *datum, f"# more keys: {', '.join(more)}"]
 
 
 def _errors(entries: Sequence[Entry], found: Mapping[str, Entry]) -> list[str]:
     """A table for each column that may be a component of an error."""
-    lines = ["# One table for each error, with the index that says where on the part it is; keys: rverror sources"]
-    for entry in entries:
-        if entry is not found.get("serial") and not entry.name.startswith("K0"):
-            lines += [
-                "[[error]]",
-                'key = ""',
-                f"radial = {_column(entry, 'length')}  # or another of its parameters",
-                "",
-            ]
-    return lines
+    sizes = [entry for entry in entries if entry is not found.get("serial") and not entry.name.startswith(("K0", "K1"))]
+    remark = "# one table for each error; `rverror sources` lists the keys, with their indices and parameters"
+    return [remark, *(f'[[error]]\nkey = ""\nradial = {_column(entry, "length")}\n' for entry in sizes)]
 
 
 def _column(entry: Entry, dimension: str) -> str:
-    unit = meant_unit(entry.unit or unit_in_name(entry.name)) if dimension else ""
-    more = f", unit = {quoted(unit)}" if dimension else ""
-    more += ', uncertainty = ""' if dimension == "length" else ""
-    return f"{{ name = {quoted(entry.name)}{more} }}"
+    unit = f", unit = {quoted(meant_unit(entry.unit or unit_in_name(entry.name)))}" if dimension else ""
+    return f"{{ name = {quoted(entry.name)}{unit}" + (', uncertainty = "" }' if dimension == "length" else " }")

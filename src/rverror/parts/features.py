@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -14,7 +14,6 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.text import some
 from rverror.geartrain.mechanism import Reducer
-from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect
 from rverror.parts import fits
 from rverror.parts.mapping import Feature
@@ -24,7 +23,6 @@ _WIDEST_GAP = np.pi / 3
 #: Decimals of a size in mm: a picometre.
 _DECIMALS = 9
 _PITCH = {"sun": "involute.sun_pitch", "planet": "involute.planet_pitch", "disc": "cycloid.disc_pitch"}
-_ECCENTRICITY = {"sun": "involute.sun_eccentricity", "planet": "involute.planet_eccentricity"}
 
 
 @dataclass(frozen=True)
@@ -45,17 +43,17 @@ class Readings:
     columns: Mapping[str, Array]
     sigmas: Mapping[str, float]
 
-
-@dataclass(frozen=True)
-class Fitted:
-    """Errors of a part, and what was not made an error of it: sizes in words, mm or rad."""
-
-    errors: tuple[Effect, ...]
-    left: Mapping[str, tuple[float, str]]
+    def stated(self, *names: str) -> float:
+        """Largest of the stated uncertainties of some columns; NaN where one has none."""
+        return float(np.max([self.sigmas.get(name, np.nan) for name in names if name in self.columns]))
 
 
-def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> Fitted:
-    """Errors that readings of a feature tell.
+#: What is not made an error, in words: its size in mm or rad, and which of them.
+Left = dict[str, tuple[float, str]]
+
+
+def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
+    """Errors that readings of a feature tell, and what is left.
 
     Parameters
     ----------
@@ -68,7 +66,8 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
 
     Returns
     -------
-    Fitted
+    list of Effect
+    dict of str to (float, str)
 
     Raises
     ------
@@ -76,61 +75,51 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
         If readings are missing, or do not tell the errors apart.
     """
     try:
-        match feature.name:
-            case "lobes":
-                return _lobes(feature, readings, reducer)
-            case "teeth":
-                return _teeth(feature, kind, readings, reducer)
-            case _:
-                return _places(feature, kind, readings, reducer)
+        if feature.name == "lobes":
+            return _lobes(feature, readings, reducer)
+        return (
+            _teeth(feature, kind, readings, reducer)
+            if feature.name == "teeth"
+            else _places(feature, kind, readings, reducer)
+        )
     except fits.UntoldError as error:
         raise InputError(f"{readings.where}, [{feature.name}]: {error}") from error
 
 
-def _made(key: str, indices: Mapping[str, IndexValue], values: Array, sigmas: Array, common: float) -> Effect:
-    """An error with the largest uncertainty of its components; without one where none is known."""
-    sigma = None if np.isnan(sigmas).all() else float(np.hypot(np.nanmax(sigmas), common))
-    sizes = tuple(round(float(value), _DECIMALS) + 0.0 for value in values)
-    return Effect(key, MappingProxyType(dict(indices)), sizes, None if sigma is None else float(f"{sigma:.3g}"))
+def _errors(key: str, index: str, numbers: Iterable[int], sized: tuple[Array, Array], feature: Feature) -> list[Effect]:
+    """An error for each number, of a row of components and of their uncertainties, of which the largest counts."""
+    found = []
+    for number, row, own in zip(numbers, *sized, strict=True):
+        sigma = None if np.isnan(own).all() else float(f"{np.hypot(np.nanmax(own), feature.common):.3g}")
+        sizes = tuple(round(float(value), _DECIMALS) + 0.0 for value in row)
+        found.append(Effect(key, MappingProxyType({index: number} if index else {}), sizes, sigma))
+    return found
 
 
-def _stated(readings: Readings, *columns: str) -> float | None:
-    """Largest of the stated uncertainties of some columns; None where one has none."""
-    given = [readings.sigmas.get(name) for name in columns if name in readings.columns]
-    return None if None in given else max(each for each in given if each is not None)
-
-
-def _order(readings: Readings, count: int, noun: str) -> npt.NDArray[np.intp]:
+def _order(where: str, numbers: Array, count: int, noun: str) -> npt.NDArray[np.intp]:
     """Row of each number, from 0 or from 1."""
-    numbers = readings.columns["number"]
     start = 0 if numbers.min() == 0 else 1
     places = numbers - start
     odd = (places != np.rint(places)) | (places < 0) | (places >= count)
     if odd.any():
-        raise InputError(
-            f"{readings.where}: number {brief(float(numbers[odd.argmax()]))}: a unit has {noun} {start} to "
-            f"{start + count - 1}; correct it"
-        )
+        raise InputError(f"{where}: number {brief(float(numbers[odd.argmax()]))}: a unit has {noun} {start} to "
+                         f"{start + count - 1}; correct it")  # fmt: skip
     found = np.bincount(places.astype(int), minlength=count)
-    for wrong, problem in (
-        (found == 0, "missing; measure all of them"),
-        (found > 1, "measured twice; keep one row of each"),
-    ):
+    for wrong, problem in ((found == 0, "missing; measure all"), (found > 1, "measured twice; keep one row of each")):
         if wrong.any():
-            raise InputError(f"{readings.where}: {noun} {some(np.flatnonzero(wrong) + start)} of {count} {problem}")
+            raise InputError(f"{where}: {noun} {some(np.flatnonzero(wrong) + start)} of {count} {problem}")
     return np.argsort(places)
 
 
-def _check_gap(readings: Readings, angles: Array, widest: float) -> None:
+def _check_gap(where: str, angles: Array, widest: float) -> None:
     """Refuse a scan with too wide a gap, such as half a turn."""
     turned = np.sort(angles % (2 * np.pi))
     gaps = np.diff(turned, append=turned[:1] + 2 * np.pi)
-    if gaps.max() > widest * (1 + 1e-9):
-        start = np.degrees(turned[gaps.argmax()])
-        raise InputError(
-            f"{readings.where}: no readings from {start:.1f} to {start + np.degrees(gaps.max()):.1f} deg, at most "
-            f"{np.degrees(widest):.1f} deg may be missing; scan a whole turn, and check the unit of the angle"
-        )
+    start, gap = np.degrees([turned[gaps.argmax()], gaps.max()])
+    if gap > np.degrees(widest) * (1 + 1e-9):
+        raise InputError(f"{where}: no readings from {start:.1f} to {start + gap:.1f} deg, at most "
+                         f"{np.degrees(widest):.1f} deg may be missing; scan a whole turn, angles in the "
+                         "unit of the mapping")  # fmt: skip
 
 
 # --- places and circles -----------------------------------------------------------------------------------------------
@@ -138,176 +127,114 @@ def _check_gap(readings: Readings, angles: Array, widest: float) -> None:
 
 def _nominal(kind: str, reducer: Reducer) -> tuple[str, str, float, Array]:
     """Source of places, the index that counts them, the radius of their circle, and their angles."""
-    sources = {
+    key, index, radius, count = {
         "housing": ("cycloid.pin_position", "pin", reducer.pin_circle_radius, reducer.pins),
-        "disc": ("cycloid.disc_bore_position", "crank", reducer.crank_circle_radius, reducer.cranks),
-        "carrier": ("coupling.carrier_bore_position", "crank", reducer.crank_circle_radius, reducer.cranks),
+        "disc": ("cycloid.disc_bore_position", "crank", reducer.crank_radius, reducer.cranks),
+        "carrier": ("coupling.carrier_bore_position", "crank", reducer.crank_radius, reducer.cranks),
         "crank": ("crank.eccentricity", "disc", reducer.eccentricity, reducer.discs),
-    }
-    key, index, radius, count = sources[kind]
-    return key, index, float(radius or 0.0), 2 * np.pi * np.arange(count) / count
+    }[kind]
+    return key, index, radius, 2 * np.pi * np.arange(count) / count
 
 
-def _places(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> Fitted:
+def _places(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
     key, index, radius, angles = _nominal(kind, reducer)
+    where, columns, count = readings.where, readings.columns, angles.size
+    left: Left = {}
     if feature.name == "circles":
-        centres, sigmas, form = _circles(readings, angles.size, index)
+        order = _order(where, np.unique(columns["number"]), count, f"{index}s")
+        rows = [columns["number"] == number for number in np.unique(columns["number"])]
+        for each in rows:
+            _check_gap(where, columns["angle"][each], _WIDEST_GAP)
+        points = columns["radius"] * np.exp(1j * columns["angle"])
+        circles = [fits.circle(points[each], readings.stated("radius")) for each in rows]
+        centres = np.array([centre for centre, _ in circles])
+        sigma = np.array([estimate.sigmas[:2].max() for _, estimate in circles])
+        left["form of the circles, rms"] = (max(estimate.rms for _, estimate in circles), "length")
     else:
-        order = _order(readings, angles.size, f"{index}s")
-        centres = (readings.columns["x"] + 1j * readings.columns["y"])[order]
-        sigmas, form = np.full(centres.size, _stated(readings, "x", "y") or np.nan), {}
-    errors, kept = fits.place_errors(angles, radius, centres, feature.datum)
-    kept_sigmas = np.sqrt(kept**2 @ np.repeat(np.where(np.isnan(sigmas), 0.0, sigmas), 2) ** 2).reshape(-1, 2)
-    kept_sigmas[np.isnan(sigmas)] = np.nan
+        order = _order(where, columns["number"], count, f"{index}s")
+        centres, sigma = columns["x"] + 1j * columns["y"], np.full(count, readings.stated("x", "y"))
+    errors, kept = fits.place_errors(angles, radius, centres[order], feature.datum)
     if feature.harmonics:
-        found, left = _ring_waves(feature, angles, errors, kept, _stated(readings, "x", "y"))
+        waves = range(feature.harmonics + 1)
+        estimate = fits.ring_waves(angles, feature.harmonics, errors, kept, float(sigma[0]))
+        sized = estimate.values.reshape(-1, 4), estimate.sigmas.reshape(-1, 4)
+        found = _errors("cycloid.pin_circle", "harmonic", waves, sized, feature)
+        left[f"waves above {feature.harmonics}, rms"] = (estimate.rms, "length")
     else:
-        found = [_made(key, {index: i}, errors[i], kept_sigmas[i], feature.common) for i in range(angles.size)]
-        left = {} if not np.isnan(sigmas).all() else {"places taken as exact, no uncertainty is stated": (np.nan, "")}
-    if "diameter" in readings.columns:
-        half = readings.columns["diameter"][order] / 2 - reducer.pin_radius
-        sigma = np.array([(_stated(readings, "diameter") or np.nan) / 2])
-        found += [
-            _made("cycloid.pin_radius", {"pin": i}, half[i : i + 1], sigma, feature.common) for i in range(half.size)
-        ]
-    return Fitted(tuple(found), {**form, **left})
-
-
-def _circles(readings: Readings, count: int, index: str) -> tuple[fits.Points, Array, dict[str, tuple[float, str]]]:
-    """Centres of circles with their uncertainties, and the form that is left."""
-    columns = readings.columns
-    numbers = np.unique(columns["number"])
-    _order(Readings(readings.where, {"number": numbers}, {}), count, f"{index}s")
-    centres, sigmas, form = [], [], []
-    for number in numbers:
-        here = columns["number"] == number
-        _check_gap(readings, columns["angle"][here], _WIDEST_GAP)
-        points = columns["radius"][here] * np.exp(1j * columns["angle"][here])
-        centre, estimate = fits.circle(points, _stated(readings, "radius"))
-        centres.append(centre)
-        sigmas.append(float(estimate.sigmas[:2].max()))
-        form.append(estimate.rms)
-    return np.array(centres), np.array(sigmas), {"form of the circles left out, rms": (max(form), "length")}
-
-
-def _ring_waves(
-    feature: Feature, angles: Array, errors: Array, kept: Array, stated: float | None
-) -> tuple[list[Effect], dict[str, tuple[float, str]]]:
-    """Waves of a pin ring, and the rms of what they leave."""
-    waves = np.hstack([fits.ring_waves(angles, h) for h in range(feature.harmonics + 1)])
-    solve = np.linalg.pinv(waves)
-    values = solve @ errors.ravel()
-    left = errors.ravel() - waves @ values
-    free = round(float(np.trace(kept)) - np.linalg.matrix_rank(kept @ waves))
-    sigma = fits.reading_sigma(float(left @ left), free, None) if stated is None else stated
-    sigmas = sigma * np.sqrt(np.sum((solve @ kept) ** 2, axis=1))
-    found = [
-        _made("cycloid.pin_circle", {"harmonic": h}, values[4 * h :][:4], sigmas[4 * h :][:4], feature.common)
-        for h in range(feature.harmonics + 1)
-    ]
-    return found, {f"left out by waves 0 to {feature.harmonics}, rms": (float(np.sqrt(np.mean(left**2))), "length")}
+        sigmas = np.sqrt(kept**2 @ np.repeat(sigma, 2) ** 2).reshape(-1, 2)
+        found = _errors(key, index, range(count), (errors, sigmas), feature)
+        if np.isnan(sigmas).any():
+            left["places taken as exact, as no uncertainty is stated"] = (np.nan, "")
+    if "diameter" in columns:
+        half = columns["diameter"][order, None] / 2 - reducer.pin_radius
+        sigmas = np.full((count, 1), readings.stated("diameter") / 2)
+        found += _errors("cycloid.pin_radius", "pin", range(count), (half, sigmas), feature)
+    return found, left
 
 
 # --- teeth ------------------------------------------------------------------------------------------------------------
 
 
-def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> Fitted:
+def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
     count = {"sun": reducer.sun_teeth, "planet": reducer.planet_teeth, "disc": reducer.disc_lobes}[kind]
-    columns, order = readings.columns, _order(readings, count, "teeth")
+    columns, order = readings.columns, _order(readings.where, readings.columns["number"], count, "teeth")
     angles = feature.zero + feature.sense * 2 * np.pi * np.arange(count) / count
-    single, eccentric = "pitch" in columns, "runout" in columns
-    pitch = "pitch" if single else "cumulative"
+    names = [name for name in ("pitch", "cumulative", "runout") if name in columns]
     harmonics = min(feature.harmonics, (count - 1) // 2)
-    rows = fits.tooth_rows(angles, harmonics, eccentric=eccentric, single=single)
-    data = columns[pitch][order]
-    weights = np.ones(count)
-    sigma = _stated(readings, pitch, *(["runout"] if eccentric else []))
-    if eccentric:
-        around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        rows = np.block([
-            [rows, np.zeros((count, 1))],
-            [np.zeros((count, 2 * harmonics)), around, np.zeros((count, 1)), np.ones((count, 1))],
-        ])  # fmt: skip
-        data = np.concatenate([data, columns["runout"][order]])
-        weights = np.ones(2 * count)
-        if sigma is not None:
-            weights = sigma / np.repeat([readings.sigmas[pitch], readings.sigmas["runout"]], count)
-    found = fits.least_squares([(rows * weights[:, None], data * weights)], sigma, orthogonal=True)
-    pairs = [(found.values[i : i + 2], found.sigmas[i : i + 2]) for i in range(0, 2 * harmonics + 2 * eccentric, 2)]
-    waves = [_made(_PITCH[kind], {"harmonic": h}, *pair, feature.common) for h, pair in enumerate(pairs[:harmonics], 1)]
-    if eccentric:
-        waves.append(_made(_ECCENTRICITY[kind], {}, *pairs[-1], feature.common))
-    return Fitted(tuple(waves), {f"left out by waves 1 to {harmonics}, rms": (found.rms, "length")})
+    rows = fits.tooth_rows(angles, harmonics, single="pitch" in columns, runout="runout" in columns)
+    sigma = readings.stated(*names)
+    weights = np.repeat([1.0 if np.isnan(sigma) else sigma / readings.sigmas[name] for name in names], count)
+    data = weights * np.concatenate([columns[name][order] for name in names])
+    found = fits.least_squares([(rows * weights[:, None], data)], sigma, orthogonal=True)
+    pairs, sigmas = (each[: 2 * harmonics + 2].reshape(-1, 2) for each in (found.values, found.sigmas))
+    sized = pairs[:harmonics], sigmas[:harmonics]
+    errors = _errors(_PITCH[kind], "harmonic", range(1, harmonics + 1), sized, feature)
+    if "runout" in columns:
+        errors += _errors(f"involute.{kind}_eccentricity", "", [0], (pairs[harmonics:], sigmas[harmonics:]), feature)
+    return errors, {f"pitch waves above {harmonics}, rms": (found.rms, "length")}
 
 
 # --- lobes ------------------------------------------------------------------------------------------------------------
 
 
-def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> Fitted:
-    columns, angles = readings.columns, readings.columns["angle"]
-    _check_gap(readings, angles, 2 * np.pi / reducer.disc_lobes)
-    place = feature.place
+def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
+    columns, angles, place = readings.columns, readings.columns["angle"], feature.place
+    _check_gap(readings.where, angles, 2 * np.pi / reducer.disc_lobes)
+    if place is not None and place >= reducer.discs:
+        raise InputError(f"{readings.where}: place = {place}: the unit has discs 0 to {reducer.discs - 1}; correct it")
     if "radius" in columns:
         points = columns["radius"] * np.exp(1j * angles)
     else:
         place = place or 0
         points = fits.lobe_points(reducer, angles, columns["deviation"], place)
-    if place is not None and place >= reducer.discs:
-        raise InputError(f"{readings.where}: place = {place}: the unit has discs 0 to {reducer.discs - 1}; correct it")
+    H, M = feature.harmonics, feature.lobe_harmonics
     found = fits.fit_lobes(
-        reducer, points, harmonics=feature.harmonics, lobe_harmonics=feature.lobe_harmonics,
-        sigma=_stated(readings, "radius", "deviation"), place=place,
-    )  # fmt: skip
-    values, sigmas = (
-        np.split(each, np.cumsum(_sizes(feature))) for each in (found.estimate.values, found.estimate.sigmas)
+        reducer, points, harmonics=H, lobe_harmonics=M, sigma=readings.stated("radius", "deviation"), place=place
+    )
+    # cos 0 has no sine beside it
+    both = [np.insert(each, 4 + 4 * H, np.nan) for each in (found.estimate.values, found.estimate.sigmas)]
+    both[0] = np.nan_to_num(both[0])
+    setup, profile, pitch, over, single = zip(
+        *(np.split(each, np.cumsum([3, 2 * H, 2 * H, 2 * M + 2])) for each in both), strict=True
     )
     errors: list[Effect] = []
-    for key, part in (("cycloid.disc_profile", 1), ("cycloid.disc_pitch", 2)):
-        errors += [
-            _made(
-                key,
-                {"harmonic": h + 1},
-                values[part][2 * h : 2 * h + 2],
-                sigmas[part][2 * h : 2 * h + 2],
-                feature.common,
-            )
-            for h in range(feature.harmonics)
-        ]
-    over, over_sigmas = (np.insert(each[3], 1, filler) for each, filler in ((values, 0.0), (sigmas, np.nan)))
-    errors += [
-        _made(
-            "cycloid.lobe_profile",
-            {"harmonic": m},
-            over[2 * m : 2 * m + 2],
-            over_sigmas[2 * m : 2 * m + 2],
-            feature.common,
-        )
-        for m in range(feature.lobe_harmonics + 1)
-    ]
-    errors += [
-        _made("cycloid.disc_lobe", {"lobe": lobe}, values[4][i : i + 1], sigmas[4][i : i + 1], feature.common)
-        for i, lobe in enumerate(found.lobes)
-    ]
-    left = {
-        f"made for place {found.place} of the discs, as its lobes stand": (np.nan, ""),
-        "left out by the waves, rms": (found.estimate.rms, "length"),
+    for key, index, numbers, width, part in (
+        ("cycloid.disc_profile", "harmonic", range(1, H + 1), 2, profile),
+        ("cycloid.disc_pitch", "harmonic", range(1, H + 1), 2, pitch),
+        ("cycloid.lobe_profile", "harmonic", range(M + 1), 2, over),
+        ("cycloid.disc_lobe", "lobe", found.lobes, 1, single),
+    ):
+        errors += _errors(key, index, numbers, (part[0].reshape(-1, width), part[1].reshape(-1, width)), feature)
+    left: Left = {
+        f"lobes stand as those of disc {found.place} of a unit": (np.nan, ""),
+        "higher waves and noise, rms": (found.estimate.rms, "length"),
     }
-    if feature.datum == "bores":
-        errors += _bores(found, sigmas[0], reducer, feature.common)
+    if feature.datum == "bores":  # lobes displaced against bores are bores displaced against lobes
+        key, index, radius, at = _nominal("disc", reducer)
+        moved = -(found.displacement * np.exp(-1j * at) + 1j * radius * found.turn)
+        sigmas = np.full((at.size, 1), np.hypot(max(setup[1][:2]), radius * setup[1][2]))
+        errors += _errors(key, index, range(at.size), (np.stack([moved.real, moved.imag], axis=1), sigmas), feature)
     else:
-        left["displacement of the lobes taken out as that of the setup"] = (abs(found.displacement), "length")
-        left["turn of the lobes taken out as that of the setup"] = (abs(found.turn), "angle")
-    return Fitted(tuple(errors), left)
-
-
-def _sizes(feature: Feature) -> Sequence[int]:
-    """Numbers of setup, profile, pitch and lobe profile among the values of a fit of lobes."""
-    return 3, 2 * feature.harmonics, 2 * feature.harmonics, 2 * feature.lobe_harmonics + 1
-
-
-def _bores(found: fits.LobeFit, sigmas: Array, reducer: Reducer, common: float) -> list[Effect]:
-    """Lobes that are displaced against the bores are bores displaced against the lobes."""
-    key, index, radius, angles = _nominal("disc", reducer)
-    errors = -(found.displacement * np.exp(-1j * angles) + 1j * radius * found.turn)
-    sigma = np.array([np.hypot(sigmas[:2].max(), radius * sigmas[2])])
-    return [_made(key, {index: j}, np.array([error.real, error.imag]), sigma, common) for j, error in enumerate(errors)]
+        left["displacement of the lobes, taken as that of the setup"] = (abs(found.displacement), "length")
+        left["turn of the lobes, taken as that of the setup"] = (abs(found.turn), "angle")
+    return errors, left

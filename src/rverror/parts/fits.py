@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +33,7 @@ class UntoldError(ValueError):
     """Readings that do not tell apart what is fitted to them; the message has the remedy."""
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(NamedTuple):
     """Errors by least squares.
 
     Attributes
@@ -52,15 +52,15 @@ class Estimate:
     reading: float
 
 
-def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None, *, orthogonal: bool = False) -> Estimate:
+def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthogonal: bool = False) -> Estimate:
     """Fit errors to readings.
 
     Parameters
     ----------
     blocks : iterable of (ndarray of shape (n, p), ndarray of shape (n,))
         Readings per unit of each error, and the readings; of many readings some at a time.
-    sigma : float, optional
-        Stated uncertainty of a reading.
+    sigma : float
+        Stated uncertainty of a reading; NaN where none is.
     orthogonal : bool
         Whether nothing that is left in the readings can look like what is fitted: residuals then say nothing of it.
 
@@ -93,12 +93,12 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float | None, *,
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
     found = inverse @ moment
     left = max(float(square - moment @ found), 0.0)
-    used = sigma if orthogonal and sigma is not None else reading_sigma(left, free, sigma)
+    used = sigma if orthogonal and sigma > 0 else reading_sigma(left, free, sigma)
     rms = np.sqrt(left / free) if free else np.nan
     return Estimate(found, used * np.sqrt(np.diag(inverse)), float(rms), used)
 
 
-def reading_sigma(left: float, free: int, stated: float | None) -> float:
+def reading_sigma(left: float, free: int, stated: float) -> float:
     """Uncertainty of a reading: as stated, or what residuals say where nothing is or they are too large for chance.
 
     Parameters
@@ -107,7 +107,8 @@ def reading_sigma(left: float, free: int, stated: float | None) -> float:
         Sum of squared residuals.
     free : int
         Their degrees of freedom.
-    stated : float, optional
+    stated : float
+        NaN where nothing is.
 
     Returns
     -------
@@ -116,10 +117,10 @@ def reading_sigma(left: float, free: int, stated: float | None) -> float:
 
     Examples
     --------
-    >>> reading_sigma(9.0, 10, 1.0), reading_sigma(40.0, 10, 1.0), reading_sigma(40.0, 10, None)
+    >>> reading_sigma(9.0, 10, 1.0), reading_sigma(40.0, 10, 1.0), reading_sigma(40.0, 10, np.nan)
     (1.0, 2.0, 2.0)
     """
-    if stated is not None and not (free > 0 and left > stated**2 * scipy.stats.chi2.isf(_CHANCE, free)):
+    if stated > 0 and not (free > 0 and left > stated**2 * scipy.stats.chi2.isf(_CHANCE, free)):
         return stated
     return float(np.sqrt(left / free)) if free > 0 else np.nan
 
@@ -165,13 +166,32 @@ def _pairs(numbers: Points) -> Array:
     return np.ascontiguousarray(numbers, dtype=np.complex128).view(np.float64)
 
 
-def ring_waves(angles: Array, harmonic: int) -> Array:
-    """Errors of places per unit of radial cos and sin and tangential cos and sin of a wave, shape (2 n, 4)."""
-    cos, sin = np.cos(harmonic * angles), np.sin(harmonic * angles)
-    return np.stack([_pairs(wave * unit) for unit in (1, 1j) for wave in (cos, sin)], axis=1)
+def ring_waves(angles: Array, harmonics: int, errors: Array, kept: Array, sigma: float) -> Estimate:
+    """Waves 0 to `harmonics` of errors of places, radial cos and sin and tangential cos and sin of each.
+
+    Parameters
+    ----------
+    errors, kept : ndarray
+        Of `place_errors`.
+    sigma : float
+        Stated uncertainty of a reading; NaN where none is.
+
+    Returns
+    -------
+    Estimate
+        With the rms of what the waves leave.
+    """
+    units = [(h, unit, wave) for h in range(harmonics + 1) for unit in (1, 1j) for wave in (np.cos, np.sin)]
+    waves = np.stack([_pairs(unit * wave(h * angles)) for h, unit, wave in units], axis=1)
+    solve = np.linalg.pinv(waves)
+    left = errors.ravel() - waves @ solve @ errors.ravel()
+    free = round(float(np.trace(kept))) - int(np.linalg.matrix_rank(kept @ waves))
+    used = sigma if sigma > 0 else reading_sigma(float(left @ left), free, sigma)
+    sigmas = used * np.sqrt(np.sum((solve @ kept) ** 2, axis=1))
+    return Estimate(solve @ errors.ravel(), sigmas, float(np.sqrt(np.mean(left**2))), used)
 
 
-def circle(points: Points, sigma: float | None) -> tuple[complex, Estimate]:
+def circle(points: Points, sigma: float) -> tuple[complex, Estimate]:
     """Circle through points, by the least squares of their distances from it.
 
     Parameters
@@ -203,27 +223,31 @@ def circle(points: Points, sigma: float | None) -> tuple[complex, Estimate]:
 # --- teeth ------------------------------------------------------------------------------------------------------------
 
 
-def tooth_rows(angles: Array, harmonics: int, *, eccentric: bool, single: bool) -> Array:
-    """Pitch deviations per unit of each wave's cos and sin, of the eccentricity where that counts, and of a constant.
+def tooth_rows(angles: Array, harmonics: int, *, single: bool, runout: bool) -> Array:
+    """Pitch deviations, and runouts below them, per unit of each wave's cos and sin, the eccentricity and constants.
 
     Parameters
     ----------
     angles : ndarray, shape (z,)
         Of all teeth in order, rad.
     harmonics : int
-    eccentric : bool
-        Whether the toothing may be eccentric to the axis of the chart.
     single : bool
         Whether each tooth is compared with the one before, not with the first.
+    runout : bool
+        Whether there are runouts, which tell the eccentricity.
 
     Returns
     -------
-    ndarray, shape (z, 2 harmonics + 2 eccentric + 1)
+    ndarray, shape (z, 2 harmonics + 1), or (2 z, 2 harmonics + 4)
     """
     waves = [wave(h * angles) for h in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
-    rows = np.stack([*waves, *([-np.sin(angles), np.cos(angles)] if eccentric else [])], axis=1)
+    rows = np.stack([*waves, *([-np.sin(angles), np.cos(angles)] if runout else [])], axis=1)
     rows = rows - np.roll(rows, 1, axis=0) if single else rows
-    return np.hstack([rows, np.ones((angles.size, 1))])
+    one = np.ones((angles.size, 1))
+    if not runout:
+        return np.hstack([rows, one])
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.block([[rows, one, 0 * one], [np.zeros((angles.size, 2 * harmonics)), around, 0 * one, one]])
 
 
 # --- lobes ------------------------------------------------------------------------------------------------------------
@@ -292,7 +316,7 @@ def fit_lobes(
     *,
     harmonics: int,
     lobe_harmonics: int,
-    sigma: float | None = None,
+    sigma: float = np.nan,
     place: int | None = None,
 ) -> LobeFit:
     """Fit the errors of a disc's lobes to points of its profile.
@@ -304,8 +328,8 @@ def fit_lobes(
         x + 1j y about the axis of the scan, its zero near bore 0 of the disc, mm.
     harmonics, lobe_harmonics : int
         Waves around the disc, and over a lobe.
-    sigma : float, optional
-        Stated uncertainty of a reading, mm.
+    sigma : float
+        Stated uncertainty of a reading, mm; NaN where none is.
     place : int, optional
         Which disc of the unit; told by the lobes where left out.
 

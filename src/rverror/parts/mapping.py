@@ -15,42 +15,40 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.parts.measured import KINDS
 from rverror.runs.bench.mapping import ColumnRule, TextRules, Where, column_table, scaled_rule, text_rules
 
-_TOP = ("name", "kind", "serial", "file", "error")
 _COLUMN = ("name", "column", "unit", "sign", "scale", "nominal", "uncertainty")
 #: Nominal value that the file states with the column.
-OF_FILE = "file"
-_DATUMS = {"places": ("fit", "axis", "given"), "circles": ("fit", "axis", "given"), "lobes": ("fit", "bores")}
-#: Columns of each feature with their dimension, then the kinds of parts that have it, and the keys beside its columns.
-FEATURES: dict[str, tuple[dict[str, str], tuple[str, ...], tuple[str, ...]]] = {
-    "places": (
-        {"number": "", "x": "length", "y": "length", "diameter": "length"},
-        ("housing", "disc", "carrier", "crank"),
-        ("datum", "common", "harmonics"),
-    ),
+_OF_FILE = "file"
+#: Columns of each feature with their dimension; those of which it needs one each; kinds of parts; its other keys.
+FEATURES: dict[str, tuple[dict[str, str], tuple[tuple[str, ...], ...], tuple[str, ...], tuple[str, ...]]] = {
     "circles": (
         {"number": "", "angle": "angle", "radius": "length"},
+        (("number",), ("angle",), ("radius",)),
         ("crank", "disc", "carrier"),
         ("datum", "common"),
     ),
     "lobes": (
         {"angle": "angle", "radius": "length", "deviation": "length"},
+        (("angle",), ("radius", "deviation")),
         ("disc",),
         ("datum", "common", "harmonics", "lobe_harmonics", "place"),
     ),
+    "places": (
+        {"number": "", "x": "length", "y": "length", "diameter": "length"},
+        (("number",), ("x",), ("y",)),
+        ("housing", "disc", "carrier", "crank"),
+        ("datum", "common", "harmonics"),
+    ),
     "teeth": (
         {"number": "", "pitch": "length", "cumulative": "length", "runout": "length"},
-        ("sun", "planet", "disc"),
-        ("zero", "common", "harmonics", "sense"),
+        (("number",), ("pitch", "cumulative")),
+        ("planet", "sun", "disc"),
+        ("common", "harmonics", "zero", "sense"),
     ),
 }
-#: Columns that a feature needs: of each group one.
-_NEEDED = {
-    "places": (("number",), ("x",), ("y",)),
-    "circles": (("number",), ("angle",), ("radius",)),
-    "lobes": (("angle",), ("radius", "deviation")),
-    "teeth": (("number",), ("pitch", "cumulative")),
-}
-_HARMONICS, _LOBE_HARMONICS, _MOST_HARMONICS = 6, 3, 60
+#: What the axes of a feature can be.
+DATUMS = {"circles": ("fit", "axis", "given"), "lobes": ("fit", "bores"), "places": ("fit", "axis", "given")}
+#: Waves where nothing is said, and most of them.
+_HARMONICS, _LOBE_HARMONICS, _MOST_HARMONICS = {"lobes": 6, "teeth": 6}, 3, 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,18 +59,21 @@ class PartColumn:
     ----------
     rule : ColumnRule
         Place, unit and sign.
+    dimension : str
+        Of the readings; empty for whole numbers.
     scale : float
         Above 0.
     nominal : float, optional
         Reading of a part without error, core unit; None where the file states it.
     sigma : float, optional
-        Stated uncertainty of a reading, 1 sigma, core unit.
+        Stated uncertainty of the size, 1 sigma, core unit.
     """
 
     rule: ColumnRule
-    scale: float = 1.0
-    nominal: float | None = 0.0
-    sigma: float | None = None
+    dimension: str
+    scale: float
+    nominal: float | None
+    sigma: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,18 +103,18 @@ class Feature:
     sense : int
         -1 where teeth are counted clockwise.
     place : int, optional
-        Which disc it is made for.
+        Which disc of a unit it is made for.
     """
 
     name: str
     columns: Mapping[str, PartColumn]
-    datum: str = ""
-    common: float = 0.0
-    harmonics: int = 0
-    lobe_harmonics: int = 0
-    zero: float = 0.0
-    sense: int = 1
-    place: int | None = None
+    datum: str
+    common: float
+    zero: float
+    sense: int
+    harmonics: int
+    lobe_harmonics: int
+    place: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,19 +125,7 @@ class PartsMapping:
     kind: str
     serial: Where | None
     text: TextRules
-    errors: tuple[ErrorColumns, ...] = ()
-    feature: Feature | None = None
-
-    def groups(self) -> list[dict[str, tuple[PartColumn, str]]]:
-        """Columns with their dimensions, of each error or of the feature."""
-        found = []
-        for error in self.errors:
-            dimensions = {parameter.name: parameter.dimension for parameter in CATALOGUE[error.key].parameters}
-            found.append({name: (column, dimensions[name]) for name, column in error.columns.items()})
-        if self.feature:
-            dimensions = FEATURES[self.feature.name][0]
-            found.append({name: (column, dimensions[name]) for name, column in self.feature.columns.items()})
-        return found
+    groups: tuple[ErrorColumns, ...] | tuple[Feature]
 
 
 def load_parts_mapping(path: PathLike) -> PartsMapping:
@@ -149,124 +138,104 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     """
     toml = read_toml(str(path), read_text(path))
     content = toml.content
-    toml.check_keys((), content, (*_TOP, *FEATURES), "key of a mapping of parts")
+    toml.check_keys((), content, ("name", "kind", "serial", "file", "error", *FEATURES), "key of a mapping of parts")
     kind = toml.string((), content, "kind", "")
     if kind not in KINDS:
         hint = did_you_mean(kind, KINDS)
         toml.refuse(("kind",), f"kind = {shown(kind)}: must be one of {', '.join(KINDS)};{hint} correct it")
-    file = content.get("file", {})
-    if not isinstance(file, dict):
-        toml.refuse(("file",), "file is no table; write '[file]' and keys below it")
+    given = [name for name in ("error", *FEATURES) if name in content]
+    if len(given) != 1:
+        listed = ", ".join(f"[{name}]" for name in FEATURES)
+        toml.refuse(tuple(given[-1:]), "a mapping has [[error]] tables, where each row is a part, or one of "
+                    f"{listed}, where each row is a reading; give one of them")  # fmt: skip
+    file, errors = content.get("file", {}), content.get("error", [])
+    if not isinstance(file, dict) or not isinstance(errors, list):
+        toml.refuse(tuple(given), "write [file], and [[error]] with two brackets above each error")
     toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "thousands", "skip"), "key of [file]")
-    features = [name for name in FEATURES if name in content]
-    if len(features) + ("error" in content) != 1:
-        known = ", ".join(f"[{name}]" for name in FEATURES)
-        toml.refuse((features[-1],) if features else (), "a mapping has [[error]] tables, for a row for each part, or "
-                    f"one of {known}, for a row for each reading; give one kind of them")  # fmt: skip
-    errors = content.get("error", [])
-    if not isinstance(errors, list):
-        toml.refuse(("error",), "error is a single table; write '[[error]]', with two brackets, above each error")
-    return PartsMapping(
-        path=str(path),
-        kind=kind,
-        serial=_serial(toml, content["serial"]) if "serial" in content else None,
-        text=text_rules(toml, file),
-        errors=tuple(_error(toml, ("error", i), item, kind) for i, item in enumerate(errors)),
-        feature=_feature(toml, features[0], content[features[0]], kind) if features else None,
-    )
-
-
-def _serial(toml: TomlText, value: object) -> Where:
-    table = column_table(toml, ("serial",), value, 'name = "..."')
-    toml.check_keys(("serial",), table, ("name", "column"), "key of serial")
-    return scaled_rule(toml, ("serial",), table, 'name = "..."', "").where
+    serial = None
+    if "serial" in content:
+        table = column_table(toml, ("serial",), content["serial"], 'name = "..."')
+        serial = scaled_rule(toml, ("serial",), table, 'name = "..."', "").where
+    features = (_feature(toml, given[0], content[given[0]], kind),) if given != ["error"] else ()
+    groups = features or tuple(_error(toml, ("error", i), item, kind) for i, item in enumerate(errors))
+    return PartsMapping(path=str(path), kind=kind, serial=serial, text=text_rules(toml, file), groups=groups)
 
 
 def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColumns:
     table = value if isinstance(value, dict) else {}
     key = toml.string(place, table, "key", "")
     frame, counted = KINDS[kind]
-    fitting = [
-        entry.key
+    fitting = {
+        entry.key: names
         for entry in CATALOGUE.values()
-        if entry.frame == frame and (counted is None or counted in {index.name for index in entry.indices})
-    ]
+        for names in [[index.name for index in entry.indices]]
+        if entry.frame == frame and (counted is None or counted in names)
+    }
     if key not in fitting:
         hint = did_you_mean(key, fitting)
         toml.refuse((*place, "key"), f"key = {shown(key)}: no error of a {kind};{hint} it has {', '.join(fitting)}")
-    names = [index.name for index in CATALOGUE[key].indices if index.name != counted]
-    parameters = {parameter.name: parameter.dimension for parameter in CATALOGUE[key].parameters}
-    toml.check_keys(place, table, ("key", *names, *parameters), f"key of {key}")
-    indices: dict[str, IndexValue] = {}
+    names = [name for name in fitting[key] if name != counted]
+    dimensions = {parameter.name: parameter.dimension for parameter in CATALOGUE[key].parameters}
+    toml.check_keys(place, table, ("key", *names, *dimensions), f"key of {key}")
     for name in names:
-        number = table.get(name)
-        if isinstance(number, bool) or not isinstance(number, int | str):
-            toml.refuse((*place, name), f"{key}: {name} = {shown(number)}: must be a whole number or a name; give it")
-        indices[name] = number
+        if isinstance(table.get(name), bool) or not isinstance(table.get(name), int | str):
+            toml.refuse((*place, name), f"{key}: {name} = {shown(table.get(name))}: must be a whole number; give it")
     columns = {
-        name: _column(toml, (*place, name), table[name], parameters[name]) for name in parameters if name in table
+        each: _column(toml, (*place, each), table[each], dimensions[each]) for each in dimensions if each in table
     }
     if not columns:
-        toml.refuse(place, f'{key} has no column; give {" or ".join(parameters)} = {{ name = "...", unit = "um" }}')
-    return ErrorColumns(key=key, indices=MappingProxyType(indices), columns=columns)
+        toml.refuse(place, f'{key} has no column; give {" or ".join(dimensions)} = {{ name = "...", unit = "um" }}')
+    return ErrorColumns(key=key, indices=MappingProxyType({name: table[name] for name in names}), columns=columns)
 
 
 def _column(toml: TomlText, place: Place, value: object, dimension: str) -> PartColumn:
-    unit = f', unit = "{units.DISPLAY_UNITS[dimension]}"' if dimension else ""
-    example = f'name = "..."{unit}'
+    unit = units.DISPLAY_UNITS[dimension] if dimension else ""
+    example = 'name = "..."' + (f', unit = "{unit}"' if unit else "")
     table = dict(column_table(toml, place, value, example))
-    toml.check_keys(place, table, _COLUMN if dimension else ("name", "column"), f"key of {place[-1]}")
+    toml.check_keys(place, table, _COLUMN if dimension else _COLUMN[:2], f"key of {place[-1]}")
     scale, nominal, sigma = table.pop("scale", 1), table.pop("nominal", None), table.pop("uncertainty", None)
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e6:
         toml.refuse((*place, "scale"), f"scale = {shown(scale)}: must be a number above 0; write 0.5 for a diameter")
-    if nominal is not None and nominal != OF_FILE:
-        nominal = toml.quantity((*place, "nominal"), nominal, dimension, f"6 {'deg' if dimension == 'angle' else 'mm'}")
+    if nominal is not None and nominal != _OF_FILE:
+        nominal = toml.quantity((*place, "nominal"), nominal, dimension, "30 deg" if dimension == "angle" else "6 mm")
     if sigma is not None:
-        sigma = toml.quantity((*place, "uncertainty"), sigma, dimension, f"0.5 {units.DISPLAY_UNITS[dimension]}")
-    return PartColumn(
-        rule=scaled_rule(toml, place, table, example, dimension),
-        scale=float(scale),
-        nominal=None if nominal == OF_FILE else nominal or 0.0,
-        sigma=sigma,
-    )
+        sigma = toml.quantity((*place, "uncertainty"), sigma, dimension, f"0.5 {unit}") * scale
+    rule = scaled_rule(toml, place, table, example, dimension)
+    expected = None if nominal == _OF_FILE else nominal or 0.0
+    return PartColumn(rule=rule, dimension=dimension, scale=float(scale), nominal=expected, sigma=sigma)
 
 
 def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
-    dimensions, kinds, more = FEATURES[name]
-    place: Place = (name,)
-    if not isinstance(value, dict):
-        toml.refuse(place, f"{name} is no table; write '[{name}]' and keys below it")
+    dimensions, needed, kinds, more = FEATURES[name]
+    table: dict[str, Any] = value if isinstance(value, dict) else {}
     if kind not in kinds:
-        toml.refuse(place, f"[{name}] are of a {' or '.join(kinds)}, not of a {kind}; correct kind")
-    toml.check_keys(place, value, (*dimensions, *more), f"key of [{name}]")
-    for group in _NEEDED[name]:
-        given = [column for column in group if column in value]
+        toml.refuse((name,), f"[{name}] is of a {' or '.join(kinds)}, not of a {kind}; correct kind")
+    toml.check_keys((name,), table, (*dimensions, *more), f"key of [{name}]")
+    for group in needed:
+        given = [column for column in group if column in table]
         if len(given) != 1:
-            toml.refuse(place, f"[{name}] {'lacks' if not given else 'has both'} {' and '.join(given or group)}; "
-                        f"give {'it' if len(group) == 1 else 'one of them'}")  # fmt: skip
-    datum = toml.string(place, value, "datum", "")
-    if name in _DATUMS and datum not in _DATUMS[name]:
-        known = ", ".join(map(repr, _DATUMS[name]))
+            toml.refuse(
+                (name,), f"[{name}] {'has both' if given else 'lacks'} {' and '.join(given or group)}; give one"
+            )
+    datum = toml.string((name,), table, "datum", "")
+    if datum not in DATUMS.get(name, ("",)):
+        known = ", ".join(map(repr, DATUMS[name]))
         toml.refuse((name, "datum"), f"datum = {shown(datum)}: must be one of {known}; say what the axes are")
-    common = toml.quantity((name, "common"), value["common"], "length", "0.3 um") if "common" in value else 0.0
-    zero = toml.quantity((name, "zero"), value["zero"], "angle", "0 deg") if "zero" in value else 0.0
-    default = _HARMONICS if name in ("lobes", "teeth") else 0
-    if value.get("sense", 1) not in (1, -1):
-        toml.refuse((name, "sense"), f"sense = {shown(value['sense'])}: must be 1, or -1 where teeth count clockwise")
-    if "diameter" in value and kind != "housing":
-        toml.refuse((name, "diameter"), f"diameter: no error of a {kind} is told by it; leave it out")
+    for key, only in (("diameter", "housing"), ("harmonics", "housing")):
+        if name == "places" and key in table and kind != only:
+            toml.refuse((name, key), f"{key}: it makes no error of a {kind}; leave it out")
+    if table.get("sense", 1) not in (1, -1):
+        toml.refuse((name, "sense"), f"sense = {shown(table['sense'])}: must be 1, or -1 where teeth count clockwise")
     return Feature(
         name=name,
-        columns={
-            each: _column(toml, (name, each), value[each], dimensions[each]) for each in dimensions if each in value
-        },
+        columns={key: _column(toml, (name, key), table[key], dimensions[key]) for key in dimensions if key in table},
         datum=datum,
-        common=abs(common),
-        harmonics=_whole(toml, name, value, "harmonics", default),
-        lobe_harmonics=_whole(toml, name, value, "lobe_harmonics", _LOBE_HARMONICS),
-        zero=zero,
-        sense=value.get("sense", 1),
-        place=_whole(toml, name, value, "place", 0) if "place" in value else None,
+        common=abs(toml.quantity((name, "common"), table.get("common", "0 um"), "length", "0.3 um")),
+        zero=toml.quantity((name, "zero"), table.get("zero", "0 deg"), "angle", "0 deg"),
+        sense=table.get("sense", 1),
+        harmonics=_whole(toml, name, table, "harmonics", _HARMONICS.get(name, 0)),
+        lobe_harmonics=_whole(toml, name, table, "lobe_harmonics", _LOBE_HARMONICS),
+        place=_whole(toml, name, table, "place", 0) if "place" in table else None,
     )
 
 

@@ -4,24 +4,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.numbers import count_of, with_unit
-from rverror.base.text import PathLike, check_name, describe, file_name, shown, some
+from rverror.base.spreadsheet import sheet_rows
+from rverror.base.text import PathLike, check_name, describe, file_name, read_bytes, shown, some
+from rverror.base.units import DISPLAY_UNITS
 from rverror.geartrain.mechanism import Mechanism, Reducer
-from rverror.geartrain.source import BEYOND_WORKSHOPS, rv
+from rverror.geartrain.source import BEYOND_WORKSHOPS
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
-from rverror.parts.collected import Finding, collected
+from rverror.parts.aqdef import SUFFIXES, open_aqdef
 from rverror.parts.features import Readings, feature_errors
-from rverror.parts.machine_file import PartRows, head_of, read_rows
-from rverror.parts.mapping import ErrorColumns, Feature, PartsMapping, load_parts_mapping
+from rverror.parts.mapping import ErrorColumns, Feature, PartColumn, PartsMapping, load_parts_mapping
 from rverror.parts.measured import MeasuredPart
-from rverror.parts.parts_table import is_parts_table, read_parts_table
+from rverror.parts.parts_table import Finding, collected, is_parts_table, read_parts_table
+from rverror.runs.bench.columns import BenchFile, as_samples
+from rverror.runs.bench.file import found_entry, left_out_columns
+from rverror.runs.bench.mapping import BenchMapping, TextRules, Where
+from rverror.runs.bench.text import open_lines, open_text
+from rverror.runs.bench.values import core_scale
+
+#: Endings of spreadsheets.
+SHEETS = (".xlsx", ".xlsm")
 
 
 @dataclass(frozen=True)
@@ -84,83 +94,139 @@ def load_parts(
     (<Effect crank.eccentricity (disc 1): radial -2 um>,)
     """
     check_kind("mechanism", mechanism, Reducer, "give reducer('RV-40E') or the mechanism of a model")
-    reducer = rv(mechanism)
+    assert isinstance(mechanism, Reducer)
     rules = None if mapping is None else load_parts_mapping(mapping)
     notes: list[str] = []
     findings: list[Finding] = []
     for path in [paths] if isinstance(paths, (str, os.PathLike)) else paths:
         check_name(path)
-        if is_parts_table(head_of(path)):
+        own: list[str] = []
+        if is_parts_table(_head(path)):
             findings += read_parts_table(path)
         elif rules is None:
-            raise InputError(
-                f"{path}: no table of parts as `rverror parts` writes it; give a mapping of its columns too "
-                "(`rverror parts FILE --draft` begins one)"
-            )
+            raise InputError(f"{path}: no table of parts as `rverror parts` writes it; give a mapping of its columns, "
+                             "which `rverror parts FILE --draft` begins")  # fmt: skip
         else:
-            own: list[str] = []
-            findings += _findings(path, rules, reducer, own)
-            notes += [f"{file_name(str(path))}: {note}" for note in own]
+            findings += _findings(path, rules, mechanism, own)
+        notes += [f"{file_name(str(path))}: {note}" for note in own]
     parts = collected(findings, mechanism)
     if not parts:
         raise InputError("there are no parts in the files; give some with a row for each part, or for each reading")
     return PartsRead(parts, tuple(notes))
 
 
-def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list[str]) -> list[Finding]:
+def _head(path: PathLike) -> str:
+    """Beginning of a file as text, whatever it is."""
+    try:
+        with open(path, "rb") as file:
+            raw = file.read(1000)
+    except (OSError, ValueError):
+        raw = read_bytes(path)  # says why not
+    return raw.decode("utf-8", errors="replace").removeprefix("\ufeff")
+
+
+def sheet_lines(path: PathLike) -> list[str]:
+    """Lines of a spreadsheet, with tabs between its cells.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    return ["\t".join(" ".join(cell.split()).replace('"', "''") for cell in row) for _, row in sheet_rows(path)]
+
+
+def _opened(path: PathLike, text: TextRules, wanted: Sequence[str | int]) -> tuple[BenchFile, Mapping[str, str]]:
+    """Columns of a file, and the nominal values that it states of them."""
+    suffix = Path(path).suffix.lower()
+    if suffix in SUFFIXES:
+        return open_aqdef(path)
+    if suffix in SHEETS:
+        return open_lines(str(path), sheet_lines(path), replace(text, separator="\t"), wanted), {}
+    if _head(path).lstrip().startswith("<"):
+        raise InputError(f"{path}: this is XML, as GDE of VDI/VDE 2610 is, which is not read; export CSV, xlsx or .dfq")
+    return open_text(path, text, wanted), {}
+
+
+def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list[str]) -> Iterator[Finding]:
     """What a machine's file says of its parts."""
-    rows = read_rows(path, rules, notes)
-    if rules.feature is not None:
-        return list(_of_feature(rules.feature, rules.kind, rows, reducer, notes))
-    pairs = zip(rules.errors, rows.sizes, strict=True)
-    return [finding for error, sizes in pairs for finding in _of_rows(error, sizes, rules.kind, rows, notes)]
+    serial = rules.serial or (Where(name="K0014") if Path(path).suffix.lower() in SUFFIXES else None)
+    places = [column.rule.where for group in rules.groups for column in group.columns.values()]
+    places += [serial] if serial else []
+    file, nominal = _opened(path, rules.text, [where.column or where.name for where in places])
+    notes += file.notes
+    bench = BenchMapping(path=rules.path, text=rules.text)
+    entries = [found_entry(file, bench, where) for where in places]
+    notes += left_out_columns(file, entries)
+    for group in rules.groups:
+        columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
+        given = np.isfinite(list(columns.values())).all(axis=0)
+        serials = [Path(path).stem] * given.size
+        if serial:
+            assert file.words is not None  # of a text
+            serials = [word.strip() for word in file.words(entries[-1])]
+        labels = np.arange(given.size) if file.labels is None else file.labels
+        if not given.all():
+            what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
+            notes.append(f"{count_of(int((~given).sum()), 'row')} left out{what}, a cell holds no number: {file.noun} "
+                         f"{some(labels[~given])}")  # fmt: skip
+        parts: dict[str, list[int]] = {}
+        for row in np.flatnonzero(given).tolist():
+            parts.setdefault(serials[row], []).append(row)
+        sigmas = {key: column.sigma for key, column in group.columns.items() if column.sigma is not None}
+        left: dict[str, list[tuple[float, str]]] = {}
+        for name, rows in parts.items():
+            where = f"{file.path}, {file.noun} {labels[rows[0]]}"
+            readings = Readings(
+                f"{where}, {rules.kind} {shown(name)}", {key: values[rows] for key, values in columns.items()}, sigmas
+            )
+            if isinstance(group, Feature):
+                errors, own = feature_errors(group, rules.kind, readings, reducer)
+                for what, size in own.items():
+                    left.setdefault(what, []).append(size)
+            else:
+                errors = list(_errors(group, readings))
+            origin = file_name(file.path) + (f", {group.name}" if isinstance(group, Feature) else "")
+            for i, error in enumerate(errors):
+                at = where if isinstance(group, Feature) else f"{file.path}, {file.noun} {labels[rows[i]]}"
+                _check_size(at, error)
+                yield Finding(at, rules.kind, name, origin, error)
+        notes += [_summary(what, sizes) for what, sizes in left.items()]
 
 
-def _of_rows(
-    error: ErrorColumns, sizes: Mapping[str, Array], kind: str, rows: PartRows, notes: list[str]
-) -> Iterator[Finding]:
-    """An error of which each row has the components."""
-    given = _given(sizes, rows, f" for {describe(error.key, error.indices)}", notes)
-    stated = [column.scale * column.sigma for column in error.columns.values() if column.sigma is not None]
-    names = [parameter.name for parameter in source(error.key).parameters]
-    for row in given:
-        values = tuple(float(sizes[name][row]) if name in sizes else 0.0 for name in names)
-        made = Effect(error.key, error.indices, values, max(stated, default=None))
-        serial = rows.serials[row].strip()
-        yield _finding(rows.place(row), kind, serial, file_name(rows.file.path), made)
+def _sizes(
+    file: BenchFile, bench: BenchMapping, key: str, column: PartColumn, nominal: Mapping[str, str], notes: list[str]
+) -> Array:
+    """A column in core units, NaN where a cell holds no number."""
+    entry = found_entry(file, bench, column.rule.where)
+    samples = as_samples(file.path, f"{key} ({shown(entry.name, 60)})", file.read([entry])[0])
+    if not column.dimension:
+        return samples
+    unit = DISPLAY_UNITS[column.dimension]
+    factor, zero = core_scale(file, key, column.rule, entry, column.dimension, unit, notes)
+    expected = column.nominal
+    if expected is None:
+        stated = file.parse(nominal.get(entry.name, "").replace(",", "."))
+        if stated is None:
+            raise InputError(
+                f"{file.path}: it states no nominal value (K2101) of {shown(entry.name)}; write it in the mapping"
+            )
+        expected = stated * abs(factor)
+    return column.scale * (samples * factor + zero - column.rule.sign * expected)
 
 
-def _of_feature(feature: Feature, kind: str, rows: PartRows, reducer: Reducer, notes: list[str]) -> Iterator[Finding]:
-    """Errors that the readings of each part tell."""
-    columns = rows.sizes[0]
-    parts: dict[str, list[int]] = {}
-    for row in _given(columns, rows, "", notes):
-        parts.setdefault(rows.serials[row].strip(), []).append(row)
-    sigmas = {name: column.scale * column.sigma for name, column in feature.columns.items() if column.sigma is not None}
-    left: dict[str, list[tuple[float, str]]] = {}
-    for serial, own in parts.items():
-        where = f"{rows.place(own[0])}, {kind} {shown(serial)}"
-        readings = Readings(where, {name: values[own] for name, values in columns.items()}, sigmas)
-        fitted = feature_errors(feature, kind, readings, reducer)
-        for what, size in fitted.left.items():
-            left.setdefault(what, []).append(size)
-        for error in fitted.errors:
-            yield _finding(where, kind, serial, f"{file_name(rows.file.path)}, {feature.name}", error)
-    notes += [_summary(what, sizes, kind) for what, sizes in left.items()]
+def _errors(group: ErrorColumns, readings: Readings) -> Iterator[Effect]:
+    """The error of each row."""
+    names = [parameter.name for parameter in source(group.key).parameters]
+    sigma = max(readings.sigmas.values(), default=None)
+    rows = next(iter(readings.columns.values())).size
+    columns = [readings.columns.get(name, np.zeros(rows)) for name in names]
+    for values in zip(*columns, strict=True):
+        yield Effect(group.key, group.indices, tuple(map(float, values)), sigma)
 
 
-def _given(columns: Mapping[str, Array], rows: PartRows, of: str, notes: list[str]) -> list[int]:
-    """Rows with a number in every column; the others are noted."""
-    given = np.isfinite(list(columns.values())).all(axis=0)
-    lost: list[int] = np.flatnonzero(~given).tolist()
-    if lost:
-        labels = some(rows.label(row) for row in lost)
-        notes.append(f"{count_of(len(lost), 'row')} left out{of}, a cell holds no number: {rows.file.noun} {labels}")
-    return list(np.flatnonzero(given).tolist())
-
-
-def _finding(where: str, kind: str, serial: str, origin: str, error: Effect) -> Finding:
-    """A finding that a workshop can have made."""
+def _check_size(where: str, error: Effect) -> None:
+    """Refuse what no workshop can have made."""
     for parameter, value in zip(source(error.key).parameters, error.values, strict=True):
         if abs(value) > BEYOND_WORKSHOPS * parameter.plausible:
             size, usual = (with_unit(each, parameter.dimension) for each in (value, parameter.plausible))
@@ -168,14 +234,13 @@ def _finding(where: str, kind: str, serial: str, origin: str, error: Effect) -> 
                 f"{where}: {describe(error.key, error.indices)}: {parameter.name} would be {size}, beyond "
                 f"{BEYOND_WORKSHOPS:g} times what a workshop makes ({usual}); correct the unit, sign or nominal value"
             )
-    return Finding(where, kind, serial, origin, error)
 
 
-def _summary(what: str, sizes: list[tuple[float, str]], kind: str) -> str:
+def _summary(what: str, sizes: list[tuple[float, str]]) -> str:
     """What was not made an error, over all parts."""
-    of = f"{len(sizes)} {kind}{'s' if len(sizes) > 1 else ''}"
+    of = f"({count_of(len(sizes), 'part')})"
     numbers = [number for number, _ in sizes if np.isfinite(number)]
     if not numbers:
-        return f"{what} ({of})"
+        return f"{what} {of}"
     low, high = (with_unit(each, sizes[0][1]) for each in (min(numbers), max(numbers)))
-    return f"{what}: {low if low == high else f'{low} to {high}'} ({of})"
+    return f"{what}: {low if low == high else f'{low} to {high}'} {of}"

@@ -13,7 +13,7 @@ from rverror.base.errors import InputError, check_each
 from rverror.base.text import describe, shown
 from rverror.base.viewed import OneLine
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import rv
 from rverror.model.compose import effect_matrix, transmission_error
 from rverror.model.effects import Effect, Model, check_model
@@ -87,26 +87,21 @@ def unit_of_parts(
     """
     check_model(model)
     check_each("parts", parts, MeasuredPart, "give those of rverror.load_parts(...)")
-    mounted = mounted_parts(parts, rv(model.mechanism), places)
     found = {(part.kind, part.serial): part for part in parts}
     declared = {describe(effect.key, effect.indices) for effect in model.effects}
     added: list[Effect] = []
-    for kind, serials in mounted.items():
-        for place, serial in enumerate(serials):
-            part = found[kind, serial]
-            origin = f"{kind} {serial}" + (f", {part.origin}" if part.origin else "")
-            for error in part.at(place if KINDS[kind][1] else None):
-                name = describe(error.key, error.indices)
-                if name in declared:
-                    raise InputError(
-                        f"{kind} {shown(serial)}: the model declares {name} already; take it out of the model"
-                    )
-                added.append(replace(error, origin=origin))
+    for kind, serials in mounted_parts(parts, model.mechanism, places).items():
+        for place, part in enumerate(found[kind, serial] for serial in serials):
+            origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
+            added += [replace(error, origin=origin) for error in part.at(place if KINDS[kind][1] else None)]
+    twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
+    if twice:
+        raise InputError(f"{twice[0]}: it is measured, and the model declares it too; take it out of the model")
     return model.with_effects(*added)
 
 
 def mounted_parts(
-    parts: Sequence[MeasuredPart], reducer: Reducer, places: Mapping[str, Sequence[str]] | None = None
+    parts: Sequence[MeasuredPart], mechanism: Mechanism, places: Mapping[str, Sequence[str]] | None = None
 ) -> dict[str, tuple[str, ...]]:
     """Serial numbers of the parts at the places of a unit, as for `unit_of_parts`.
 
@@ -120,28 +115,23 @@ def mounted_parts(
     InputError
         If a kind or a serial number is unknown, a part has two places, or a place has no part.
     """
+    reducer = rv(mechanism)
     counts = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins, None: 1}
-    by_kind: dict[str, list[str]] = {}
-    for part in parts:
-        by_kind.setdefault(part.kind, []).append(part.serial)
+    measured = {kind: [part.serial for part in parts if part.kind == kind] for kind in KINDS}
     mounted = {}
-    for kind in dict.fromkeys([*by_kind, *(places or {})]):
-        serials = by_kind.get(kind, [])
-        chosen = tuple((places or {}).get(kind, serials))
-        count = counts[KINDS[kind][1]] if kind in KINDS else 0
-        if unknown := [serial for serial in chosen if serial not in serials]:
-            held = ", ".join(serials[:5]) + (", ..." if len(serials) > 5 else "")
+    for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
+        chosen = tuple((places or {}).get(kind, measured.get(kind, ())))
+        unknown = [serial for serial in chosen if serial not in measured.get(kind, ())]
+        if unknown:
+            known = ", ".join([*measured.get(kind, ["no such kind"])[:5], "..."])
             raise InputError(
-                f"place {shown(kind)}: there is no {shown(unknown[0])} among the measured parts; of this kind they are "
-                f"{held or 'none'}"
+                f"place {shown(kind)}: {shown(unknown[0])} is not among the measured parts: {known}; correct it"
             )
-        if len(set(chosen)) < len(chosen):
-            raise InputError(f"place {kind}: {','.join(chosen)} names a part twice; give each part one place")
-        if len(chosen) != count:
-            raise InputError(
-                f"{len(chosen)} measured parts for the {count} of kind {kind} in a unit; say which, in the order of their "
-                f"places, as {kind}={','.join([*serials, '...'][:count])}"
-            )
+        count = counts[KINDS[kind][1]]
+        if len(chosen) != count or len(set(chosen)) < count:
+            example = ",".join([*measured[kind], "..."][:count])
+            raise InputError(f"{len(chosen)} parts of kind {kind} for {count} in a unit; say which, each once, in the "
+                             f"order of the places: {kind}={example}")  # fmt: skip
         mounted[kind] = chosen
     return mounted
 
@@ -168,7 +158,7 @@ def unit_error(model: Model, theta: Any | None = None, *, direction: Any | None 
     >>> cam = effect("crank.eccentricity", crank=0, disc=0, radial="5 um", uncertainty="0.5 um")
     >>> found = unit_error(Model(reducer("RV-40E"), (cam,)))
     >>> [round(value / found.peak_to_peak, 2) for value in found.interval]
-    [0.83, 1.21]
+    [0.81, 1.2]
     """
     motion = pose(model.mechanism, model.angles if theta is None else theta, direction=direction)
     mean = transmission_error(model, motion.theta, direction=motion.direction)
