@@ -20,6 +20,8 @@ from rverror.parts.mapping import Feature
 
 #: Largest part of a turn without a reading of a circle, rad.
 _WIDEST_GAP = np.pi / 3
+#: Share of the largest uncertainty of an error's components below which one is rounding.
+_EXACT = 1e-6
 #: Decimals of a size in mm: a picometre.
 _DECIMALS = 9
 _PITCH = {"sun": "involute.sun_pitch", "planet": "involute.planet_pitch", "disc": "cycloid.disc_pitch"}
@@ -87,10 +89,11 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
 
 
 def _errors(key: str, index: str, numbers: Iterable[int], sized: tuple[Array, Array], feature: Feature) -> list[Effect]:
-    """An error for each number, of a row of components and of their uncertainties, of which the largest counts."""
+    """An error for each number, of a row of components and of their uncertainties, whose mean square counts."""
     found = []
     for number, row, own in zip(numbers, *sized, strict=True):
-        sigma = None if np.isnan(own).all() else float(f"{np.hypot(np.nanmax(own), feature.common):.3g}")
+        known = own[own > _EXACT * np.nanmax(own, initial=0.0)]  # a datum leaves others no error at all
+        sigma = float(f"{np.hypot(np.sqrt(np.mean(known**2)), feature.common):.3g}") if known.size else None
         sizes = tuple(round(float(value), _DECIMALS) + 0.0 for value in row)
         found.append(Effect(key, MappingProxyType({index: number} if index else {}), sizes, sigma))
     return found
@@ -208,8 +211,9 @@ def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list
         place = place or 0
         points = fits.lobe_points(reducer, angles, columns["deviation"], place)
     H, M = feature.harmonics, feature.lobe_harmonics
+    sigma = readings.stated("radius", "deviation")
     found = fits.fit_lobes(
-        reducer, points, harmonics=H, lobe_harmonics=M, sigma=readings.stated("radius", "deviation"), place=place
+        reducer, points, harmonics=H, lobe_harmonics=M, sigma=sigma, radial="radius" in columns, place=place
     )
     # cos 0 has no sine beside it
     both = [np.insert(each, 4 + 4 * H, np.nan) for each in (found.estimate.values, found.estimate.sigmas)]

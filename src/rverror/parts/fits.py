@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -317,6 +317,7 @@ def fit_lobes(
     harmonics: int,
     lobe_harmonics: int,
     sigma: float = np.nan,
+    radial: bool = True,
     place: int | None = None,
 ) -> LobeFit:
     """Fit the errors of a disc's lobes to points of its profile.
@@ -329,7 +330,9 @@ def fit_lobes(
     harmonics, lobe_harmonics : int
         Waves around the disc, and over a lobe.
     sigma : float
-        Stated uncertainty of a reading, mm; NaN where none is.
+        Uncertainty of a reading, mm; NaN where none is stated.
+    radial : bool
+        Whether that is of the radius, along the ray, not along the normal of the profile.
     place : int, optional
         Which disc of the unit; told by the lobes where left out.
 
@@ -343,19 +346,28 @@ def fit_lobes(
         If the points do not tell the errors apart, or are not those of such a disc.
     """
     place = _place(reducer, points) if place is None else place
-    blocks = [points[at : at + _ROWS] for at in range(0, points.size, _ROWS)]
     moved, turn, lobes = 0j, 0.0, list[int]()
+
+    def blocks() -> Iterator[tuple[Array, Array, npt.NDArray[np.int64], Array]]:
+        for at in range(0, points.size, _ROWS):
+            feet = _feet(reducer, (points[at : at + _ROWS] - moved) * np.exp(-1j * turn), place)
+            bump = np.sin(np.pi * feet.share) ** 2
+            rows = _lobe_rows(feet, harmonics, lobe_harmonics, [bump * (feet.lobe == lobe) for lobe in lobes])
+            weight = 1 / (feet.normal * np.exp(-1j * np.angle(feet.foot))).real if radial else np.ones(bump.size)
+            yield rows * weight[:, None], feet.distance * weight, feet.lobe, bump * weight
+
     for _ in range(3 * _MOST_LOBES):
-        all_feet = (_feet(reducer, (each - moved) * np.exp(-1j * turn), place) for each in blocks)
-        found = least_squares(
-            ((_lobe_rows(feet, harmonics, lobe_harmonics, lobes), feet.distance) for feet in all_feet), sigma
-        )
+        found = least_squares(((rows, data) for rows, data, _, _ in blocks()), sigma)
         step = complex(*found.values[:2]) * np.exp(1j * turn)
         moved, turn = moved + step, turn + float(found.values[2])
         if abs(step) + abs(found.values[2]) * reducer.pin_circle_radius > _SETTLED:
             continue
-        all_feet = (_feet(reducer, (each - moved) * np.exp(-1j * turn), place) for each in blocks)
-        score = _lobe_scores(reducer, all_feet, found, harmonics, lobe_harmonics, lobes)
+        size = np.zeros((2, reducer.disc_lobes))
+        for rows, data, lobe, bump in blocks():
+            for each, weight in zip(size, ((data - rows @ found.values) * bump, bump**2), strict=True):
+                each += np.bincount(lobe, weight, reducer.disc_lobes)
+        size[0, lobes] = 0.0
+        score = np.abs(size[0]) / np.sqrt(np.maximum(size[1], np.finfo(float).tiny)) / found.reading
         if len(lobes) == _MOST_LOBES or score.max() < _STANDS_OUT:
             return LobeFit(place, found, tuple(lobes), moved * np.exp(-1j * turn), turn)
         lobes = [*lobes, int(score.argmax())]
@@ -405,29 +417,11 @@ def _complex(points: Array) -> Points:
     return np.asarray(points[0] + 1j * points[1])
 
 
-def _lobe_rows(feet: _Feet, harmonics: int, lobe_harmonics: int, lobes: Sequence[int]) -> Array:
+def _lobe_rows(feet: _Feet, harmonics: int, lobe_harmonics: int, single: Sequence[Array]) -> Array:
     """Distance from the nominal profile per unit of each error, shape (n, p)."""
     psi, lead = np.angle(feet.foot), (np.conj(feet.normal) * 1j * feet.foot).real
     around = [wave(h * psi) for h in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
     pitch = [lead / abs(feet.foot) * wave for wave in around]
     over = [wave(m * feet.roll) for m in range(1, lobe_harmonics + 1) for wave in (np.cos, np.sin)]
-    single = [_bump(feet) * (feet.lobe == lobe) for lobe in lobes]
     setup = [feet.normal.real, feet.normal.imag, lead]
     return np.stack([*setup, *around, *pitch, np.ones(psi.size), *over, *single], axis=1)
-
-
-def _bump(feet: _Feet) -> Array:
-    return np.asarray(np.sin(np.pi * feet.share) ** 2)
-
-
-def _lobe_scores(
-    reducer: Reducer, all_feet: Iterable[_Feet], found: Estimate, harmonics: int, lobe_harmonics: int, lobes: list[int]
-) -> Array:
-    """By how many of its uncertainties each lobe stands out of what is fitted, shape (lobes,)."""
-    size = np.zeros((2, reducer.disc_lobes))
-    for feet in all_feet:
-        left, bump = feet.distance - _lobe_rows(feet, harmonics, lobe_harmonics, lobes) @ found.values, _bump(feet)
-        for row, weight in enumerate((left * bump, bump**2)):
-            size[row] += np.bincount(feet.lobe, weight, reducer.disc_lobes)
-    size[0, lobes] = 0.0
-    return np.asarray(np.abs(size[0]) / np.sqrt(np.maximum(size[1], np.finfo(float).tiny)) / found.reading)
