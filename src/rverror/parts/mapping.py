@@ -223,8 +223,9 @@ def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
     if datum not in DATUMS.get(name, ("",)):
         known = ", ".join(map(repr, DATUMS[name]))
         toml.refuse((name, "datum"), f"datum = {shown(datum)}: must be one of {known}; say what the axes are")
-    for key, only in (("diameter", "housing"), ("harmonics", "housing")):
-        if name == "places" and key in table and kind != only:
+    pins = name != "places" or kind == "housing"
+    for key, fits in (("diameter", pins), ("harmonics", pins), ("runout", kind != "disc")):
+        if key in table and not fits:
             toml.refuse((name, key), f"{key}: it makes no error of a {kind}; leave it out")
     if table.get("sense", 1) not in (1, -1):
         toml.refuse((name, "sense"), f"sense = {shown(table['sense'])}: must be 1, or -1 where teeth count clockwise")
