@@ -77,16 +77,27 @@ class PartColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorColumns:
+class PartColumns:
+    """Columns by their names in the mapping."""
+
+    columns: Mapping[str, PartColumn]
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Stated uncertainties of those that have one."""
+        return {key: column.sigma for key, column in self.columns.items() if column.sigma is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorColumns(PartColumns):
     """An error of which each row has the components."""
 
     key: str
     indices: Mapping[str, IndexValue]
-    columns: Mapping[str, PartColumn]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Feature:
+class Feature(PartColumns):
     """A feature of which each row is a reading.
 
     Attributes
@@ -107,7 +118,6 @@ class Feature:
     """
 
     name: str
-    columns: Mapping[str, PartColumn]
     datum: str
     common: float
     zero: float
