@@ -24,7 +24,7 @@ encoding = "cp1252"
 key = "cycloid.disc_bore_position"
 crank = 1
 radial = { name = "Bohrung 1 r [µm]", unit = "um", uncertainty = "0.4 um" }
-tangential = { name = "Bohrung 1 t [µm]", unit = "um", sign = -1, uncertainty = "0.7 um" }
+tangential = { name = "Bohrung 1 t [µm]", unit = "um", sign = -1, nominal = "1 um", uncertainty = "0.7 um" }
 [[error]]
 key = "cycloid.disc_pitch"
 harmonic = 1
@@ -54,7 +54,7 @@ def test_a_row_for_each_part(tmp_path: Path) -> None:
     assert [(part.kind, part.serial) for part in found.parts] == [("disc", "D17"), ("disc", "D18"), ("disc", "D19")]
     bore, pitch = found.parts[0].errors
     assert (bore.key, dict(bore.indices), bore.uncertainty) == ("cycloid.disc_bore_position", {"crank": 1}, 0.7e-3)
-    assert bore.values == pytest.approx((1.5e-3, 2e-3))
+    assert bore.values == pytest.approx((1.5e-3, -(-2e-3 - 1e-3)))
     assert pitch.values == pytest.approx((0.5 * (4e-3 - 2e-3), 0.0))
     assert pitch.uncertainty == pytest.approx(0.5e-3)
     assert [error.key for error in found.parts[2].errors] == ["cycloid.disc_pitch"]
