@@ -99,6 +99,12 @@ if TYPE_CHECKING:
     from rverror.lots.outsider_diagnosis import diagnose_outsiders
     from rverror.lots.result import Lot
 
+    # Measured parts: from a measuring machine's file to a unit with its uncertainty.
+    from rverror.parts.measured import MeasuredPart
+    from rverror.parts.parts_table import save_parts
+    from rverror.parts.reading import PartsRead, load_parts
+    from rverror.parts.unit import UnitError, unit_error, unit_of_parts
+
     # A unit over its life: what grows and what jumped, told from runs at different times.
     from rverror.life.compared import compare_runs
     from rverror.life.over_life import trend
@@ -138,9 +144,11 @@ _LATER = {
     "Linearisation": "statics.loaded_state",
     "Lot": "lots.result",
     "Lubricant": "statics.duty",
+    "MeasuredPart": "parts.measured",
     "Modes": "dynamics.natural_modes",
     "NotConvergedError": "statics.loaded_state",
     "OrderTable": "runs.order_table",
+    "PartsRead": "parts.reading",
     "Policy": "diagnosis.policy",
     "PressurePeak": "statics.hertz",
     "RollerBearing": "statics.hertz",
@@ -153,6 +161,7 @@ _LATER = {
     "Tolerance": "tolerances.stacking",
     "TorsionCurve": "statics.rigidity",
     "Trend": "life.result",
+    "UnitError": "parts.unit",
     "VirtualUnits": "tolerances.sampling",
     "Wear": "statics.worn_contacts",
     "WearCoefficients": "statics.worn_contacts",
@@ -191,6 +200,7 @@ _LATER = {
     "load_compensation": "compensation.table_files",
     "load_mapping": "runs.bench.mapping",
     "load_orders": "runs.order_file",
+    "load_parts": "parts.reading",
     "load_run": "runs.measurement",
     "load_tolerances": "tolerances.tolerance_file",
     "lost_motion": "statics.rigidity",
@@ -208,6 +218,7 @@ _LATER = {
     "run_from_arrays": "runs.measurement",
     "run_up": "dynamics.running_up",
     "save_compensation": "compensation.table_files",
+    "save_parts": "parts.parts_table",
     "save_widths": "tolerances.tolerance_file",
     "simulate": "runs.virtual_bench",
     "simulate_runs": "runs.virtual_bench",
@@ -224,6 +235,8 @@ _LATER = {
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",
     "trend": "life.over_life",
+    "unit_error": "parts.unit",
+    "unit_of_parts": "parts.unit",
     "validated": "diagnosis.validation",
     "virtual_units": "tolerances.sampling",
     "wear": "statics.worn_contacts",
@@ -270,11 +283,13 @@ __all__ = [
     "Linearisation",
     "Lot",
     "Lubricant",
+    "MeasuredPart",
     "Model",
     "Modes",
     "NotConvergedError",
     "OrderTable",
     "Parameter",
+    "PartsRead",
     "Policy",
     "PressurePeak",
     "Reducer",
@@ -291,6 +306,7 @@ __all__ = [
     "Tolerance",
     "TorsionCurve",
     "Trend",
+    "UnitError",
     "VirtualUnits",
     "Wear",
     "WearCoefficients",
@@ -341,6 +357,7 @@ __all__ = [
     "load_mapping",
     "load_model",
     "load_orders",
+    "load_parts",
     "load_run",
     "load_tolerances",
     "lost_motion",
@@ -362,6 +379,7 @@ __all__ = [
     "run_up",
     "save_compensation",
     "save_model",
+    "save_parts",
     "save_widths",
     "simulate",
     "simulate_runs",
@@ -382,6 +400,8 @@ __all__ = [
     "transmission_error",
     "transmission_error_by_effect",
     "trend",
+    "unit_error",
+    "unit_of_parts",
     "validated",
     "virtual_units",
     "wear",

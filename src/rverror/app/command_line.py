@@ -62,6 +62,7 @@ COMMANDS = {
     "lot_command": ("lot",),
     "life_command": ("trend", "compare-runs"),
     "wear_command": ("wear",),
+    "parts_command": ("parts",),
     "dynamics_commands": ("modes", "speeds"),
     "contact_commands": ("efficiency", "hysteresis", "pressure"),
     "reference_commands": ("reference-cases", "compare"),

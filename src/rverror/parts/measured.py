@@ -69,8 +69,9 @@ class MeasuredPart:
         seen = set()
         for error in self.errors:
             entry = source(error.key)
-            expected = {index.name for index in entry.indices} - {counted}
-            if entry.frame != frame or set(error.indices) != expected:
+            names = {index.name for index in entry.indices}
+            uncounted = counted is not None and counted not in names  # of all such parts of a unit at once
+            if entry.frame != frame or uncounted or set(error.indices) != names - {counted}:
                 raise InputError(f"part {self.serial}: {error} is no error of a {self.kind}")
             this = (error.key, tuple(sorted(error.indices.items())))
             if this in seen:

@@ -53,7 +53,25 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
         If the text cannot be decoded, or its names, separator or decimal sign cannot be told.
     """
     name = str(path)
-    lines = split_lines(decoded(name, read_bytes(path), rules.encoding))
+    return open_lines(name, split_lines(decoded(name, read_bytes(path), rules.encoding)), rules, wanted)
+
+
+def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int]) -> BenchFile:
+    """The same of lines, for other formats that are tables too.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, for messages.
+    lines : sequence of str
+    rules, wanted
+        As for `open_text`.
+
+    Raises
+    ------
+    InputError
+        As `open_text`.
+    """
     if not any(line.strip() for line in lines):
         refuse(name, "the file is empty; record the run again")
     names = _found_names(name, lines, rules, wanted)
