@@ -30,7 +30,7 @@ WAYS = ("classes", "matching", "turning", "rollers", "tighter")
 #: Errors of tighter parts, of those given: an illustration.
 TIGHTER = 0.8
 
-_RANDOM = 60, 200  # units put together at random: two lots, but no fewer and about no more than these
+_RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _ROUNDS = 6  # of improvement at the load, at the most
 _CLASSES = 3
@@ -198,7 +198,7 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
         raise InputError(f"only parts of the kind {parts[0].kind}, of which a unit takes one: nothing is to be matched")
     lots = [(p, fits[p]) for p in places] + [(p, rollers) for p in places_of(reducer, "roller") if rollers]
     if turns and all(len(place.turns) == 1 for place in places):
-        notes.append("--turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
+        notes.append("turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
     missing = [kind for kind in KINDS if not given[kind] and kind != "roller"]
     if missing:
         notes.append(f"no measured parts of the kinds {', '.join(missing)}: as the model has them")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -12,10 +11,6 @@ from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, inputs
-from rverror.views.notebook import page
-from rverror.views.plots.figure import svg_element
-from rverror.views.plots.life_courses import compared_orders, trend_courses
 
 
 def trend_json(result: Trend, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
@@ -106,17 +101,6 @@ def compared_json(result: RunsCompared, *, files: Sequence[InputFile] = ()) -> d
         },
         files,
     )
-
-
-def life_html(result: Trend | RunsCompared, *, files: Sequence[InputFile] = ()) -> str:
-    """Trend or comparison as one HTML page that needs nothing else, with its picture where matplotlib is installed."""
-    body, told = [page(result)], trend_json if isinstance(result, Trend) else compared_json
-    if importlib.util.find_spec("matplotlib"):
-        drawn = trend_courses(result) if isinstance(result, Trend) else compared_orders(result)
-        body.append(f"<figure>{svg_element(drawn.figure)}</figure>")  # type: ignore[arg-type]
-    data = told(result, files=files)  # type: ignore[arg-type]
-    body.append(inputs(data["inputs"], data["version"]))
-    return document(f"rverror: {type(result).__name__}", "\n".join(body))
 
 
 def _place(one: Changed, grown: Grown) -> dict[str, Any]:

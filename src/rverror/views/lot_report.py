@@ -1,15 +1,11 @@
-"""A lot as text, for programs, as a page with pictures, and as a table for spreadsheets."""
+"""A lot as text, for programs, and as a page with pictures."""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rverror.base.numbers import in_arcsec, rounded
-from rverror.base.text import printable
 from rverror.base.units import ARCSEC, DISPLAY_UNITS, to_display
 from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.source import IndexValue
@@ -17,12 +13,10 @@ from rverror.lots.result import Interval, Lot, MadeBy, Predicted, Shift
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped, inputs
-from rverror.views.kinds import described
 from rverror.views.lot_words import process_name
 from rverror.views.notebook import page
 from rverror.views.sheets import as_text, sheet
 from rverror.views.svg import Bar, bars, spectrum
-from rverror.views.variables import columns
 
 _WIDTH = 720
 _MOST_PICTURES = 4
@@ -32,26 +26,6 @@ def lot_text(result: Lot, *, files: Sequence[InputFile] = ()) -> str:
     """Lot as text, angles in arcsec and lengths in um; `files` are what it was made from."""
     text = as_text(sheet(result))
     return text + (f"\nMade from {len(files)} files; the JSON lists them\n" if files else "")
-
-
-def lot_csv(result: Lot) -> str:
-    """Processes of a lot as comma-separated text, a row for each."""
-    found, _ = columns(described(result), rows="process", display=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(found)
-    for row in zip(*found.values(), strict=True):
-        writer.writerow([_csv_cell(value) for value in row])
-    return text.getvalue()
-
-
-def _csv_cell(value: Any) -> str:
-    plain = value.item() if hasattr(value, "item") else value
-    if isinstance(plain, float):
-        return "" if math.isnan(plain) else f"{plain:.6g}"
-    if isinstance(plain, bool):
-        return "yes" if plain else "no"
-    return printable(str(plain))
 
 
 # --- for programs -----------------------------------------------------------------------------------------------------

@@ -5,18 +5,24 @@ What has no entry is told by its sheet or its table, so a new kind of result is 
 
 from __future__ import annotations
 
+import csv
+import importlib.util
+import io
 import math
 from collections.abc import Mapping, Sequence
 from functools import singledispatch
 from typing import Any
 
 from rverror.base.errors import InputError
+from rverror.base.text import printable
+from rverror.base.viewed import Viewed
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.life.result import RunsCompared, Trend
 from rverror.lots.result import Lot
+from rverror.matching.result import Matched
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
@@ -26,12 +32,14 @@ from rverror.views.compensation_report import compensation_html, compensation_js
 from rverror.views.diagnosis_report import diagnosis_html, diagnosis_json, diagnosis_text
 from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, escaped_lines
+from rverror.views.html import document, escaped_lines, inputs
 from rverror.views.kinds import described
-from rverror.views.life_report import compared_json, life_html, trend_json
+from rverror.views.life_report import compared_json, trend_json
 from rverror.views.lot_report import lot_html, lot_json, lot_text
 from rverror.views.notebook import page
+from rverror.views.plots.figure import svg_element
 from rverror.views.sheets import as_text, has_sheet, sheet
+from rverror.views.variables import NUMBER, columns
 
 
 @singledispatch
@@ -161,6 +169,63 @@ def to_html(result: Any, /, **options: Any) -> str:
     return document(f"rverror: {type(result).__name__}", body)
 
 
+def _pictured(result: Viewed, *, files: Sequence[InputFile] = ()) -> str:
+    """Page with the usual picture, where matplotlib is installed, and the files that it was made from."""
+    body, told = [page(result)], to_json(result, files=files)
+    if importlib.util.find_spec("matplotlib"):
+        body.append(f"<figure>{svg_element(result.plot().figure)}</figure>")  # type: ignore[arg-type]
+    body.append(inputs(told["inputs"], told["version"]))
+    return document(f"rverror: {type(result).__name__}", "\n".join(body))
+
+
+def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
+    """Result as comma-separated text for a spreadsheet, a row for each of what `to_pandas` has as rows.
+
+    Parameters
+    ----------
+    result
+        Whatever `to_pandas` takes.
+    rows : str, optional
+        As for `to_pandas`.
+    units : bool
+        Whether the name of a column tells its unit.
+
+    Returns
+    -------
+    str
+        Sizes in arcsec and um; empty where they are not determined.
+
+    Raises
+    ------
+    InputError
+        If no table is made of such a result, or it has no such rows.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> print(to_csv(rverror.effect("crank.index", crank=0, angle="1 arcmin")), end="")
+    number,key,indices,parameter,value,uncertainty,origin,unit
+    0,crank.index,crank 0,angle,60,,,arcsec
+    """
+    found, told = columns(described(result), rows=rows, display=True)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    named = {name: f"{name} [{told[name]}]" for name in found if units and told.get(name, NUMBER.core) != NUMBER.core}
+    writer.writerow([named.get(name) or name for name in found])
+    for row in zip(*found.values(), strict=True):
+        writer.writerow([_csv_cell(value) for value in row])
+    return text.getvalue()
+
+
+def _csv_cell(value: Any) -> str:
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, float):
+        return "" if math.isnan(plain) else f"{plain:.6g}"
+    if isinstance(plain, bool):
+        return "yes" if plain else "no"
+    return printable(str(plain))
+
+
 def _check_no(options: Mapping[str, Any], result: Any) -> None:
     for name in options:
         raise InputError(f"{type(result).__name__}: no option {name!r}; it takes none")
@@ -181,8 +246,9 @@ to_html.register(Allocation, allocation_html)
 to_html.register(Compensation, compensation_html)
 to_html.register(Lot, lot_html)
 to_json.register(Compensation, compensation_json)
-to_html.register(Trend, life_html)
-to_html.register(RunsCompared, life_html)
+to_html.register(Trend, _pictured)
+to_html.register(RunsCompared, _pictured)
+to_html.register(Matched, _pictured)
 to_json.register(Trend, trend_json)
 to_json.register(RunsCompared, compared_json)
 to_json.register(Modes, modes_json)

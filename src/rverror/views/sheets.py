@@ -28,6 +28,7 @@ from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
+from rverror.matching.result import Matched
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -843,6 +844,35 @@ def _of_compared(thing: RunsCompared) -> Sheet:
         *map(Sentence, life_rivals(thing.changed)),
         *_notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_matched(thing: Matched) -> Sheet:
+    found, told = _shown(thing)
+    names = [name for name in found if not name.startswith("roller")]  # forty grooves: the spreadsheet has them
+    heads = {name: f"{name.replace('_', ' ')}{', ' + told[name] if told.get(name) else ''}" for name in names}
+    verdict = f"{len(thing.units)} of {thing.possible} units"
+    priced = any(way.cost is not None for way in thing.ways)
+    limits = zip(thing.quantities, thing.allowed, strict=True)
+    return (
+        *_title("Matched units", thing.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
+        Sentence(
+            f"{verdict} that the parts allow are within the limits, each solved at the load; by the linear influences "
+            f"no assembly of these parts has more than {thing.bound}.",
+            verdict,
+        ),
+        *_grid(
+            ("way to build", "units", "yield, %", "P95, % of the limit", *(("cost a unit",) if priced else ())),
+            [
+                (way.name, way.errors.size, 100 * way.share, 100 * way.p95, *((math.nan if way.cost is None else way.cost,) if priced else ()))
+                for way in thing.ways
+            ],
+        ),
+        *_beside({head: found[name] for name, head in heads.items()}),
+        *_facts({f"{kind}, {len(some)} stay": ", ".join(some[:8]) + ", ..." * (len(some) > 8)
+                 for kind, some in thing.left.items()}),
+        *_notes(thing.notes),
+    )  # fmt: skip
 
 
 def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, _Interval]:
