@@ -56,7 +56,7 @@ def _parts(options: argparse.Namespace) -> None:
         raise InputError(
             f"-o {output}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"
         )
-    model = load_model(options.model)
+    places, model = _places(options.place), load_model(options.model)
     read = load_parts(options.files, model.mechanism, mapping=options.mapping)
     for note in read.notes:
         tell(note)
@@ -64,7 +64,6 @@ def _parts(options: argparse.Namespace) -> None:
         say_replaced(output)
         save_parts(output, read.parts, overwrite=True)
     else:
-        places = _places(options.place)
         for kind, serials in mounted_parts(read.parts, model.mechanism, places).items():
             tell(f"{kind}: {', '.join(serials)}" + ("" if kind in places else ", in the order of the files"))
         unit = unit_of_parts(model, read.parts, places)

@@ -65,9 +65,8 @@ def draft_parts_mapping(path: PathLike) -> str:
         word = re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", entry.name).strip().lower()
         key = next((key for key, words in _WORDS.items() if key not in found and re.fullmatch(words, word)), "")
         found |= {key: entry} if key else {}
-    fitting = [
-        each for each, (_, needed, _, _) in FEATURES.items() if all(found.keys() & set(group) for group in needed)
-    ]
+    fitting = [each for each, (_, needed, _, _) in FEATURES.items() if all(found.keys() & set(one) for one in needed)]
+    fitting = [] if suffix in SUFFIXES else fitting  # whose rows are pieces
     kinds = FEATURES[fitting[0]][2] if fitting else tuple(KINDS)
     serial = f"serial = {quoted(found['serial'].name)}" if "serial" in found else '# serial = "..."'
     lines = [f"# Mapping for files of parts like {shown(name, 80)}; confirm what is guessed from its columns:"]

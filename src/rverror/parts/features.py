@@ -108,7 +108,7 @@ def _order(where: str, numbers: Array, count: int, noun: str) -> npt.NDArray[np.
         raise InputError(f"{where}: number {brief(float(numbers[odd.argmax()]))}: a unit has {noun} {start} to "
                          f"{start + count - 1}; correct it")  # fmt: skip
     found = np.bincount(places.astype(int), minlength=count)
-    for wrong, problem in ((found == 0, "missing; measure all"), (found > 1, "measured twice; keep one row of each")):
+    for wrong, problem in ((found == 0, "missing; measure all"), (found > 1, "measured twice; remove one row of each")):
         if wrong.any():
             raise InputError(f"{where}: {noun} {some(np.flatnonzero(wrong) + start)} of {count} {problem}")
     return np.argsort(places)
@@ -119,7 +119,7 @@ def _check_gap(where: str, angles: Array, widest: float) -> None:
     turned = np.sort(angles % (2 * np.pi))
     gaps = np.diff(turned, append=turned[:1] + 2 * np.pi)
     start, gap = np.degrees([turned[gaps.argmax()], gaps.max()])
-    if gap > np.degrees(widest) * (1 + 1e-9):
+    if gap > np.degrees(widest) * 1.001:
         raise InputError(f"{where}: no readings from {start:.1f} to {start + gap:.1f} deg, at most "
                          f"{np.degrees(widest):.1f} deg may be missing; scan a whole turn, angles in the "
                          "unit of the mapping")  # fmt: skip
@@ -189,7 +189,8 @@ def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) ->
     weights = np.repeat([1.0 if np.isnan(sigma) else sigma / readings.sigmas[name] for name in names], count)
     data = weights * np.concatenate([columns[name][order] for name in names])
     found = fits.least_squares([(rows * weights[:, None], data)], sigma, orthogonal=True)
-    pairs, sigmas = (each[: 2 * harmonics + 2].reshape(-1, 2) for each in (found.values, found.sigmas))
+    width = 2 * harmonics + 2 * ("runout" in columns)
+    pairs, sigmas = found.values[:width].reshape(-1, 2), found.sigmas[:width].reshape(-1, 2)
     sized = pairs[:harmonics], sigmas[:harmonics]
     errors = _errors(_PITCH[kind], "harmonic", range(1, harmonics + 1), sized, feature)
     if "runout" in columns:

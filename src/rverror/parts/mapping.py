@@ -173,7 +173,9 @@ def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColum
     }
     if key not in fitting:
         hint = did_you_mean(key, fitting)
-        toml.refuse((*place, "key"), f"key = {shown(key)}: no error of a {kind};{hint} it has {', '.join(fitting)}")
+        toml.refuse(
+            (*place, "key"), f"key = {shown(key)}: no error of a {kind};{hint} choose one of {', '.join(fitting)}"
+        )
     names = [name for name in fitting[key] if name != counted]
     dimensions = {parameter.name: parameter.dimension for parameter in CATALOGUE[key].parameters}
     toml.check_keys(place, table, ("key", *names, *dimensions), f"key of {key}")

@@ -144,7 +144,7 @@ def _opened(path: PathLike, text: TextRules, wanted: Sequence[str | int]) -> tup
     if suffix in SHEETS:
         return open_lines(str(path), sheet_lines(path), replace(text, separator="\t"), wanted), {}
     if _head(path).lstrip().startswith("<"):
-        raise InputError(f"{path}: this is XML, as GDE of VDI/VDE 2610 is, which is not read; export CSV, xlsx or .dfq")
+        raise InputError(f"{path}: this is XML, as GDE of VDI/VDE 2610 is, which is not read; give CSV, xlsx or .dfq")
     return open_text(path, text, wanted), {}
 
 
