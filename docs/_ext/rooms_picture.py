@@ -24,6 +24,7 @@ PLACES = {
     "views": (450, "text, pages, tables, plots"),
     "life": (230, "what grows, what jumped"),
     "lots": (230, "what processes made"),
+    "matching": (120, "which parts to join"),
     "tolerances": (120, "budget, units, allocation"),
     "compensation": (645, "tables for controllers"),
     "diagnosis": (340, "residual to named cause"),

@@ -23,7 +23,7 @@ PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
-    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "Diagnosis",
+    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "Matched", "Diagnosis",
     "Diagnosis, nothing missing",
     "Diagnosis, torque",
 )  # fmt: skip
@@ -130,6 +130,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "Lot",
         "Trend",
         "RunsCompared",
+        "Matched",
         "Diagnosis",
         "Diagnosis, nothing missing",
         "Diagnosis, torque",

@@ -26,6 +26,6 @@ def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
         share = np.arange(1, known.size + 1) / way.errors.size
         ax.step(100 * known, 100 * share, where="post", label=way.name, **line_style(number))
     ax.axvline(100, color=GREY, lw=1, ls=":")
-    ax.set(xlabel="error at the load, % of the limit", ylabel="units, %", ylim=(0, 102), title=found.model)
+    ax.set(xlabel="error at the load over the limit, %", ylabel="units, %", ylim=(0, 102), title=found.model)
     legend_beside(ax)
     return ax
