@@ -48,7 +48,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Columns:
+class PlacedErrors:
     """Components that the parts of a lot have at any place, and where each stands.
 
     Attributes
@@ -73,7 +73,7 @@ class Columns:
         return np.asarray(self.sizes[place] @ (self.moved[place] @ slope), dtype=np.float32)
 
 
-def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPart]]]) -> Columns:
+def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPart]]]) -> PlacedErrors:
     """Lay out the errors of parts at places.
 
     Parameters
@@ -84,7 +84,7 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
 
     Returns
     -------
-    Columns
+    PlacedErrors
 
     Notes
     -----
@@ -127,7 +127,7 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
             for number, at_column, value in entries:
                 moved[way, number, at_column] += value
         every.append(moved)
-    return Columns(tuple(components), tuple(sizes for sizes, _ in built), tuple(every))
+    return PlacedErrors(tuple(components), tuple(sizes for sizes, _ in built), tuple(every))
 
 
 @dataclass(frozen=True)

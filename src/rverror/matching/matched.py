@@ -16,7 +16,7 @@ from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
-from rverror.matching.at_load import Columns, UnitsAtLoad, columns_of
+from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
 from rverror.matching.mounting import Place, mounted, places_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
@@ -33,6 +33,7 @@ TIGHTER = 0.8
 _RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _ROUNDS = 6  # of improvement at the load, at the most
+_KNOWN = 8  # units from whose errors the doubt is told anew
 _CLASSES = 3
 _SWAPS = 12  # of two rollers of a unit, at the most
 
@@ -125,7 +126,7 @@ class _PartsAtPlaces:
     places: tuple[Place, ...]  #: the last one takes a kit of rollers, where there are any
     parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place but that of the kit
     pools: tuple[int, ...]
-    columns: Columns  #: of these places, then of the grooves
+    columns: PlacedErrors  #: of these places, then of the grooves
     rollers: tuple[MeasuredPart, ...]
     kits: Ints  #: (kits, pins): rollers as they come
     notes: tuple[str, ...]
@@ -316,6 +317,9 @@ class _AtLoad:
                     continue
                 turns = built.turns.copy()
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
+                off = self.errors(turns)[changed] - waves.errors(waves.whole(new, beside)[changed])
+                if changed.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
+                    waves = replace(waves, doubt=max(float(off[np.isfinite(off)].std()), 1e-3))
                 gain = hard.cost(errors) - hard.cost(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
                 better = (np.bincount(circle, gain) > 1e-9)[circle, None]

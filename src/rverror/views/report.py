@@ -204,8 +204,8 @@ def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
     --------
     >>> import rverror
     >>> print(to_csv(rverror.effect("crank.index", crank=0, angle="1 arcmin")), end="")
-    number,key,indices,parameter,value,uncertainty,origin,unit
-    0,crank.index,crank 0,angle,60,,,arcsec
+    number,key,indices,parameter,value,unit,uncertainty,origin
+    0,crank.index,crank 0,angle,60,arcsec,,
     """
     found, told = columns(described(result), rows=rows, display=True)
     text = io.StringIO()
