@@ -104,6 +104,8 @@ OTHERS = {
     "fit_running_in": "by `wear`: tests/statics/test_running_in.py",
     "wear": "over whole turns: tests/statics/test_wear.py",
     "diagnose": "test_unknown_index: marks off are found again",
+    "unit_error": "by `transmission_error_by_effect`, which is above",
+    "unit_of_parts": "it adds effects and asks for nothing",
     "virtual_units": "of a stack, which is above",
     "allocate": "of a stack, which is above",
     "allocate_at_load": "of units at the load: below",

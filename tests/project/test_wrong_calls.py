@@ -135,10 +135,12 @@ LEFT_OUT = {
     "draw", "extended", "folded_order", "input_files",
     "line_style", "match",
     "load_compensation", "load_mapping", "lot",
-    "load_orders", "new_figure", "orders_from_arrays", "passport",
-    "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core",
+    "load_orders", "load_parts", "new_figure", "orders_from_arrays", "passport",
+    "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_parts", "save_widths",
+    "to_core",
     "to_csv", "to_display", "to_html",
-    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "validated",
+    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "unit_error",
+    "unit_of_parts", "validated",
 }  # fmt: skip
 
 

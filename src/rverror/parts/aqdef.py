@@ -61,7 +61,10 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
     if not rows:
         raise InputError(f"{name}: no measured values (K0001) in it; export them with their description")
     unit = {_name(fields): fields.get("K2142", "") for _, fields, _ in measured}
-    columns = dict.fromkeys([*unit, *_OF_PART, *_OF_VALUE])
+    columns = [
+        *unit,
+        *(each for each in (*_OF_PART, *_OF_VALUE) if each == "K0014" or any(each in row for row in rows)),
+    ]
 
     def words(entry: Entry) -> list[str]:
         return [row.get(entry.name, "") for row in rows]

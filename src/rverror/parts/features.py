@@ -13,6 +13,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.text import some
+from rverror.geartrain import coupling, crank, cycloid, involute
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Effect
 from rverror.parts import fits
@@ -24,7 +25,8 @@ _WIDEST_GAP = np.pi / 3
 _EXACT = 1e-6
 #: Decimals of a size in mm: a picometre.
 _DECIMALS = 9
-_PITCH = {"sun": "involute.sun_pitch", "planet": "involute.planet_pitch", "disc": "cycloid.disc_pitch"}
+_PITCH = {"sun": involute.SUN_PITCH, "planet": involute.PLANET_PITCH, "disc": cycloid.DISC_PITCH}
+_ECCENTRICITY = {"sun": involute.SUN_ECCENTRICITY, "planet": involute.PLANET_ECCENTRICITY}
 
 
 @dataclass(frozen=True)
@@ -131,10 +133,10 @@ def _check_gap(where: str, angles: Array, widest: float) -> None:
 def _nominal(kind: str, reducer: Reducer) -> tuple[str, str, float, Array]:
     """Source of places, the index that counts them, the radius of their circle, and their angles."""
     key, index, radius, count = {
-        "housing": ("cycloid.pin_position", "pin", reducer.pin_circle_radius, reducer.pins),
-        "disc": ("cycloid.disc_bore_position", "crank", reducer.crank_radius, reducer.cranks),
-        "carrier": ("coupling.carrier_bore_position", "crank", reducer.crank_radius, reducer.cranks),
-        "crank": ("crank.eccentricity", "disc", reducer.eccentricity, reducer.discs),
+        "housing": (cycloid.PIN_POSITION, "pin", reducer.pin_circle_radius, reducer.pins),
+        "disc": (cycloid.DISC_BORE, "crank", reducer.crank_radius, reducer.cranks),
+        "carrier": (coupling.CARRIER_BORE, "crank", reducer.crank_radius, reducer.cranks),
+        "crank": (crank.ECCENTRICITY, "disc", reducer.eccentricity, reducer.discs),
     }[kind]
     return key, index, radius, 2 * np.pi * np.arange(count) / count
 
@@ -161,7 +163,7 @@ def _places(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -
         waves = range(feature.harmonics + 1)
         estimate = fits.ring_waves(angles, feature.harmonics, errors, kept, float(sigma[0]))
         sized = estimate.values.reshape(-1, 4), estimate.sigmas.reshape(-1, 4)
-        found = _errors("cycloid.pin_circle", "harmonic", waves, sized, feature)
+        found = _errors(cycloid.PIN_CIRCLE, "harmonic", waves, sized, feature)
         left[f"waves above {feature.harmonics}, rms"] = (estimate.rms, "length")
     else:
         sigmas = np.sqrt(kept**2 @ np.repeat(sigma, 2) ** 2).reshape(-1, 2)
@@ -171,7 +173,7 @@ def _places(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -
     if "diameter" in columns:
         half = columns["diameter"][order, None] / 2 - reducer.pin_radius
         sigmas = np.full((count, 1), readings.stated("diameter") / 2)
-        found += _errors("cycloid.pin_radius", "pin", range(count), (half, sigmas), feature)
+        found += _errors(cycloid.PIN_RADIUS, "pin", range(count), (half, sigmas), feature)
     return found, left
 
 
@@ -194,7 +196,7 @@ def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) ->
     sized = pairs[:harmonics], sigmas[:harmonics]
     errors = _errors(_PITCH[kind], "harmonic", range(1, harmonics + 1), sized, feature)
     if "runout" in columns:
-        errors += _errors(f"involute.{kind}_eccentricity", "", [0], (pairs[harmonics:], sigmas[harmonics:]), feature)
+        errors += _errors(_ECCENTRICITY[kind], "", [0], (pairs[harmonics:], sigmas[harmonics:]), feature)
     return errors, {f"pitch waves above {harmonics}, rms": (found.rms, "length")}
 
 
@@ -224,10 +226,10 @@ def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list
     )
     errors: list[Effect] = []
     for key, index, numbers, width, part in (
-        ("cycloid.disc_profile", "harmonic", range(1, H + 1), 2, profile),
-        ("cycloid.disc_pitch", "harmonic", range(1, H + 1), 2, pitch),
-        ("cycloid.lobe_profile", "harmonic", range(M + 1), 2, over),
-        ("cycloid.disc_lobe", "lobe", found.lobes, 1, single),
+        (cycloid.DISC_PROFILE, "harmonic", range(1, H + 1), 2, profile),
+        (cycloid.DISC_PITCH, "harmonic", range(1, H + 1), 2, pitch),
+        (cycloid.LOBE_PROFILE, "harmonic", range(M + 1), 2, over),
+        (cycloid.DISC_LOBE, "lobe", found.lobes, 1, single),
     ):
         errors += _errors(key, index, numbers, (part[0].reshape(-1, width), part[1].reshape(-1, width)), feature)
     left: Left = {

@@ -33,7 +33,7 @@ class UntoldError(ValueError):
     """Readings that do not tell apart what is fitted to them; the message has the remedy."""
 
 
-class Estimate(NamedTuple):
+class LeastSquares(NamedTuple):
     """Errors by least squares.
 
     Attributes
@@ -52,7 +52,7 @@ class Estimate(NamedTuple):
     reading: float
 
 
-def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthogonal: bool = False) -> Estimate:
+def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthogonal: bool = False) -> LeastSquares:
     """Fit errors to readings.
 
     Parameters
@@ -66,7 +66,7 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthog
 
     Returns
     -------
-    Estimate
+    LeastSquares
 
     Raises
     ------
@@ -95,7 +95,7 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthog
     left = max(float(square - moment @ found), 0.0)
     used = sigma if orthogonal and sigma > 0 else reading_sigma(left, free, sigma)
     rms = np.sqrt(left / free) if free else np.nan
-    return Estimate(found, used * np.sqrt(np.diag(inverse)), float(rms), used)
+    return LeastSquares(found, used * np.sqrt(np.diag(inverse)), float(rms), used)
 
 
 def reading_sigma(left: float, free: int, stated: float) -> float:
@@ -166,7 +166,7 @@ def _pairs(numbers: Points) -> Array:
     return np.ascontiguousarray(numbers, dtype=np.complex128).view(np.float64)
 
 
-def ring_waves(angles: Array, harmonics: int, errors: Array, kept: Array, sigma: float) -> Estimate:
+def ring_waves(angles: Array, harmonics: int, errors: Array, kept: Array, sigma: float) -> LeastSquares:
     """Waves 0 to `harmonics` of errors of places, radial cos and sin and tangential cos and sin of each.
 
     Parameters
@@ -178,7 +178,7 @@ def ring_waves(angles: Array, harmonics: int, errors: Array, kept: Array, sigma:
 
     Returns
     -------
-    Estimate
+    LeastSquares
         With the rms of what the waves leave.
     """
     units = [(h, unit, wave) for h in range(harmonics + 1) for unit in (1, 1j) for wave in (np.cos, np.sin)]
@@ -188,10 +188,10 @@ def ring_waves(angles: Array, harmonics: int, errors: Array, kept: Array, sigma:
     free = round(float(np.trace(kept))) - int(np.linalg.matrix_rank(kept @ waves))
     used = sigma if sigma > 0 else reading_sigma(float(left @ left), free, sigma)
     sigmas = used * np.sqrt(np.sum((solve @ kept) ** 2, axis=1))
-    return Estimate(solve @ errors.ravel(), sigmas, float(np.sqrt(np.mean(left**2))), used)
+    return LeastSquares(solve @ errors.ravel(), sigmas, float(np.sqrt(np.mean(left**2))), used)
 
 
-def circle(points: Points, sigma: float) -> tuple[complex, Estimate]:
+def circle(points: Points, sigma: float) -> tuple[complex, LeastSquares]:
     """Circle through points, by the least squares of their distances from it.
 
     Parameters
@@ -203,7 +203,7 @@ def circle(points: Points, sigma: float) -> tuple[complex, Estimate]:
     -------
     complex
         Its centre.
-    Estimate
+    LeastSquares
         Of the last step: x, y, radius.
     """
     centre, estimate = complex(points.mean()), None
@@ -261,7 +261,7 @@ class LobeFit:
     ----------
     place : int
         Of the discs that have their roots where these are.
-    estimate : Estimate
+    estimate : LeastSquares
         Setup x, y, turn; cos and sin of the harmonics 1 to H of the profile, then of the pitch; cos 0 and cos and sin
         of 1 to M of the profile of all lobes; the single lobes.
     lobes : tuple of int
@@ -273,7 +273,7 @@ class LobeFit:
     """
 
     place: int
-    estimate: Estimate
+    estimate: LeastSquares
     lobes: tuple[int, ...]
     displacement: complex
     turn: float

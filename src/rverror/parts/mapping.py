@@ -77,16 +77,27 @@ class PartColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorColumns:
+class PartColumns:
+    """Columns by their names in the mapping."""
+
+    columns: Mapping[str, PartColumn]
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Stated uncertainties of those that have one."""
+        return {key: column.sigma for key, column in self.columns.items() if column.sigma is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorColumns(PartColumns):
     """An error of which each row has the components."""
 
     key: str
     indices: Mapping[str, IndexValue]
-    columns: Mapping[str, PartColumn]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Feature:
+class Feature(PartColumns):
     """A feature of which each row is a reading.
 
     Attributes
@@ -107,7 +118,6 @@ class Feature:
     """
 
     name: str
-    columns: Mapping[str, PartColumn]
     datum: str
     common: float
     zero: float
@@ -223,8 +233,9 @@ def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
     if datum not in DATUMS.get(name, ("",)):
         known = ", ".join(map(repr, DATUMS[name]))
         toml.refuse((name, "datum"), f"datum = {shown(datum)}: must be one of {known}; say what the axes are")
-    for key, only in (("diameter", "housing"), ("harmonics", "housing")):
-        if name == "places" and key in table and kind != only:
+    pins = name != "places" or kind == "housing"
+    for key, fits in (("diameter", pins), ("harmonics", pins), ("runout", kind != "disc")):
+        if key in table and not fits:
             toml.refuse((name, key), f"{key}: it makes no error of a {kind}; leave it out")
     if table.get("sense", 1) not in (1, -1):
         toml.refuse((name, "sense"), f"sense = {shown(table['sense'])}: must be 1, or -1 where teeth count clockwise")

@@ -56,6 +56,7 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
     """
     parts: dict[tuple[str, str], dict[str, Finding]] = {}
     origins: dict[tuple[str, str], dict[str, None]] = {}
+    checked: set[tuple[str, str]] = set()
     for one in findings:
         if one.kind not in KINDS:
             hint = did_you_mean(one.kind, KINDS)
@@ -70,12 +71,9 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         if name in given:
             raise InputError(f"{one.where}: {one.kind} {shown(one.serial)} has {name} already, from "
                              f"{given[name].where}; keep one, or correct the serial number")  # fmt: skip
-        entry = source(one.error.key)
-        try:
-            MeasuredPart(one.kind, one.serial, (one.error,))
-            entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(one.error.indices))
-        except ValueError as problem:
-            raise InputError(f"{one.where}: {problem}; correct it") from problem
+        if (one.kind, name) not in checked:
+            _check(one, one.error, mechanism)
+            checked |= {(one.kind, name)}
         given[name] = one
     return tuple(
         MeasuredPart(
@@ -83,6 +81,16 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         )
         for part, own in parts.items()
     )
+
+
+def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
+    """Refuse what is no error of such a part of the mechanism."""
+    entry = source(error.key)
+    try:
+        MeasuredPart(one.kind, one.serial, (error,))
+        entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
+    except ValueError as problem:
+        raise InputError(f"{one.where}: {problem}; correct it") from problem
 
 
 def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:

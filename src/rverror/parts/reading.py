@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -78,7 +78,7 @@ def load_parts(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from rverror.geartrain.mechanism import reducer
+        >>> from rverror.geartrain.mechanism import reducer
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     size = Path(folder, "cranks.csv").write_text("No;cam 0 [um];cam 1 [um]\\nC1;1,5;-2\\nC2;0,4;0,1\\n")
     ...     size = Path(folder, "cranks.toml").write_text('''
@@ -157,6 +157,10 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     notes += file.notes
     bench = BenchMapping(path=rules.path, text=rules.text)
     entries = [found_entry(file, bench, where) for where in places]
+
+    def at(row: int) -> str:
+        return f"{file.path}, {file.noun} {row if file.labels is None else file.labels[row]}"
+
     notes += left_out_columns(file, entries)
     for group in rules.groups:
         columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
@@ -166,32 +170,47 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
             assert file.words is not None  # of a text
             serials = [word.strip() for word in file.words(entries[-1])]
         labels = np.arange(given.size) if file.labels is None else file.labels
+        what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
         if not given.all():
-            what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
             notes.append(f"{count_of(int((~given).sum()), 'row')} left out{what}, a cell holds no number: {file.noun} "
                          f"{some(labels[~given])}")  # fmt: skip
-        parts: dict[str, list[int]] = {}
-        for row in np.flatnonzero(given).tolist():
-            parts.setdefault(serials[row], []).append(row)
-        sigmas = {key: column.sigma for key, column in group.columns.items() if column.sigma is not None}
-        left: dict[str, list[tuple[float, str]]] = {}
-        for name, rows in parts.items():
-            where = f"{file.path}, {file.noun} {labels[rows[0]]}"
-            readings = Readings(
-                f"{where}, {rules.kind} {shown(name)}", {key: values[rows] for key, values in columns.items()}, sigmas
-            )
-            if isinstance(group, Feature):
-                errors, own = feature_errors(group, rules.kind, readings, reducer)
-                for what, size in own.items():
-                    left.setdefault(what, []).append(size)
-            else:
-                errors = list(_errors(group, readings))
-            origin = file_name(file.path) + (f", {group.name}" if isinstance(group, Feature) else "")
-            for i, error in enumerate(errors):
-                at = where if isinstance(group, Feature) else f"{file.path}, {file.noun} {labels[rows[i]]}"
-                _check_size(at, error)
-                yield Finding(at, rules.kind, name, origin, error)
-        notes += [_summary(what, sizes) for what, sizes in left.items()]
+        rows: list[int] = np.flatnonzero(given).tolist()
+        found: Iterable[tuple[int, str, Effect]]
+        if isinstance(group, ErrorColumns):
+            nothing, sigma = np.zeros(given.size), max(group.sigmas.values(), default=None)
+            names = [parameter.name for parameter in source(group.key).parameters]
+            sizes = zip(*(columns.get(name, nothing)[rows].tolist() for name in names), strict=True)
+            effects = (Effect(group.key, group.indices, each, sigma) for each in sizes)
+            found = ((row, "", effect) for row, effect in zip(rows, effects, strict=True))
+        else:
+            parts: dict[str, list[int]] = {}
+            for row in rows:
+                parts.setdefault(serials[row], []).append(row)
+            found = _of_feature(group, rules.kind, parts, at, columns, reducer, notes)
+        for row, name, error in found:
+            _check_size(at(row), error)
+            yield Finding(at(row), rules.kind, serials[row], file_name(file.path) + name, error)
+
+
+def _of_feature(
+    feature: Feature,
+    kind: str,
+    rows: Mapping[str, list[int]],
+    places: Callable[[int], str],
+    columns: Mapping[str, Array],
+    reducer: Reducer,
+    notes: list[str],
+) -> Iterator[tuple[int, str, Effect]]:
+    """Errors of each part with its first row."""
+    left: dict[str, list[tuple[float, str]]] = {}
+    for serial, own in rows.items():
+        where = f"{places(own[0])}, {kind} {shown(serial)}"
+        readings = Readings(where, {key: values[own] for key, values in columns.items()}, feature.sigmas)
+        errors, rest = feature_errors(feature, kind, readings, reducer)
+        for what, size in rest.items():
+            left.setdefault(what, []).append(size)
+        yield from ((own[0], f", {feature.name}", error) for error in errors)
+    notes += [_summary(what, sizes) for what, sizes in left.items()]
 
 
 def _sizes(
@@ -213,16 +232,6 @@ def _sizes(
             )
         expected = stated * abs(factor)
     return column.scale * (samples * factor + zero - column.rule.sign * expected)
-
-
-def _errors(group: ErrorColumns, readings: Readings) -> Iterator[Effect]:
-    """The error of each row."""
-    names = [parameter.name for parameter in source(group.key).parameters]
-    sigma = max(readings.sigmas.values(), default=None)
-    rows = next(iter(readings.columns.values())).size
-    columns = [readings.columns.get(name, np.zeros(rows)) for name in names]
-    for values in zip(*columns, strict=True):
-        yield Effect(group.key, group.indices, tuple(map(float, values)), sigma)
 
 
 def _check_size(where: str, error: Effect) -> None:

@@ -12,10 +12,10 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each
 from rverror.base.text import describe, shown
 from rverror.base.viewed import OneLine
-from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import rv
-from rverror.model.compose import effect_matrix, transmission_error
+from rverror.model.catalogue import source
+from rverror.model.compose import transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart
 
@@ -24,12 +24,10 @@ _DRAWN = 2000
 
 @dataclass(frozen=True)
 class UnitError(OneLine):
-    """Transmission error of a unit whose errors are known to within an uncertainty, in closed form.
+    """Transmission error of a unit whose errors are known to within an uncertainty, in closed form; of `unit_error`.
 
     Attributes
     ----------
-    theta : ndarray, shape (n,)
-        Nominal output angle, rad.
     transmission_error : ndarray, shape (n,)
         Its mean, rad.
     sigma : ndarray, shape (n,)
@@ -40,7 +38,6 @@ class UnitError(OneLine):
         95 % interval of the peak-to-peak, rad.
     """
 
-    theta: Array
     transmission_error: Array
     sigma: Array
     peak_to_peak: float
@@ -160,12 +157,17 @@ def unit_error(model: Model, theta: Any | None = None, *, direction: Any | None 
     >>> [round(value / found.peak_to_peak, 2) for value in found.interval]
     [0.81, 1.2]
     """
-    motion = pose(model.mechanism, model.angles if theta is None else theta, direction=direction)
-    mean = transmission_error(model, motion.theta, direction=motion.direction)
-    uncertain = tuple(effect for effect in model.effects if effect.uncertainty)
-    sizes = np.repeat([effect.uncertainty or 0.0 for effect in uncertain], [len(effect.values) for effect in uncertain])
-    jacobian = sizes[:, None] * effect_matrix(motion, closed_form_forces(motion), uncertain)
+    mean = transmission_error(model, theta, direction=direction)
+    marks = tuple(effect for effect in model.effects if source(effect.key).acts == "marks")
+    changes = tuple(
+        replace(effect, values=tuple(row))
+        for effect in model.effects
+        if effect.uncertainty and effect not in marks
+        for row in (effect.uncertainty * np.eye(len(effect.values))).tolist()
+    )
+    by_change = transmission_error_by_effect(replace(model, effects=(*changes, *marks)), theta, direction=direction)
+    jacobian = by_change[: len(changes)].reshape(-1, mean.size)
     units = mean + np.random.default_rng(seed).standard_normal((_DRAWN, len(jacobian))) @ jacobian
     low, high = np.quantile(np.ptp(units, axis=1), (0.025, 0.975))
     sigma = np.sqrt(np.sum(jacobian**2, axis=0))
-    return UnitError(motion.theta, mean, sigma, float(np.ptp(mean)), (float(low), float(high)))
+    return UnitError(mean, sigma, float(np.ptp(mean)), (float(low), float(high)))
