@@ -24,6 +24,7 @@ PLACES = {
     "views": (450, "text, pages, tables, plots"),
     "life": (230, "what grows, what jumped"),
     "lots": (230, "what processes made"),
+    "matching": (550, "which parts to join"),
     "tolerances": (120, "budget, units, allocation"),
     "compensation": (775, "tables for controllers"),
     "diagnosis": (560, "residual to named cause"),

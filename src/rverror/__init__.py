@@ -82,7 +82,6 @@ if TYPE_CHECKING:
     from rverror.tolerances import cost as costs
     from rverror.tolerances import distribution as distributions
     from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
-    from rverror.tolerances.assembly import mounting_choices, phasing_gain
     from rverror.tolerances.closed_form import Budget, budget
     from rverror.tolerances.full_budget import ErrorBudget, error_budget
     from rverror.tolerances.loaded_allocation import allocate_at_load
@@ -104,6 +103,8 @@ if TYPE_CHECKING:
     from rverror.parts.parts_table import save_parts
     from rverror.parts.reading import PartsRead, load_parts
     from rverror.parts.unit import UnitError, unit_error, unit_of_parts
+    from rverror.matching.matched import match
+    from rverror.matching.result import Matched
 
     # A unit over its life: what grows and what jumped, told from runs at different times.
     from rverror.life.compared import compare_runs
@@ -112,7 +113,7 @@ if TYPE_CHECKING:
 
     # Pictures and tables: any result as text, JSON, page, table or plot.
     from rverror.views.envelope import input_files
-    from rverror.views.report import to_html, to_json, to_text
+    from rverror.views.report import to_csv, to_html, to_json, to_text
     from rverror.views.tables import to_pandas, to_xarray
     from rverror.views.plots.drawing import draw, order_map
     from rverror.views.plots.figure import line_style, new_figure
@@ -144,6 +145,7 @@ _LATER = {
     "Lot": "lots.result",
     "Lubricant": "statics.duty",
     "MeasuredPart": "parts.measured",
+    "Matched": "matching.result",
     "Modes": "dynamics.natural_modes",
     "NotConvergedError": "statics.loaded_state",
     "OrderTable": "runs.order_table",
@@ -201,14 +203,13 @@ _LATER = {
     "lost_motion": "statics.rigidity",
     "lot": "lots.made",
     "lot_units": "lots.folder",
+    "match": "matching.matched",
     "modes": "dynamics.natural_modes",
-    "mounting_choices": "tolerances.assembly",
     "new_figure": "views.plots.figure",
     "order_map": "views.plots.drawing",
     "order_table_from_runs": "runs.order_fit",
     "orders_from_arrays": "runs.order_file",
     "passport": "diagnosis.order_passport",
-    "phasing_gain": "tolerances.assembly",
     "read_case": "reference.cases",
     "run_from_arrays": "runs.measurement",
     "run_up": "dynamics.running_up",
@@ -220,6 +221,7 @@ _LATER = {
     "speed_response": "dynamics.at_speed",
     "stack": "tolerances.stacking",
     "terms": "tolerances.allocation",
+    "to_csv": "views.report",
     "to_html": "views.report",
     "to_json": "views.report",
     "to_pandas": "views.tables",
@@ -278,6 +280,7 @@ __all__ = [
     "Linearisation",
     "Lot",
     "Lubricant",
+    "Matched",
     "MeasuredPart",
     "Model",
     "Modes",
@@ -354,14 +357,13 @@ __all__ = [
     "lost_motion",
     "lot",
     "lot_units",
+    "match",
     "modes",
-    "mounting_choices",
     "new_figure",
     "order_map",
     "order_table_from_runs",
     "orders_from_arrays",
     "passport",
-    "phasing_gain",
     "preset_origins",
     "presets",
     "read_case",
@@ -378,6 +380,7 @@ __all__ = [
     "stack",
     "terms",
     "to_core",
+    "to_csv",
     "to_display",
     "to_html",
     "to_json",

@@ -97,6 +97,7 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {
     "diagnose_outsiders": "each by `diagnose`: tests/lots/test_outsider_diagnosis.py",
+    "match": "of units at the load: below",
     "trend": "of sessions as `lot` of units: tests/life/test_over_life.py",
     "lot": "of units whose orders are told from the marks on: tests/lots/test_made.py",
     "modes": "at one angle: below",

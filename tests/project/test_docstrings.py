@@ -75,6 +75,8 @@ WITHOUT = {
     "load_amplitudes": "needs a folder of runs; tests/lots/test_compressed.py",
     "lot": "takes a minute; tests/lots/test_made.py",
     "Lot": "takes a minute; tests/lots/test_made.py",
+    "match": "takes seconds; tests/matching/test_matched.py",
+    "Matched": "as `match`",
     "trend": "takes a quarter of a minute; tests/life/test_over_life.py",
     "Trend": "as `trend`",
     "__version__": "a string",

@@ -64,6 +64,7 @@ COMMANDS = {
     "life_command": ("trend", "compare-runs"),
     "wear_command": ("wear",),
     "parts_command": ("parts",),
+    "match_command": ("match",),
     "dynamics_commands": ("modes", "speeds"),
     "contact_commands": ("efficiency", "hysteresis", "pressure"),
     "reference_commands": ("reference-cases", "compare"),

@@ -38,6 +38,8 @@ class MeasuredPart:
         disc has ``crank``, not ``disc``.
     origin : str
         File, and row or feature, from which it was read.
+    made_for : int
+        Of a disc: the place for which it is made, the first of those whose discs are alike.
 
     Raises
     ------
@@ -56,6 +58,7 @@ class MeasuredPart:
     serial: str
     errors: tuple[Effect, ...]
     origin: str = ""
+    made_for: int = 0
 
     def __post_init__(self) -> None:
         """Check that the errors are this part's."""
