@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from catalogue_tables import mechanism_for, shown_indices
+from svg_waveforms import waveforms
 
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC, DISPLAY_UNITS, unit_factor
@@ -19,7 +20,7 @@ from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.mechanism import Drive, Reducer, reducer
 from rverror.geartrain.source import IndexValue, Parameter, Source
 from rverror.model.compose import source_matrix
-from rverror.views import svg
+from rverror.views.html import escaped
 from rverror.views.plots.mechanism_view import Places, places
 
 _SIZE = 300  # px, width and height of a sketch
@@ -126,7 +127,7 @@ def _influence(entry: Source, indices: Mapping[str, IndexValue]) -> tuple[list[_
 def _plot(entry: Source, indices: Mapping[str, IndexValue], lines: list[_Lines], *, title: str) -> str:
     panels = [(line.label, [("forward", line.forward), ("reverse", line.reverse)]) for line in lines]
     angle = np.degrees(np.linspace(0, _span(entry, indices), lines[0].forward.size))
-    return svg.waveforms(panels, angle, width=_WIDTH, title=title, panel_height=96 if len(lines) < 3 else 60)
+    return waveforms(panels, angle, width=_WIDTH, title=title, panel_height=96 if len(lines) < 3 else 60)
 
 
 def _conditions(entry: Source) -> str:
@@ -141,7 +142,7 @@ def _conditions(entry: Source) -> str:
 
 def _sketch_caption(entry: Source, example: str) -> str:
     names = [p.name for p in entry.parameters[:2]]
-    said = [svg.escaped(entry.summary[0].upper() + entry.summary[1:] + example)]
+    said = [escaped(entry.summary[0].upper() + entry.summary[1:] + example)]
     if entry.frame in _OUTLINES:
         said.append(f"blue: what it is fixed in ({entry.frame})")
     if _has_arrows(entry):
@@ -165,7 +166,7 @@ def _has_arrows(entry: Source) -> bool:
 def _sketch(entry: Source, indices: Mapping[str, IndexValue], *, title: str) -> str:
     """Mechanism with the touched parts picked out and the error vectors as arrows, their lengths to one scale."""
     mechanism = mechanism_for(entry)
-    head = f'<svg role="img" width="{_SIZE}" height="{_SIZE}" aria-label="{svg.escaped(title)}"'
+    head = f'<svg role="img" width="{_SIZE}" height="{_SIZE}" aria-label="{escaped(title)}"'
     if isinstance(mechanism, Drive):
         return f'{head} viewBox="-100 -100 200 200">{_shaft()}</svg>'
     motion = pose(mechanism, [_ANGLE])

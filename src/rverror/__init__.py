@@ -3,6 +3,7 @@
 
 import os as _os
 import sys as _sys
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -404,7 +405,19 @@ __all__ = [
 ]
 
 
+#: Names of before, and what has taken their place: until the next version.
+_FORMER = {
+    "allocation_json": "to_json",
+    "allocation_text": "to_text",
+    "budget_json": "to_json",
+    "budget_text": "to_text",
+}
+
+
 def __getattr__(name: str) -> Any:
+    if name in _FORMER:
+        warnings.warn(f"rverror.{name} is rverror.{_FORMER[name]} now; write that", DeprecationWarning, stacklevel=2)
+        name = _FORMER[name]
     if name in _LATER_MODULES:
         return import_module(f"{__name__}.{_LATER_MODULES[name]}")
     if name not in _LATER:

@@ -16,8 +16,8 @@ ROOT = Path(__file__).parents[2]
 #: Names that were given before the package had rooms: scripts rely on them.
 LONG_GIVEN = """
     CATALOGUE Allocation Budget Diagnosis Drive Effect Equilibrium ErrorBudget InputError Linearisation Model
-    Reducer Run Stack Stiffness Tolerance TorsionCurve VirtualUnits __version__ allocate allocation_json
-    allocation_text append_effects backlash budget budget_json budget_text cost_front diagnose diagnose_folder
+    Reducer Run Stack Stiffness Tolerance TorsionCurve VirtualUnits __version__ allocate
+    append_effects backlash budget cost_front diagnose diagnose_folder
     effect equilibrium error_budget influence linearise load_model load_run load_tolerances lost_motion reducer
     run_from_arrays save_model save_widths simulate simulate_runs stack to_json to_pandas to_text to_xarray
     tolerance torsion_curve torsional_stiffness transmission_error transmission_error_by_effect virtual_units
@@ -33,6 +33,14 @@ def run(code: str) -> str:
 
 def test_names_that_were_given_once_are_given_still() -> None:
     assert set(LONG_GIVEN.split()) <= set(rverror.__all__)
+
+
+@pytest.mark.parametrize("name", ["allocation_json", "allocation_text", "budget_json", "budget_text"])
+def test_a_former_name_says_what_took_its_place(name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"rverror.{name} is rverror.to_"):
+        former = getattr(rverror, name)
+    assert former in (rverror.to_json, rverror.to_text)
+    assert name not in rverror.__all__
 
 
 def test_names_are_listed_and_others_are_refused() -> None:

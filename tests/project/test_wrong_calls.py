@@ -130,7 +130,7 @@ LONG_WITHOUT = {
 }
 #: Functions of a few plain values or of other tools' files, and those that take any result.
 LEFT_OUT = {
-    "allocation_json", "allocation_text", "bench_uncertainty", "budget_json", "budget_text", "coloured_noise",
+    "bench_uncertainty", "coloured_noise",
     "compare", "compare_runs", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
     "draw", "extended", "folded_order", "input_files",
     "line_style", "match",
