@@ -3,7 +3,7 @@
 
 import os as _os
 import sys as _sys
-import warnings
+import warnings as _warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -416,7 +416,7 @@ _FORMER = {
 
 def __getattr__(name: str) -> Any:
     if name in _FORMER:
-        warnings.warn(f"rverror.{name} is rverror.{_FORMER[name]} now; write that", DeprecationWarning, stacklevel=2)
+        _warnings.warn(f"rverror.{name} is rverror.{_FORMER[name]} now; write that", DeprecationWarning, stacklevel=2)
         name = _FORMER[name]
     if name in _LATER_MODULES:
         return import_module(f"{__name__}.{_LATER_MODULES[name]}")
