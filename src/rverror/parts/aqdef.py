@@ -73,17 +73,11 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
         numbers = ([plain_number(word.replace(",", ".")) for word in words(entry)] for entry in chosen)
         return [np.array(each, dtype=np.float64) for each in numbers]  # None is NaN
 
+    entries = tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns)
     return BenchFile(
-        path=name,
-        kind="text",
-        entries=tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns),
-        read=read,
-        words=words,
-        notes=notes,
-        noun="piece",
-        labels=np.arange(len(rows)) + 1,
-        parse=plain_number,
-    ), {_name(fields): fields["K2101"] for _, fields, _ in measured if "K2101" in fields}
+        path=name, kind="text", entries=entries, read=read, words=words, notes=notes, noun="piece",
+        labels=np.arange(len(rows)) + 1, parse=plain_number,
+    ), {_name(fields): fields["K2101"] for _, fields, _ in measured if "K2101" in fields}  # fmt: skip
 
 
 def _name(fields: _Fields) -> str:
