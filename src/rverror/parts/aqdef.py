@@ -60,7 +60,12 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
     rows = [row for part in {id(part): part for part, _, _ in measured}.values() for row in _rows(name, part, measured)]
     if not rows:
         raise InputError(f"{name}: no measured values (K0001) in it; export them with their description")
-    unit = {_name(fields): fields.get("K2142", "") for _, fields, _ in measured}
+    unit: _Fields = {}
+    nominal: _Fields = {}
+    for _, fields, _ in measured:
+        for told, key, what in ((unit, "K2142", "unit"), (nominal, "K2101", "nominal value")):
+            if told.setdefault(_name(fields), fields.get(key, "")) != fields.get(key, ""):
+                raise InputError(f"{name}: {shown(_name(fields))} has more than one {what} ({key}); split the file")
     columns = [
         *unit,
         *(each for each in (*_OF_PART, *_OF_VALUE) if each == "K0014" or any(each in row for row in rows)),
@@ -77,7 +82,7 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
     return BenchFile(
         path=name, kind="text", entries=entries, read=read, words=words, notes=notes, noun="piece",
         labels=np.arange(len(rows)) + 1, parse=plain_number,
-    ), {_name(fields): fields["K2101"] for _, fields, _ in measured if "K2101" in fields}  # fmt: skip
+    ), nominal  # fmt: skip
 
 
 def _name(fields: _Fields) -> str:
@@ -146,6 +151,9 @@ def _characteristics(name: str, lines: Sequence[tuple[str, str]]) -> list[tuple[
 
 def _rows(name: str, part: _Fields, measured: Sequence[tuple[_Fields, _Fields, list[_Fields]]]) -> Iterator[_Fields]:
     """Pieces of one part number: values of one serial number (K0014), else values of one place in the order."""
+    names = [_name(fields) for one, fields, values in measured if one is part and values]
+    if twice := [each for each in names if names.count(each) > 1]:
+        raise InputError(f"{name}: two characteristics of a part are named {shown(twice[0])}; give each its own K2002")
     own = {_name(fields): values for one, fields, values in measured if one is part and values}
     by_serial = all("K0014" in value for values in own.values() for value in values)
     if not by_serial and len({len(values) for values in own.values()}) > 1:

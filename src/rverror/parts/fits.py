@@ -318,7 +318,6 @@ def fit_lobes(
     lobe_harmonics: int,
     sigma: float = np.nan,
     radial: bool = True,
-    place: int | None = None,
 ) -> LobeFit:
     """Fit the errors of a disc's lobes to points of its profile.
 
@@ -333,8 +332,6 @@ def fit_lobes(
         Uncertainty of a reading, mm; NaN where none is stated.
     radial : bool
         Whether that is of the radius, along the ray, not along the normal of the profile.
-    place : int, optional
-        Which disc of the unit; told by the lobes where left out.
 
     Returns
     -------
@@ -345,8 +342,7 @@ def fit_lobes(
     UntoldError
         If the points do not tell the errors apart, or are not those of such a disc.
     """
-    place = _place(reducer, points) if place is None else place
-    moved, turn, lobes = 0j, 0.0, list[int]()
+    place, moved, turn, lobes = _place(reducer, points), 0j, 0.0, list[int]()
 
     def blocks() -> Iterator[tuple[Array, Array, npt.NDArray[np.int64], Array]]:
         for at in range(0, points.size, _ROWS):
