@@ -1,4 +1,4 @@
-"""Q-DAS ASCII transfer format (AQDEF), .dfq or .dfd beside .dfx: a table with a row for each piece.
+"""Q-DAS ASCII transfer format (AQDEF), .dfq or .dfd with .dfx: a table with a row for each piece.
 
 aqdefreader, the reader that there is, leaves out serial numbers (K0014) and description files, so the few K-fields that
 parts need are read here.
@@ -24,7 +24,7 @@ _PORTIONS = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K00
 _BETWEEN_VALUES, _BETWEEN_FIELDS = "\x0f", "\x14"
 #: Of K0002: a value that was marked as none.  Of K2004: counted, not measured.
 _NO_VALUE, _COUNTED = ("255", "256"), ("1", "5", "6")
-#: Fields that are columns beside the characteristics: of the part, and of the value.
+#: Fields that are columns in addition to the characteristics: of the part, and of the value.
 _OF_PART, _OF_VALUE = ("K1001", "K1002"), ("K0014", "K0006", "K0004")
 #: Fields of a characteristic or a value, by their names.
 _Fields = dict[str, str]
@@ -63,8 +63,8 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
     unit: _Fields = {}
     nominal: _Fields = {}
     for _, fields, _ in measured:
-        for told, key, what in ((unit, "K2142", "unit"), (nominal, "K2101", "nominal value")):
-            if told.setdefault(_name(fields), fields.get(key, "")) != fields.get(key, ""):
+        for held, key, what in ((unit, "K2142", "unit"), (nominal, "K2101", "nominal value")):
+            if held.setdefault(_name(fields), fields.get(key, "")) != fields.get(key, ""):
                 raise InputError(f"{name}: {shown(_name(fields))} has more than one {what} ({key}); split the file")
     columns = [
         *unit,

@@ -84,7 +84,7 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
         if feature.name == "teeth":
             return _teeth(feature, kind, readings, reducer)
         return _places(feature, kind, readings, reducer)
-    except fits.UntoldError as error:
+    except fits.UnresolvedError as error:
         raise InputError(f"{readings.where}, [{feature.name}]: {error}") from error
 
 
@@ -219,7 +219,7 @@ def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list
     if feature.place not in (None, found.place):
         raise InputError(f"{readings.where}: place = {feature.place}, but its lobes stand as those of disc "
                          f"{found.place}; correct place, or the zero of the angle")  # fmt: skip
-    # cos 0 has no sine beside it
+    # cos 0 has no sine
     both = [np.insert(each, 4 + 4 * H, np.nan) for each in (found.estimate.values, found.estimate.sigmas)]
     both[0] = np.nan_to_num(both[0])
     setup, profile, pitch, over, single = zip(

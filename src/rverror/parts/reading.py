@@ -158,7 +158,8 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     bench = BenchMapping(path=rules.path, text=rules.text)
     entries = [found_entry(file, bench, where) for where in places]
     labels, words = file.labels, file.words
-    assert labels is not None and words is not None  # of a text
+    assert labels is not None  # of a text
+    assert words is not None
 
     def at(row: int) -> str:
         return f"{file.path}, {file.noun} {labels[row]}"

@@ -52,7 +52,7 @@ def unit_of_parts(
     Parameters
     ----------
     model : Model
-        What is known beside them.
+        What else is known of the unit.
     parts : sequence of MeasuredPart
     places : mapping of str to sequence of str, optional
         Serial numbers by kind, in the order of the places: ``{"disc": ["D17", "D18"]}``.  Of a kind that is left out
@@ -66,7 +66,7 @@ def unit_of_parts(
     Raises
     ------
     InputError
-        If a serial number or its place cannot be told, or the model declares an error that was measured.
+        If a serial number is unknown, a place has no part, or the model declares an error that was measured.
 
     Examples
     --------
