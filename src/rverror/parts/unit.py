@@ -119,11 +119,10 @@ def mounted_parts(
     for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
         chosen = tuple((places or {}).get(kind, measured.get(kind, ())))
         unknown = [serial for serial in chosen if serial not in measured.get(kind, ())]
-        if unknown:
-            known = ", ".join([*measured.get(kind, ["no such kind"])[:5], "..."])
-            raise InputError(
-                f"place {shown(kind)}: {shown(unknown[0])} is not among the measured parts: {known}; correct it"
-            )
+        if unknown or kind not in KINDS:
+            known = ", ".join([*measured.get(kind, ())[:5], "..."])
+            wrong = shown([*unknown, ""][0])
+            raise InputError(f"place {shown(kind)}: {wrong} is not among the measured parts, {known}; correct it")
         count = counts[KINDS[kind][1]]
         if len(chosen) != count or len(set(chosen)) < count:
             example = ",".join([*measured[kind], "..."][:count])
