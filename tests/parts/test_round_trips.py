@@ -96,6 +96,16 @@ def test_a_scan_about_the_bores_tells_their_places(tmp_path: Path) -> None:
     assert max(abs(v) for e in part.errors if e not in bores for v in e.values) < 0.02 * UM
 
 
+def test_a_disc_that_is_made_for_another_place(tmp_path: Path) -> None:
+    _, curve, _ = trial.nominal_disc(1, 20)
+    lines = trial.table("angle,radius", np.degrees(np.angle(curve)), abs(curve))
+    assert any("those of disc 1" in note for note in read(tmp_path, trial.LOBES, lines).notes)
+    with pytest.raises(rverror.InputError, match="place = 0, but its lobes stand as those of disc 1; correct place"):
+        read(tmp_path, trial.LOBES + "place = 0\n", lines)
+    with pytest.raises(rverror.InputError, match="place = 2: a unit has discs 0 to 1"):
+        read(tmp_path, trial.LOBES + "place = 2\n", lines)
+
+
 def test_a_deviation_scan_says_what_a_radius_scan_says(tmp_path: Path) -> None:
     """A wave of profile and nothing else, as deviations along the normal at polar angles."""
     angle = np.linspace(0, 2 * np.pi, 20 * UNIT.disc_lobes, endpoint=False)
