@@ -34,7 +34,7 @@ def add_commands(commands: Any) -> None:
         "which contact holds each mode and which part moves most in it.",
         example='unit.toml --torque "100 N*m" --plot modes.png',
     )
-    _add_state(command, plot="the shapes of the lowest modes")
+    _add_state(command, plot="the shape of the lowest mode of the machine")
     command.add_argument("--angle", default="0 deg", metavar='"12 deg"', help="output angle (default 0 deg)")
     command.set_defaults(run=_modes)
 
