@@ -2,7 +2,7 @@
 # # Tolerances of an RV-40E: what they make of the output error, and which ones to buy
 #
 # Four tolerances of the cycloid stage.  How large does the peak-to-peak get, which tolerance matters, what is the
-# cheapest set that keeps 99 % of the units within 40 arcsec, and what can assembly do about given parts?
+# cheapest set that keeps 99 % of the units within 40 arcsec?
 
 # %%
 import rverror
@@ -34,14 +34,3 @@ print(rverror.to_text(budget, limit=40 * ARCSEC))
 stack = rverror.stack(model, tolerances)
 bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14, **rverror.terms(tolerances))
 print(rverror.to_text(bought))
-
-# %% [markdown]
-# Assembly: parts that are measured can be mounted where their errors cancel.  Discs, cranks and planets of an RV-40E
-# leave a builder some ways; the best one of each unit against any.
-
-# %%
-gain = rverror.phasing_gain(stack, rverror.mounting_choices(stack, unit), units=64)
-print(
-    f"mean peak-to-peak at random {gain.random_mean / ARCSEC:.1f} arcsec, in the best of {gain.arrangements} "
-    f"arrangements {gain.chosen_mean / ARCSEC:.1f} arcsec"
-)

@@ -15,9 +15,12 @@ from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, Hel
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.life.result import Changed, Grown, OrderChange, Remaining, RunsCompared, Trend
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
+from rverror.matching.at_load import Quantity
+from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
+from rverror.tolerances.specification import Limit
 
 #: What runs say of a reducer: one stiffness, the backlash and one exponent, and nothing of another stiffness.
 ELASTIC = (
@@ -218,6 +221,38 @@ def runs_compared() -> RunsCompared:
     return RunsCompared(("forward",), (order,), changed(), 0.02 * ARCSEC, (HOSTILE,))
 
 
+def matched() -> Matched:
+    """Units matched by hand: three limits, one part turned, one that stays."""
+    quantities = tuple(
+        Quantity(limit, direction)
+        for limit, direction in (
+            (Limit("transmission_error", 30 * ARCSEC, 412e3), 1.0),
+            (Limit("lost_motion", 60 * ARCSEC, 12.36e3), 1.0),
+            (Limit("transmission_error", 30 * ARCSEC, 412e3), -1.0),
+        )
+    )
+    units = tuple(
+        MatchedUnit(
+            (
+                MountedPart("disc", 0, f"D{n}"),
+                MountedPart("disc", 1, HOSTILE, 1),
+                MountedPart("housing", None, f"H{n}"),
+                MountedPart("roller", 0, f"R{n}"),
+            ),
+            MODEL,
+            (20 * ARCSEC + n * ARCSEC, 50 * ARCSEC, 21 * ARCSEC),
+        )
+        for n in range(3)
+    )
+    turns = np.array([unit.turns for unit in units])
+    ways = (
+        WayToBuild("put together at random", 2 * turns, np.array([0.9, 1.3, 2.1])),
+        WayToBuild("matched", turns, np.array([0.83, 0.84, 0.85]), cost=2.5),
+    )
+    allowed = (30 * ARCSEC, 60 * ARCSEC, 30 * ARCSEC)
+    return Matched(HOSTILE, quantities, allowed, units, {"disc": ("D9", HOSTILE)}, 4, 4, ways, 0.05, (HOSTILE,))
+
+
 def lot() -> Lot:
     """A lot by hand with everything that a lot can have: sizes in whole um and arcsec."""
 
@@ -366,6 +401,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Lot": (lot(), {}),
         "Trend": (trend(), {}),
         "RunsCompared": (runs_compared(), {}),
+        "Matched": (matched(), {}),
         "Diagnosis": (diagnosis("unexplained"), {}),
         "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
         "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),

@@ -24,9 +24,11 @@ PLACES = {
     "views": (450, "text, pages, tables, plots"),
     "life": (230, "what grows, what jumped"),
     "lots": (230, "what processes made"),
+    "matching": (550, "which parts to join"),
     "tolerances": (120, "budget, units, allocation"),
-    "compensation": (645, "tables for controllers"),
-    "diagnosis": (340, "residual to named cause"),
+    "compensation": (775, "tables for controllers"),
+    "diagnosis": (560, "residual to named cause"),
+    "parts": (340, "what machines measure"),
     "runs": (360, "files, checks, virtual bench"),
     "dynamics": (590, "modes, error at speed"),
     "statics": (340, "equilibrium, prediction"),
@@ -36,7 +38,7 @@ PLACES = {
 }
 #: Files that stand side by side in the room of the gear train, in the order of the power.
 PARTS = ("involute", "crank", "cycloid", "coupling", "feedback", "thermal")
-WIDTH, ROW, BOX = 756, 76, (200, 44)  # px
+WIDTH, ROW, BOX = 886, 76, (200, 44)  # px
 WIDE = (560, 74)  # of the gear train
 
 _STYLE = """

@@ -82,7 +82,6 @@ if TYPE_CHECKING:
     from rverror.tolerances import cost as costs
     from rverror.tolerances import distribution as distributions
     from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
-    from rverror.tolerances.assembly import mounting_choices, phasing_gain
     from rverror.tolerances.closed_form import Budget, budget
     from rverror.tolerances.full_budget import ErrorBudget, error_budget
     from rverror.tolerances.loaded_allocation import allocate_at_load
@@ -99,6 +98,14 @@ if TYPE_CHECKING:
     from rverror.lots.outsider_diagnosis import diagnose_outsiders
     from rverror.lots.result import Lot
 
+    # Measured parts: from a measuring machine's file to a unit with its uncertainty.
+    from rverror.parts.measured import MeasuredPart
+    from rverror.parts.parts_table import save_parts
+    from rverror.parts.reading import PartsRead, load_parts
+    from rverror.parts.unit import UnitError, unit_error, unit_of_parts
+    from rverror.matching.matched import match
+    from rverror.matching.result import Matched
+
     # A unit over its life: what grows and what jumped, told from runs at different times.
     from rverror.life.compared import compare_runs
     from rverror.life.over_life import trend
@@ -106,7 +113,7 @@ if TYPE_CHECKING:
 
     # Pictures and tables: any result as text, JSON, page, table or plot.
     from rverror.views.envelope import input_files
-    from rverror.views.report import to_html, to_json, to_text
+    from rverror.views.report import to_csv, to_html, to_json, to_text
     from rverror.views.tables import to_pandas, to_xarray
     from rverror.views.plots.drawing import draw, order_map
     from rverror.views.plots.figure import line_style, new_figure
@@ -137,9 +144,12 @@ _LATER = {
     "Linearisation": "statics.loaded_state",
     "Lot": "lots.result",
     "Lubricant": "statics.duty",
+    "MeasuredPart": "parts.measured",
+    "Matched": "matching.result",
     "Modes": "dynamics.natural_modes",
     "NotConvergedError": "statics.loaded_state",
     "OrderTable": "runs.order_table",
+    "PartsRead": "parts.reading",
     "Policy": "diagnosis.policy",
     "PressurePeak": "statics.hertz",
     "RollerBearing": "statics.hertz",
@@ -152,6 +162,7 @@ _LATER = {
     "Tolerance": "tolerances.stacking",
     "TorsionCurve": "statics.rigidity",
     "Trend": "life.result",
+    "UnitError": "parts.unit",
     "VirtualUnits": "tolerances.sampling",
     "Wear": "statics.worn_contacts",
     "WearCoefficients": "statics.worn_contacts",
@@ -186,29 +197,31 @@ _LATER = {
     "load_compensation": "compensation.table_files",
     "load_mapping": "runs.bench.mapping",
     "load_orders": "runs.order_file",
+    "load_parts": "parts.reading",
     "load_run": "runs.measurement",
     "load_tolerances": "tolerances.tolerance_file",
     "lost_motion": "statics.rigidity",
     "lot": "lots.made",
     "lot_units": "lots.folder",
+    "match": "matching.matched",
     "modes": "dynamics.natural_modes",
-    "mounting_choices": "tolerances.assembly",
     "new_figure": "views.plots.figure",
     "order_map": "views.plots.drawing",
     "order_table_from_runs": "runs.order_fit",
     "orders_from_arrays": "runs.order_file",
     "passport": "diagnosis.order_passport",
-    "phasing_gain": "tolerances.assembly",
     "read_case": "reference.cases",
     "run_from_arrays": "runs.measurement",
     "run_up": "dynamics.running_up",
     "save_compensation": "compensation.table_files",
+    "save_parts": "parts.parts_table",
     "save_widths": "tolerances.tolerance_file",
     "simulate": "runs.virtual_bench",
     "simulate_runs": "runs.virtual_bench",
     "speed_response": "dynamics.at_speed",
     "stack": "tolerances.stacking",
     "terms": "tolerances.allocation",
+    "to_csv": "views.report",
     "to_html": "views.report",
     "to_json": "views.report",
     "to_pandas": "views.tables",
@@ -219,6 +232,8 @@ _LATER = {
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",
     "trend": "life.over_life",
+    "unit_error": "parts.unit",
+    "unit_of_parts": "parts.unit",
     "validated": "diagnosis.validation",
     "virtual_units": "tolerances.sampling",
     "wear": "statics.worn_contacts",
@@ -265,11 +280,14 @@ __all__ = [
     "Linearisation",
     "Lot",
     "Lubricant",
+    "Matched",
+    "MeasuredPart",
     "Model",
     "Modes",
     "NotConvergedError",
     "OrderTable",
     "Parameter",
+    "PartsRead",
     "Policy",
     "PressurePeak",
     "Reducer",
@@ -286,6 +304,7 @@ __all__ = [
     "Tolerance",
     "TorsionCurve",
     "Trend",
+    "UnitError",
     "VirtualUnits",
     "Wear",
     "WearCoefficients",
@@ -332,19 +351,19 @@ __all__ = [
     "load_mapping",
     "load_model",
     "load_orders",
+    "load_parts",
     "load_run",
     "load_tolerances",
     "lost_motion",
     "lot",
     "lot_units",
+    "match",
     "modes",
-    "mounting_choices",
     "new_figure",
     "order_map",
     "order_table_from_runs",
     "orders_from_arrays",
     "passport",
-    "phasing_gain",
     "preset_origins",
     "presets",
     "read_case",
@@ -353,6 +372,7 @@ __all__ = [
     "run_up",
     "save_compensation",
     "save_model",
+    "save_parts",
     "save_widths",
     "simulate",
     "simulate_runs",
@@ -360,6 +380,7 @@ __all__ = [
     "stack",
     "terms",
     "to_core",
+    "to_csv",
     "to_display",
     "to_html",
     "to_json",
@@ -373,6 +394,8 @@ __all__ = [
     "transmission_error",
     "transmission_error_by_effect",
     "trend",
+    "unit_error",
+    "unit_of_parts",
     "validated",
     "virtual_units",
     "wear",

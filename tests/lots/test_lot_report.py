@@ -16,11 +16,10 @@ import pytest
 
 import rverror
 from every_kind import HOSTILE, MODEL, lot
-from rverror import to_html, to_json, to_text
+from rverror import to_csv, to_html, to_json, to_text
 from rverror.base.units import ARCSEC
 from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
-from rverror.views.lot_report import lot_csv
 
 EMPTY = Lot("unit", 5, ("forward at 20 N*m",), (), (), (), {}, (), (), (), (), 0.5)
 
@@ -105,7 +104,7 @@ def test_the_page_has_pictures_and_escapes_every_name() -> None:
 
 
 def test_the_table_for_spreadsheets_has_a_row_for_each_process() -> None:
-    rows = list(csv.DictReader(io.StringIO(lot_csv(lot()))))
+    rows = list(csv.DictReader(io.StringIO(to_csv(lot(), rows="process"))))
     assert [one["key"] for one in rows] == [one.key for one in lot().processes]
     assert (rows[0]["deviation"], rows[0]["unit"], rows[0]["above_zero"], rows[0]["cp"]) == ("2", "um", "yes", "1.25")
     assert (rows[-1]["deviation"], rows[-1]["cp"]) == ("", "")

@@ -97,12 +97,15 @@ ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
 #: Those that no row of samples comes of: tested elsewhere, or they hold no angle.
 OTHERS = {
     "diagnose_outsiders": "each by `diagnose`: tests/lots/test_outsider_diagnosis.py",
+    "match": "of units at the load: below",
     "trend": "of sessions as `lot` of units: tests/life/test_over_life.py",
     "lot": "of units whose orders are told from the marks on: tests/lots/test_made.py",
     "modes": "at one angle: below",
     "fit_running_in": "by `wear`: tests/statics/test_running_in.py",
     "wear": "over whole turns: tests/statics/test_wear.py",
     "diagnose": "test_unknown_index: marks off are found again",
+    "unit_error": "by `transmission_error_by_effect`, which is above",
+    "unit_of_parts": "it adds effects and asks for nothing",
     "virtual_units": "of a stack, which is above",
     "allocate": "of a stack, which is above",
     "allocate_at_load": "of units at the load: below",

@@ -677,6 +677,25 @@ def lot(p: Played, says: Prose) -> None:
     assert foretold.quantile.low < foretold.seen[1] < foretold.quantile.high
 
 
+def matching(p: Played, says: Prose) -> None:
+    found = p["found"]
+    ways = {way.name: way.share for way in found.ways}
+    says("A reducer of ratio 49 with 16 pins")
+    assert (p["unit"].ratio, p["unit"].pins) == (49, 16)
+    says("Eight units can be made.")
+    says("All eight are good, where about half are at random. Three classes gain nothing")
+    assert (found.possible, len(found.units), found.bound) == (8, 8, 8)
+    assert 0.35 < ways["put together at random"] < 0.65
+    assert ways["three classes"] <= ways["put together at random"]
+    says("A disc turned by one pitch of its bores stands at the second place: its lobes fit there no other way.")
+    assert all(
+        (part.place, part.turn) in ((0, 0), (1, 1)) for u in found.units for part in u.parts if part.kind == "disc"
+    )
+    sizes = re.search(r"^([\d.]+) arcsec, in the list ([\d.]+)$", p.printed, re.MULTILINE)
+    assert sizes is not None
+    assert float(sizes[1]) == pytest.approx(float(sizes[2]), rel=0.02)
+
+
 CHECKS = (
     error_budget,
     gallery,
@@ -684,6 +703,7 @@ CHECKS = (
     closed_loop,
     forward_and_reverse,
     lot,
+    matching,
     table_to_names,
     unexplained_order,
     your_bench_files,

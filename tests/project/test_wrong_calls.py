@@ -71,7 +71,6 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "compress_lot": ((FILE, MODEL), {"out": "lot.npz"}),
     "load_amplitudes": ((FILE, MODEL), {}),
     "modes": ((MODEL,), {"torque": 20e3}),
-    "mounting_choices": ((STACK, UNIT), {}),
     "order_map": (([RUN, RUN],), {"ratio": UNIT}),
     "order_table_from_runs": (([RUN], UNIT, [40.0]), {}),
     "reducer": (("RV-40E",), {"cranks": 3}),
@@ -134,12 +133,14 @@ LEFT_OUT = {
     "allocation_json", "allocation_text", "bench_uncertainty", "budget_json", "budget_text", "coloured_noise",
     "compare", "compare_runs", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
     "draw", "extended", "folded_order", "input_files",
-    "line_style",
+    "line_style", "match",
     "load_compensation", "load_mapping", "lot",
-    "load_orders", "new_figure", "orders_from_arrays", "passport", "phasing_gain",
-    "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_widths", "to_core",
-    "to_display", "to_html",
-    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "validated",
+    "load_orders", "load_parts", "new_figure", "orders_from_arrays", "passport",
+    "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_parts", "save_widths",
+    "to_core",
+    "to_csv", "to_display", "to_html",
+    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "unit_error",
+    "unit_of_parts", "validated",
 }  # fmt: skip
 
 

@@ -16,14 +16,14 @@ from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
 from rverror.diagnosis.result import Diagnosis
 from rverror.statics.loaded_state import linearise
-from rverror.views.notebook import page
 from rverror.views.blocks import MOST_ROWS
+from rverror.views.notebook import page
 
 PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
-    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "Diagnosis",
+    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "Matched", "Diagnosis",
     "Diagnosis, nothing missing",
     "Diagnosis, torque",
 )  # fmt: skip
@@ -131,6 +131,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "Lot",
         "Trend",
         "RunsCompared",
+        "Matched",
         "Diagnosis",
         "Diagnosis, nothing missing",
         "Diagnosis, torque",

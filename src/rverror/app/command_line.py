@@ -66,6 +66,8 @@ COMMANDS = {
     "lot_command": ("lot",),
     "life_command": ("trend", "compare-runs"),
     "wear_command": ("wear",),
+    "parts_command": ("parts",),
+    "match_command": ("match",),
     "dynamics_commands": ("modes", "speeds"),
     "contact_commands": ("efficiency", "hysteresis", "pressure"),
     "reference_commands": ("reference-cases", "compare"),

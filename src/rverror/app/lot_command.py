@@ -36,8 +36,7 @@ from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
 from rverror.tolerances.tolerance_file import load_tolerances
 from rverror.views.envelope import InputFile, input_files
-from rverror.views.lot_report import lot_csv
-from rverror.views.report import to_html, to_json, to_text
+from rverror.views.report import to_csv, to_html, to_json, to_text
 
 _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as long as others take to start
 
@@ -176,7 +175,7 @@ def _write(found: Lot, options: argparse.Namespace, files: Sequence[InputFile]) 
     if options.html:
         write_output(options.html, to_html(found, files=files))
     if options.csv:
-        write_output(options.csv, lot_csv(found))
+        write_output(options.csv, to_csv(found, rows="process"))
     if options.save:
         text = tolerances_as_made(found)
         if text:

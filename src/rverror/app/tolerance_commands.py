@@ -91,22 +91,27 @@ def add_commands(commands: Any) -> None:
     command.set_defaults(run=_allocate)
 
 
-def _add_limits(command: argparse.ArgumentParser) -> None:
+def add_limits(command: argparse.ArgumentParser, *, beside: str = "") -> None:
+    """Add the options of limits on angles to a command; `beside` is what else ``--at`` gives there."""
     command.add_argument("--limit", metavar='"60 arcsec"', help="limit of the transmission error, peak-to-peak")
     command.add_argument(
         "--lost-motion", metavar='"60 arcsec"', help="limit of the lost motion at 3 %% of the rated torque"
     )
     command.add_argument("--backlash", metavar='"60 arcsec"', help="limit of the backlash, the play without load")
     command.add_argument(
-        "--stiffness",
-        metavar='"100 N*m/arcmin"',
-        help="least torsional stiffness between 50 and 100 %% of the rated torque",
-    )
-    command.add_argument(
         "--at",
         "--torque",
         metavar='"20 N*m,412 N*m"',
-        help="output torques of the transmission error (default: the rated torque and 20 N*m); with --speed the load",
+        help=f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}",
+    )
+
+
+def _add_limits(command: argparse.ArgumentParser) -> None:
+    add_limits(command, beside="; with --speed the load")
+    command.add_argument(
+        "--stiffness",
+        metavar='"100 N*m/arcmin"',
+        help="least torsional stiffness between 50 and 100 %% of the rated torque",
     )
     command.add_argument(
         "--yield", dest="level", metavar='"99 %"', help="least share of the units within the limits (default 99 %%)"
@@ -144,7 +149,7 @@ def _budget(options: argparse.Namespace) -> None:
         raise InputError("--yield: the share that limits at the load ask for; leave it out, or give --at '20 N*m'")
     if options.loaded_units is not None and not asked:
         raise InputError("--loaded-units: no unit is solved at a load; leave it out, or give --at '20 N*m'")
-    limits = _limits(options, model) if asked else ()
+    limits = limits_of(options, model) if asked else ()
     loaded = LOADED_COUNT if options.loaded_units is None else options.loaded_units
     _at_least_one("--units", options.units)
     _at_least_one("--loaded-units", loaded)
@@ -212,7 +217,7 @@ def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tu
         return allocate_at_load(
             model,
             tolerances,
-            _limits(options, model),
+            limits_of(options, model),
             direction=_direction(options),
             verify=count,
             seed=options.seed,
@@ -258,12 +263,12 @@ def _allocated_in_closed_form(
 def _of_load(options: argparse.Namespace) -> list[str]:
     """Options that limit what only the load tells."""
     names = ("--lost-motion", "--backlash", "--stiffness")
-    return [name for name in names if getattr(options, name[2:].replace("-", "_")) is not None]
+    return [name for name in names if getattr(options, name[2:].replace("-", "_"), None) is not None]
 
 
-def _limits(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
+def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
-    level = _share(options.level)
+    level = _share(getattr(options, "level", None))
     unit = reducer_of(model.mechanism, "a limit at the load")
     torques = [
         _above_zero("--at", text.strip(), "torque", "20 N*m") for text in (options.at or "").split(",") if text.strip()

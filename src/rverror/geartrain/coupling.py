@@ -24,7 +24,7 @@ from rverror.geartrain.source import (
     rv,
 )
 
-BEARING_CLEARANCE = "coupling.bearing_clearance"
+BEARING_CLEARANCE, CARRIER_BORE = "coupling.bearing_clearance", "coupling.carrier_bore_position"
 
 
 def carrier_forces(*, cam_forces: Array, mesh_forces: Array) -> Array:
@@ -162,7 +162,7 @@ def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, .
 
 SOURCES = (
     Source(
-        "coupling.carrier_bore_position", carrier_bore_position, (CRANK,),
+        CARRIER_BORE, carrier_bore_position, (CRANK,),
         lengths(30, "radial", "tangential"), "carrier", _bore_orders, "000, delta_41; 004",
         "displacement of one crank bore in the carrier",
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",

@@ -30,7 +30,7 @@ from rverror.geartrain.source import (
     rv,
 )
 
-BEARING_CLEARANCE = "crank.bearing_clearance"
+BEARING_CLEARANCE, ECCENTRICITY = "crank.bearing_clearance", "crank.eccentricity"
 
 
 def cam_forces(contacts: Contacts, *, pin_forces: Array) -> Array:
@@ -206,7 +206,7 @@ def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, .
 
 SOURCES = (
     Source(
-        "crank.eccentricity", eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
+        ECCENTRICITY, eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
         "crank", leads("crank"), "000, delta_21; 001; 004", "displacement of one cam",
         equation=r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
     ),

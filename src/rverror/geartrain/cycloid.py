@@ -33,8 +33,10 @@ from rverror.geartrain.source import (
     rv,
 )
 
-#: Sources that wear makes.
+#: Sources of which other rooms make errors: those of wear, and those that machines measure.
 LOBE_PROFILE, DISC_PROFILE, PIN_RADIUS = "cycloid.lobe_profile", "cycloid.disc_profile", "cycloid.pin_radius"
+PIN_POSITION, PIN_CIRCLE, DISC_BORE = "cycloid.pin_position", "cycloid.pin_circle", "cycloid.disc_bore_position"
+DISC_PITCH, DISC_LOBE = "cycloid.disc_pitch", "cycloid.disc_lobe"
 
 
 @dataclass(frozen=True)
@@ -598,13 +600,13 @@ SOURCES = (
         equation=r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
     ),
     Source(
-        "cycloid.disc_pitch", disc_pitch, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
+        DISC_PITCH, disc_pitch, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
         starts=around(0.17),
         equation=r"$\delta = -(c\cos h\psi_i + s\sin h\psi_i)\, \tau_i$",
     ),
     Source(
-        "cycloid.disc_lobe", disc_lobe, (DISC, _LOBE), lengths(50, "deviation"),
+        DISC_LOBE, disc_lobe, (DISC, _LOBE), lengths(50, "deviation"),
         "disc", leads("disc"), "none: a local defect", "one worn or damaged lobe of a disc", in_tables=False,
         starts=EITHER_WAY,
         equation=r"$\delta = e \cos^2(z_c(\psi_i - \psi_l)/2)\, n_i$ where $\lvert\psi_i - \psi_l\rvert < \pi/z_c$",
@@ -616,13 +618,13 @@ SOURCES = (
         equation=r"$\delta = (c\cos h\varphi_i + s\sin h\varphi_i)\, n_i$",
     ),
     Source(
-        "cycloid.pin_position", pin_position, (PIN,), lengths(50, "radial", "tangential"),
+        PIN_POSITION, pin_position, (PIN,), lengths(50, "radial", "tangential"),
         "housing", _one_pin_orders, "001; 002, e_R and e_AR; 004", "displacement of one pin",
         starts=((-0.2, 0.0), (-0.2, 0.25), (-0.2, -0.25)),
         equation=r"$\delta = e_r\, p_i + e_t\, p_i^\perp$",
     ),
     Source(
-        "cycloid.pin_circle", pin_circle, (harmonics(0, 6),),
+        PIN_CIRCLE, pin_circle, (harmonics(0, 6),),
         lengths(50, "radial_cos", "radial_sin", "tangential_cos", "tangential_sin"),
         "housing", pin_wave_orders, "001, table 1", "wave of all pins around the pin circle",
         alike_at_pins=lambda indices: indices["harmonic"] == 0,
@@ -663,7 +665,7 @@ SOURCES = (
         equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, p_i$",
     ),
     Source(
-        "cycloid.disc_bore_position", disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),
+        DISC_BORE, disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),
         "disc", bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
         starts=around(0.17),
         equation=r"$\delta = e_r\, r_j + e_t\, t_j$",

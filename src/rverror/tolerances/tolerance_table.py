@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rverror.base.errors import InputError
+from rverror.base.spreadsheet import sheet_rows
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText
 from rverror.model.catalogue import CATALOGUE
@@ -153,23 +154,4 @@ def _csv_rows(path: PathLike) -> list[tuple[int, list[str]]]:
     return [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
 
 
-def _sheet_rows(path: PathLike) -> list[tuple[int, list[str]]]:
-    """Rows of the first sheet."""
-    try:
-        import openpyxl  # extra 'io'
-    except ImportError as error:
-        raise InputError(
-            f"{path}: spreadsheets need openpyxl; install it by pip install 'rverror[io]', or save the sheet as CSV"
-        ) from error
-    try:
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        cells = [list(row) for row in book.worksheets[0].iter_rows(values_only=True)]
-        book.close()
-    except Exception as error:  # whatever a file that is no workbook makes zip and XML readers say
-        raise InputError(f"{path}: no workbook that can be read ({error}); save it again as xlsx or CSV") from error
-    return [
-        (number, ["" if cell is None else str(cell).strip() for cell in row]) for number, row in enumerate(cells, 1)
-    ]
-
-
-_READERS = {".csv": _csv_rows, ".xlsx": _sheet_rows}
+_READERS = {".csv": _csv_rows, ".xlsx": sheet_rows}

@@ -453,6 +453,11 @@ def _credit(diagnosis: Diagnosis) -> str:
     share = min(max((refitted - after) / (before - after), 0.0), 1.0)
     if share > 0.95:
         return ""
+    if share < 0.05:
+        return (
+            "Refitting the declared sizes within their uncertainty makes most of this fall; what was added takes off "
+            "the rest, which noise does not explain."
+        )
     return (
         f"Of this fall in mean square {100 * share:.0f} % are due to what was added, the rest to refitting declared "
         "sizes within their uncertainty."

@@ -28,6 +28,7 @@ from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.result import Lot, Shift
+from rverror.matching.result import Matched, MountedPart
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
@@ -895,6 +896,45 @@ def _of_compared(result: RunsCompared) -> Table:
     }
     about = {"conditions": "\n".join(result.conditions), "noise": result.noise, "notes": "\n".join(result.notes)}
     return Table("RunsCompared", "order", variables, about)
+
+
+@_table.register
+def _of_matched(result: Matched) -> Table:
+    units, left = result.units, [(kind, serial) for kind, serials in result.left.items() for serial in serials]
+    at = {place_name(part): place for place, part in enumerate(units[0].parts)}
+    placed: dict[str, Any] = {name: [unit.parts[place].serial for unit in units] for name, place in at.items()}
+    for name, place in at.items():
+        if any(unit.parts[place].turn for unit in units):
+            placed[f"{name}_turn"] = _integers(unit.parts[place].turn for unit in units)
+    variables = {
+        **_along("unit", unit=_integers(range(1, len(units) + 1)), **placed),
+        **_along("quantity", quantity=[one.label for one in result.quantities], limit=(result.allowed, ANGLE)),
+        "turn": Variable(("unit", "quantity"), np.array([unit.turns for unit in units]), ANGLE, bare=True),
+        **_along(
+            "way",
+            way=[way.name for way in result.ways],
+            units=_integers(way.errors.size for way in result.ways),
+            **{
+                "yield": ([way.share for way in result.ways], PERCENT),
+                "p95": ([way.p95 for way in result.ways], PERCENT),
+            },
+            cost=([way.cost for way in result.ways], NUMBER),
+        ),
+        **_along("left", "left_", kind=[kind for kind, _ in left], serial=[serial for _, serial in left]),
+    }
+    about = {
+        "model": result.model,
+        "possible": result.possible,
+        "bound": result.bound,
+        "doubt": result.doubt,
+        "notes": "\n".join(result.notes),
+    }
+    return Table("Matched", "unit", variables, about)
+
+
+def place_name(part: MountedPart) -> str:
+    """Column of a part's place: ``disc_1``."""
+    return part.kind if part.place is None else f"{part.kind}_{part.place}"
 
 
 def _of_changes(changed: Sequence[Changed]) -> dict[str, Variable]:

@@ -1,47 +1,17 @@
-"""A lot for programs, and as a table for spreadsheets."""
+"""A lot for programs."""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rverror.base.numbers import in_arcsec, rounded
-from rverror.base.text import printable
 from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy, Predicted, Shift
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.kinds import described
-from rverror.views.variables import columns
-
-_WIDTH = 720
-_MOST_PICTURES = 4
-
-
-def lot_csv(result: Lot) -> str:
-    """Processes of a lot as comma-separated text, a row for each."""
-    found, _ = columns(described(result), rows="process", display=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(found)
-    for row in zip(*found.values(), strict=True):
-        writer.writerow([_csv_cell(value) for value in row])
-    return text.getvalue()
-
-
-def _csv_cell(value: Any) -> str:
-    plain = value.item() if hasattr(value, "item") else value
-    if isinstance(plain, float):
-        return "" if math.isnan(plain) else f"{plain:.6g}"
-    if isinstance(plain, bool):
-        return "yes" if plain else "no"
-    return printable(str(plain))
-
 
 # --- for programs -----------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,9 @@ of result has all of them as soon as it has these two.
 
 from __future__ import annotations
 
+import csv
 import inspect
+import io
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,6 +16,7 @@ from functools import singledispatch
 from typing import Any
 
 from rverror.base.errors import InputError
+from rverror.base.text import printable
 from rverror.base.version import __version__
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
@@ -48,6 +51,7 @@ from rverror.views.life_report import compared_json, trend_json
 from rverror.views.lot_report import lot_json
 from rverror.views.plots.page_figures import figures_of
 from rverror.views.sheets import has_sheet, sheet
+from rverror.views.variables import NUMBER, columns
 
 
 @singledispatch
@@ -207,6 +211,54 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterable[str]:
     except ImportError:
         return [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
     return figures_of(result, **options)
+
+
+def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
+    """Result as comma-separated text for a spreadsheet, a row for each of what `to_pandas` has as rows.
+
+    Parameters
+    ----------
+    result
+        Whatever `to_pandas` takes.
+    rows : str, optional
+        As for `to_pandas`.
+    units : bool
+        Whether the name of a column tells its unit.
+
+    Returns
+    -------
+    str
+        Sizes in arcsec and um; empty where they are not determined.
+
+    Raises
+    ------
+    InputError
+        If no table is made of such a result, or it has no such rows.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> print(to_csv(rverror.effect("crank.index", crank=0, angle="1 arcmin")), end="")
+    number,key,indices,parameter,value,unit,uncertainty,origin
+    0,crank.index,crank 0,angle,60,arcsec,,
+    """
+    found, told = columns(described(result), rows=rows, display=True)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    named = {name: f"{name} [{told[name]}]" for name in found if units and told.get(name, NUMBER.core) != NUMBER.core}
+    writer.writerow([named.get(name) or name for name in found])
+    for row in zip(*found.values(), strict=True):
+        writer.writerow([_csv_cell(value) for value in row])
+    return text.getvalue()
+
+
+def _csv_cell(value: Any) -> str:
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, float):
+        return "" if math.isnan(plain) else f"{plain:.6g}"
+    if isinstance(plain, bool):
+        return "yes" if plain else "no"
+    return printable(str(plain))
 
 
 def _before_sections(blocks: Sequence[Block]) -> Sheet:

@@ -27,6 +27,7 @@ from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
+from rverror.matching.result import Matched
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -585,6 +586,36 @@ def _of_compared(thing: RunsCompared) -> Sheet:
         *map(Sentence, life_rivals(thing.changed)),
         *notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_matched(thing: Matched) -> Sheet:
+    found, told = _shown(thing)
+    names = [name for name in found if not name.startswith("roller")]  # forty grooves: the spreadsheet has them
+    heads = {name: f"{name.replace('_', ' ')}{', ' + told[name] if told.get(name) else ''}" for name in names}
+    verdict = f"{len(thing.units)} of {thing.possible} units"
+    limits = zip(thing.quantities, thing.allowed, strict=True)
+    return (
+        *title("Matched units", thing.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
+        Sentence(
+            f"{verdict} that the parts allow are within the limits, each solved at the load; by the linear influences "
+            f"no assembly of these parts has more than {thing.bound}.",
+            verdict,
+        ),
+        *columns_of(
+            {
+                "way to build": [way.name for way in thing.ways],
+                "units": [way.errors.size for way in thing.ways],
+                "yield, %": [100 * way.share for way in thing.ways],
+                "P95, % of the limit": [100 * way.p95 for way in thing.ways],
+                "cost a unit": [way.cost for way in thing.ways],
+            }
+        ),
+        *columns_of({head: found[name] for name, head in heads.items()}),
+        *facts({f"{kind}, {len(some)} stay": ", ".join(some[:8]) + ", ..." * (len(some) > 8)
+                 for kind, some in thing.left.items()}),
+        *notes(thing.notes),
+    )  # fmt: skip
 
 
 def _sized(size: Interval, dimension: str, times: float = 1.0) -> tuple[float, Ends]:

@@ -76,7 +76,10 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
         entries: Sequence[Entry] = file.entries
         values = [f"{key} = {value}" for key, value in file.properties.items()]
     else:
-        head, entries, values = _of_text(str(path))
+        raw = read_bytes(path)
+        encoding, remark = found_encoding(raw)
+        head, entries, values = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
+        head[1:2] = [head[1], f"encoding = {_quoted(encoding)}{remark}"]
     lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
@@ -117,15 +120,25 @@ def _quoted(text: str) -> str:
     return '"' + "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in escaped) + '"'
 
 
-def _of_text(path: str) -> tuple[list[str], list[Entry], list[str]]:
-    raw = read_bytes(path)
-    encoding, remark = _encoding(raw)
-    lines = split_lines(decoded(path, raw, encoding))
+def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[Entry], list[str]]:
+    """How a table in lines is written, for ``[file]`` of a mapping; its columns; and the lines above it.
+
+    Parameters
+    ----------
+    path : str
+        For messages.
+    lines : sequence of str
+
+    Raises
+    ------
+    InputError
+        If no rows of numbers are found.
+    """
     separator, first = _table(path, lines)
     names = _names_line(lines, separator, first)
     rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[first:]), _LOOKED_AT)]
     sign = found_decimal((cell for row in rows for cell in row), point_is_decimal=separator == ",")
-    head = ["", "[file]", f"encoding = {_quoted(encoding)}{remark}", f"separator = {_quoted(separator)}"]
+    head = ["", "[file]", f"separator = {_quoted(separator)}"]
     if isinstance(sign, Undecided):
         head.append(f'decimal = ""  # {shown(sign.cell)} {sign.why}: write "." or ","; thousands = "." for groups')
     else:
@@ -141,8 +154,14 @@ def _of_text(path: str) -> tuple[list[str], list[Entry], list[str]]:
     return head, [Entry(name=cell, unit=unit) for cell, unit in zip(cells, units, strict=False)], above
 
 
-def _encoding(raw: bytes) -> tuple[str, str]:
-    """Encoding of a text, and a remark where it is a guess."""
+def found_encoding(raw: bytes) -> tuple[str, str]:
+    """Encoding of a text, and a remark where it is a guess.
+
+    Examples
+    --------
+    >>> found_encoding("30 °".encode())
+    ('utf-8', '')
+    """
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16", ""
     try:

@@ -268,7 +268,7 @@ def load_mapping(path: PathLike) -> BenchMapping:
     return BenchMapping(
         path=str(path),
         group=toml.string(("file",), tables["file"], "group", "").strip("/"),
-        text=_text_rules(toml, tables["file"]),
+        text=text_rules(toml, tables["file"]),
         columns={key: _column_rule(toml, key, value) for key, value in tables["columns"].items()},
         orders=_order_rules(toml, tables["orders"], tables["header"]),
         header={
@@ -338,7 +338,14 @@ def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
     return value
 
 
-def _text_rules(toml: TomlText, table: Mapping[str, Any]) -> TextRules:
+def text_rules(toml: TomlText, table: Mapping[str, Any]) -> TextRules:
+    """How a text file is written, of the keys of ``[file]``.
+
+    Raises
+    ------
+    InputError
+        If a value is none that a text can have.
+    """
     place = ("file",)
     given = {key: toml.string(place, table, key, "") for key in ("encoding", "separator", "decimal", "thousands")}
     for key, known in (("separator", _SEPARATORS), ("decimal", (".", ",")), ("thousands", THOUSANDS)):
@@ -406,7 +413,7 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("columns", key)
     example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
-    table = _column_table(toml, place, value, example)
+    table = column_table(toml, place, value, example)
     toml.check_keys(place, table, _COLUMN, f"key of {key}")
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
     if toml.string(place, table, "unit", "").strip() == "counts":
@@ -429,11 +436,17 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')
-    return _scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
+    return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
-def _column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:
-    """Table of a column; its name alone stands for one that holds only this."""
+def column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:
+    """Table of a column; its name alone stands for one that holds only this.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
     table = {"name": value} if isinstance(value, str) else value
     if not isinstance(table, dict):
         toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write {place[-1]} = {{ {example} }}")
@@ -447,8 +460,23 @@ def _sign(toml: TomlText, place: Place, table: Mapping[str, Any]) -> float:
     return float(sign)
 
 
-def _scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
-    """Rule of a column with a unit, a sign and a scale."""
+def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
+    """Rule of a column with a unit, a sign and a scale.
+
+    Parameters
+    ----------
+    place : tuple
+        Of the column in the mapping.
+    example : str
+        How it is written, for messages.
+    dimension : str
+        Of its numbers; empty where these have none.
+
+    Raises
+    ------
+    InputError
+        If it is not said which column is meant, or a key has no value of its kind.
+    """
     key = place[-1]
     where = _where(toml, place, table, ("name", "column"), example)
     unit = toml.string(place, table, "unit", "").strip()
@@ -456,7 +484,7 @@ def _scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example
     if not dimension:
         return ColumnRule(where=where, factor=scale or 1.0, scaled=True)
     if scale is not None and not unit:
-        named = _EVERY_EXAMPLE[str(key)]
+        named = _EVERY_EXAMPLE.get(str(key), units.DISPLAY_UNITS[dimension])
         toml.refuse(place, f'{key} has a scale but no unit; write unit = "{named}", that of scaled numbers')
     factor = zero = 0.0
     if unit:
@@ -532,17 +560,17 @@ def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("orders", key)
     unit = f', unit = "{ORDER_EXAMPLES[key]}"' if ORDER_COLUMNS[key] else ""
     keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if ORDER_COLUMNS[key] else _UNITLESS
-    table = _column_table(toml, place, value, f'name = "..."{unit}')
+    table = column_table(toml, place, value, f'name = "..."{unit}')
     toml.check_keys(place, table, (*keys, "of") if key == "phase" else keys, f"key of {key}")
     if table.get("of", "cos") not in ("cos", "sin"):
         toml.refuse((*place, "of"), f'of = {shown(table["of"])}: must be "cos" or "sin", the wave whose phase it is')
-    return _scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
+    return scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
 
 
 def _direction_rule(toml: TomlText, value: object) -> DirectionRule:
     place: Place = ("orders", "direction")
     example = 'name = "...", forward = "...", reverse = "..."'
-    table = _column_table(toml, place, value, example)
+    table = column_table(toml, place, value, example)
     toml.check_keys(place, table, ("name", "column", "sign", "forward", "reverse"), "key of direction")
     where, words = _where(toml, place, table, ("name", "column"), example), _direction_words(toml, place, table)
     if words and "sign" in table:

@@ -53,7 +53,25 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
         If the text cannot be decoded, or its names, separator or decimal sign cannot be told.
     """
     name = str(path)
-    lines = split_lines(decoded(name, read_bytes(path), rules.encoding))
+    return open_lines(name, split_lines(decoded(name, read_bytes(path), rules.encoding)), rules, wanted)
+
+
+def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int]) -> BenchFile:
+    """The same of lines, for other formats that are tables too.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, for messages.
+    lines : sequence of str
+    rules, wanted
+        As for `open_text`.
+
+    Raises
+    ------
+    InputError
+        As `open_text`.
+    """
     if not any(line.strip() for line in lines):
         refuse(name, "the file is empty; record the run again")
     names = _found_names(name, lines, rules, wanted)
@@ -295,8 +313,12 @@ def _properties(lines: Sequence[str]) -> Mapping[str, str]:
 
 
 def _check_widths(path: str, rows: Sequence[int], table: list[list[str]], width: int, separator: str) -> None:
-    """Refuse rows with cells that no column names: their numbers may stand in the wrong column."""
+    """Refuse rows with cells that no column names, or with another separator: their numbers may be in wrong columns."""
+    others = [sign for sign in SEPARATORS[:-1] if sign != separator]
     for i, cells in zip(rows, table, strict=True):
+        if len(cells) == 1 < width - 1 and any(cells[0].count(sign) >= width - 1 for sign in others):
+            refuse(path, f"line {i + 1}: 1 cell, but {width} column names; correct the line, which has another "
+                         "separator")  # fmt: skip
         if len(cells) <= width or not any(cells[width:]):
             continue
         remedy = "complete the names or delete the cells"

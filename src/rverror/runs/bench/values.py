@@ -48,8 +48,7 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     if array.dtype.kind in "Mm":
         notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
         return samples
-    factor, zero = (rule.factor, rule.zero) if rule.factor else _scale_of_file(file, key, rule, entry, what, notes)
-    _check_unit(file, key, rule, entry, what)
+    factor, zero = core_scale(file, key, rule, entry, _DIMENSIONS[key], _UNITS[key], notes)
     if rule.counts:
         samples = _unwrapped_counts(file, key, rule, samples, notes)
         notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {_UNITS[key]}")
@@ -78,28 +77,49 @@ def _display(key: str) -> float:
     return units.unit_scale(_UNITS[key], _DIMENSIONS[key])[0]
 
 
-def _scale_of_file(
-    file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str, notes: list[str]
+def core_scale(
+    file: BenchFile, key: str, rule: ColumnRule, entry: Entry, dimension: str, unit: str, notes: list[str]
 ) -> tuple[float, float]:
-    """Factor and zero of the unit that the file says."""
+    """Core units for one of a column's numbers, and the zero of its unit.
+
+    Parameters
+    ----------
+    key : str
+        Name of the column in the mapping.
+    dimension : str
+        Of the numbers.
+    unit : str
+        One of it, for messages.
+    notes : list of str
+        Gets what was taken from the file.
+
+    Raises
+    ------
+    InputError
+        If neither mapping nor file says the unit, or they say different ones.
+    """
     at = f" ({rule.where.stated_at})" if rule.where.stated_at else ""
+    what = f"{key} ({shown(entry.name, 60)})"
+    if rule.factor:
+        _check_unit(file, rule, entry, dimension, what)
+        return rule.factor, rule.zero
     if not entry.unit:
-        refuse(file.path, f'{what} has no unit{at}; write unit = "{_UNITS[key]}" or another beside its name')
+        refuse(file.path, f'{what} has no unit{at}; write unit = "{unit}" or another beside its name')
     try:
-        factor, zero = unit_factor(entry.unit, _DIMENSIONS[key]) * rule.sign, unit_zero(entry.unit, _DIMENSIONS[key])
+        factor, zero = unit_factor(entry.unit, dimension) * rule.sign, unit_zero(entry.unit, dimension)
     except ValueError as error:
         refuse(file.path, f"{what}{at}: {error}; state the unit beside its name in the mapping")
     notes.append(f"unit of {key} taken from the file: {entry.unit}")
     return factor, zero
 
 
-def _check_unit(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, what: str) -> None:
+def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str, what: str) -> None:
     """Refuse a mapping that says another unit of the same kind than the file does."""
     if rule.scaled or not rule.unit or not entry.unit:
         return
     try:
         word = meant_unit(entry.unit)
-        said = (unit_factor(word, _DIMENSIONS[key]), unit_zero(word, _DIMENSIONS[key]))
+        said = (unit_factor(word, dimension), unit_zero(word, dimension))
     except ValueError:
         return  # a word that says nothing here, such as V of a sensor
     if not np.allclose((abs(rule.factor), rule.zero), said, rtol=1e-9):

@@ -21,6 +21,7 @@ from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
 from rverror.life.result import RunsCompared, Trend
 from rverror.lots.result import Lot
+from rverror.matching.result import Matched
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -48,6 +49,7 @@ from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.friction_losses import losses
 from rverror.views.plots.life_courses import compared_orders, trend_courses
 from rverror.views.plots.lots import lot_orders, lot_predicted, lot_processes, lot_shares
+from rverror.views.plots.matched_units import matched_errors
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.mode_shapes import mode_shape
 from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
@@ -133,6 +135,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         Lot: {"processes": lot_processes, "shares": lot_shares, "orders": lot_orders, "predicted": lot_predicted},
         Trend: {"courses": trend_courses},
         RunsCompared: {"orders": compared_orders},
+        Matched: {"errors": matched_errors},
     }
 )
 

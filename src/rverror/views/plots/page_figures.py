@@ -9,12 +9,16 @@ from typing import Any
 from rverror.base.errors import InputError
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
+from rverror.geartrain.mechanism import Reducer
 from rverror.lots.result import Lot
+from rverror.model.catalogue import CATALOGUE
+from rverror.model.effects import Model
 from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.plots.diagnosed import diagnosis_figure
 from rverror.views.plots.drawing import PICTURES, draw
 from rverror.views.plots.figure import svg_element
+from rverror.views.plots.mechanism_view import mechanism
 
 #: Plots on the page of a kind of result; of any other the usual one.
 _KINDS: Mapping[type, tuple[str, ...]] = MappingProxyType(
@@ -40,9 +44,11 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
     **options
         Of plots that take them: the `limit` of a distribution.
     """
-    if isinstance(result, Diagnosis) and result.shares:
-        yield svg_element(diagnosis_figure(result))
-        return
+    if isinstance(result, Diagnosis):
+        yield from _causes(result)
+        if result.shares:
+            yield svg_element(diagnosis_figure(result))
+            return
     own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
     for kind in _KINDS.get(type(result), tuple(own)[:1]):
         taken = own[kind].__annotations__ if hasattr(own[kind], "__annotations__") else {}
@@ -53,3 +59,12 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
             except InputError:  # nothing of the kind, or no further run
                 break
             yield svg_element(ax.figure)  # type: ignore[arg-type]
+
+
+def _causes(found: Diagnosis) -> Iterator[str]:
+    """The reducer with the causes that were found, as error vectors at their contacts."""
+    unit = found.declared.mechanism
+    added = [one.effect for one in found.added if one.effect.key in CATALOGUE]
+    at_contacts = tuple(effect for effect in added if CATALOGUE[effect.key].acts == "contacts")
+    if at_contacts and isinstance(unit, Reducer):
+        yield svg_element(mechanism(Model(unit, at_contacts, found.declared.name)).figure)  # type: ignore[arg-type]

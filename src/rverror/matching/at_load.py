@@ -1,0 +1,251 @@
+"""Units of measured parts at the load: the errors of their components, true sizes, and waves that add up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.threads import each
+from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.source import IndexValue
+from rverror.matching.mounting import Place, mounted
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+from rverror.parts.measured import MeasuredPart
+from rverror.statics.loaded_state import NotConvergedError
+from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits, Turn, instances_of
+from rverror.tolerances.specification import Limit
+from rverror.tolerances.stacking import Component, Stack
+
+#: Angles of a turn at which waves are added; no power of two, so that no order of an RV reducer stands still on them.
+ANGLES = 480
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What of a unit is limited: a limit, and the direction of motion of a transmission error."""
+
+    limit: Limit
+    direction: float
+
+    @property
+    def span(self) -> bool:
+        """Whether the peak-to-peak of its wave counts, or the largest value."""
+        return not self.limit.loads
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return (
+            f"{self.limit.label}, {'forward' if self.direction > 0 else 'reverse'}" if self.span else self.limit.label
+        )
+
+
+@dataclass(frozen=True)
+class PlacedErrors:
+    """Components that the parts of a lot have at any place, and where each stands.
+
+    Attributes
+    ----------
+    components : tuple of Component
+    sizes : tuple of ndarray, shape (parts, errors)
+        Of the parts for each place, core units.
+    moved : tuple of ndarray, shape (turns, errors, components)
+        What an error of size 1 is at each place, its part turned by each of its ways.
+    """
+
+    components: tuple[Component, ...]
+    sizes: tuple[Array, ...]
+    moved: tuple[Array, ...]
+
+    def values(self, place: int, part: Any, turn: Any) -> Array:
+        """Components of parts at a place, shape (units, components)."""
+        return np.asarray(np.einsum("ub,ubc->uc", self.sizes[place][part], self.moved[place][turn]), dtype=np.float64)
+
+    def waves(self, place: int, slope: Array) -> Array:
+        """Waves of all parts at a place, turned by each of its ways, shape (turns, parts, samples)."""
+        return np.asarray(self.sizes[place] @ (self.moved[place] @ slope), dtype=np.float32)
+
+
+def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPart]]]) -> PlacedErrors:
+    """Lay out the errors of parts at places.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    lots : sequence of (Place, parts)
+        Parts that may stand at each place.
+
+    Returns
+    -------
+    PlacedErrors
+
+    Notes
+    -----
+    What turning does is linear, so each error of size 1 is mounted once in every way, and all parts follow.
+    """
+    column: dict[tuple[str, frozenset[tuple[str, IndexValue]], str], int] = {}
+    components: list[Component] = []
+    built = []
+    for place, parts in lots:
+        basis = list(dict.fromkeys((e.key, frozenset(e.indices.items())) for part in parts for e in part.errors))
+        terms = [(key, at, p) for key, at in basis for p in range(len(source(key).parameters))]
+        row = {(key, at): dict[int, int]() for key, at in basis}
+        for number, (key, at, p) in enumerate(terms):
+            row[key, at][p] = number
+        sizes = np.zeros((len(parts), len(terms)))
+        for number, part in enumerate(parts):
+            for error in part.errors:
+                for p, value in enumerate(error.values):
+                    sizes[number, row[error.key, frozenset(error.indices.items())][p]] += value
+        ways = []
+        for turn in place.turns:
+            entries = []
+            for number, (key, at, p) in enumerate(terms):
+                unit = tuple(float(p == other) for other in range(len(source(key).parameters)))
+                (error,) = mounted(
+                    MeasuredPart(place.kind, "", (Effect(key, dict(at), unit),)), reducer, place.number, turn
+                )
+                for parameter, value in zip(source(key).parameters, error.values, strict=True):
+                    name = (key, frozenset(error.indices.items()), parameter.name)
+                    if name not in column:
+                        column[name] = len(components)
+                        components.append(Component(key, error.indices, parameter.name, parameter.dimension))
+                    entries.append((number, column[name], value))
+            ways.append(entries)
+        built.append((sizes, ways))
+    every = []
+    for sizes, ways in built:
+        moved = np.zeros((len(ways), sizes.shape[1], len(components)))
+        for way, entries in enumerate(ways):
+            for number, at_column, value in entries:
+                moved[way, number, at_column] += value
+        every.append(moved)
+    return PlacedErrors(tuple(components), tuple(sizes for sizes, _ in built), tuple(every))
+
+
+@dataclass(frozen=True)
+class UnitsAtLoad:
+    """A model and the components of its parts at the loads of some limits, prepared once.
+
+    Attributes
+    ----------
+    model : Model
+    components : tuple of Component
+    limits : tuple of Limit
+        With values and torques.
+    """
+
+    model: Model
+    components: tuple[Component, ...]
+    limits: tuple[Limit, ...]
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All limits forward, then those of the transmission error in reverse."""
+        every = [Quantity(one, 1.0) for one in self.limits]
+        return (*every, *(Quantity(one, -1.0) for one in self.limits if not one.loads))
+
+    @cached_property
+    def allowed(self) -> Array:
+        """Largest turn of each quantity, rad."""
+        return np.array([one.limit.allowed for one in self.quantities])
+
+    @cached_property
+    def _stack(self) -> Stack:
+        """The components as those of one tolerance a source; nothing is drawn of it."""
+        keys = list(dict.fromkeys(component.key for component in self.components))
+        entry = np.array([keys.index(component.key) for component in self.components], dtype=np.intp)
+        none = np.zeros((len(self.components), 1))
+        return Stack(np.zeros(1), none, self.components, entry, np.ones(len(keys)), tuple(keys), ())
+
+    @cached_property
+    def _solvers(self) -> tuple[LoadedUnits, ...]:
+        means = np.zeros(len(self.components))
+        found = [LoadedUnits(self.model, self._stack, means, self.limits, 1.0)]
+        if errors := tuple(one for one in self.limits if not one.loads):
+            found.append(LoadedUnits(self.model, self._stack, means, errors, -1.0))
+        return tuple(found)
+
+    def solved(self, values: Array, *, progress: Callable[[int], None] | None = None) -> Array:
+        """Turn of each quantity, rad, shape (units, quantities), by the equilibrium; infinite where there is none.
+
+        Parameters
+        ----------
+        values : ndarray, shape (units, components)
+        progress : callable, optional
+            Called with the number of a unit as it is done in one direction.
+        """
+        ones = np.ones(len(self._stack.width))
+        found = [solver.solved(values, ones, progress=progress).turns for solver in self._solvers]
+        return np.concatenate(found, axis=1)
+
+    @cached_property
+    def _lines(self) -> tuple[tuple[tuple[LoadedTurn, float], ...], ...]:
+        """Motions of each quantity and their weights."""
+        every = instances_of(self._stack)
+
+        def line(torque: float, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
+            turn = Turn.of(self.model, every, angles=angles, direction=direction, torque=torque, reads=reads)
+            return LoadedTurn(turn, torque, direction)
+
+        return tuple(
+            ((line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
+            if one.span
+            else tuple(
+                (line(abs(load), -math.copysign(1.0, load), POSITIONS, reads=False), weight)
+                for load, weight in one.limit.loads
+            )
+            for one in self.quantities
+        )
+
+    @cached_property
+    def sections(self) -> tuple[tuple[slice, bool], ...]:
+        """Samples of each quantity in a wave."""
+        ends = np.cumsum([0, *(ANGLES if one.span else POSITIONS for one in self.quantities)])
+        return tuple(
+            (slice(int(a), int(b)), one.span) for a, b, one in zip(ends, ends[1:], self.quantities, strict=False)
+        )
+
+    def waves(self, values: Array, *, slopes: bool = False) -> tuple[Array, Array]:
+        """Waves of units at the load, each quantity over its limit, and their mean change per component.
+
+        Parameters
+        ----------
+        values : ndarray, shape (units, components)
+        slopes : bool
+            Whether the change is wanted.
+
+        Returns
+        -------
+        waves : ndarray, shape (units, samples)
+            Not a number where a unit has no equilibrium.
+        slope : ndarray, shape (components, samples)
+            Mean over the units that have one.
+        """
+
+        def unit(own: Array) -> tuple[Array, Array] | None:
+            waves, changes = [], []
+            try:
+                for lines, allowed in zip(self._lines, self.allowed, strict=True):
+                    states = [(line, line.state(own, np.arange(len(line.motion.nominal))), w) for line, w in lines]
+                    waves.append(sum(w * line.read(state, own) for line, state, w in states) / allowed)
+                    if slopes:
+                        some = [w * state.some(np.arange(len(state.places))).influence().T for _, state, w in states]
+                        changes.append(sum(some) / allowed)
+            except NotConvergedError:
+                return None
+            return np.concatenate(waves), np.concatenate(changes, axis=1) if slopes else np.empty((0, 0))
+
+        _ = self._lines, self.sections  # before several threads ask for them
+        found = each(unit, list(values))
+        size = self.sections[-1][0].stop
+        waves = np.array([np.full(size, np.nan) if one is None else one[0] for one in found])
+        known = [one[1] for one in found if one is not None]
+        return waves, np.mean(known, axis=0) if slopes and known else np.empty((0, 0))

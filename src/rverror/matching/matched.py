@@ -1,0 +1,456 @@
+"""The way in: measured parts of a lot become units that keep their limits."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError, check_each
+from rverror.base.numbers import count_of
+from rverror.base.units import ARCSEC
+from rverror.geartrain.mechanism import Reducer
+from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
+from rverror.matching.mounting import Place, mounted, places_of
+from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
+from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
+from rverror.model.effects import Model, check_model
+from rverror.parts.measured import KINDS, MeasuredPart
+from rverror.tolerances.loaded_yield import counted
+from rverror.tolerances.specification import Limit, check_limits
+
+#: Ways to build that a cost can be given for.
+WAYS = ("classes", "matching", "turning", "rollers", "tighter")
+#: Errors of tighter parts, of those given: an illustration.
+TIGHTER = 0.8
+
+_RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
+_SAMPLE = 24  # of them, from which the mean influence is taken
+_ROUNDS = 6  # of improvement at the load, at the most
+_KNOWN = 8  # units from whose errors the doubt is told anew
+_CLASSES = 3
+_SWAPS = 12  # of two rollers of a unit, at the most
+
+Progress = Callable[[str], None] | None
+
+
+def match(
+    model: Model,
+    parts: Sequence[MeasuredPart],
+    limits: Sequence[Limit],
+    *,
+    turns: bool = False,
+    costs: Mapping[str, float] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Matched:
+    """Say which measured parts to join so that most units keep their limits at the load.
+
+    Parameters
+    ----------
+    model : Model
+        Of the unit, without the errors of these parts; kinds of which there is no part are as it has them.
+    parts : sequence of MeasuredPart
+        Such as `load_parts(...)` has.
+    limits : sequence of Limit
+        Of the transmission error, which is kept in both directions, the lost motion and the backlash.
+    turns : bool
+        Whether discs may be turned by pitches of their bores where they fit in several ways: not with two cranks.
+    costs : mapping of str to float, optional
+        What a way to build costs for each unit: some of `WAYS`.
+    seed : int
+        Of the random assemblies.
+    progress : callable, optional
+        Called with a line of text as the work goes on.
+
+    Returns
+    -------
+    Matched
+
+    Raises
+    ------
+    InputError
+        If there are too few parts, a serial number comes twice, an error does not fit, or no unit meets the limits.
+    """
+    check_model(model)
+    lot = _lot_of(model, parts, turns=turns)
+    if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
+        raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
+    units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
+    for name in costs or {}:
+        if name not in WAYS:
+            raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
+    price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
+    begun = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
+    drawn = [begun.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * begun.most), _RANDOM[1]) // begun.most))]
+    values = np.concatenate([lot.values(one) for one in drawn])
+    turned = at_load.solved("units put together at random", values)
+    waves, slope = at_load.waves(values, turned, turned=turns)
+    plain = replace(waves, parts=[one[:1] for one in waves.parts])
+    ways = [at_load.way("put together at random", turned)]
+    classes = at_load.built("units of three classes", at_load.in_classes(plain, slope, rng))
+    ways.append(at_load.way("three classes", classes.turns, price.get("classes")))
+    tighter = at_load.solved("units of tighter parts", TIGHTER * values)
+    ways.append(at_load.way(f"parts {1 - TIGHTER:.0%} more exact, at random", tighter, price.get("tighter")))
+    if any(len(place.turns) > 1 for place in lot.places):
+        alone = at_load.built("units turned", waves.turned(drawn[0]))
+        ways.append(at_load.way("turned, not matched", alone.turns, price.get("turning")))
+    built, bound = at_load.matched(plain, rng, "matched units")
+    ways.append(at_load.way("matched", built.turns, price.get("matching")))
+    if any(len(place.turns) > 1 for place in lot.places):
+        built, bound = at_load.matched(waves, rng, "matched units, turned")
+        cost = [price[one] for one in ("matching", "turning") if one in price]
+        ways.append(at_load.way("matched and turned", built.turns, sum(cost) if cost else None))
+    if lot.rollers:
+        built = at_load.placed(waves, slope, built)
+        cost = [price[one] for one in ("matching", "turning", "rollers") if one in price]
+        ways.append(at_load.way("rollers placed as well", built.turns, sum(cost) if cost else None))
+    return _result(at_load, built, ways, bound, waves.doubt)
+
+
+# --- the lot ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _PartsAtPlaces:
+    """Parts of a lot, and what their errors are at each place."""
+
+    model: Model
+    reducer: Reducer
+    places: tuple[Place, ...]  #: the last one takes a kit of rollers, where there are any
+    parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place but that of the kit
+    pools: tuple[int, ...]
+    columns: PlacedErrors  #: of these places, then of the grooves
+    rollers: tuple[MeasuredPart, ...]
+    kits: Ints  #: (kits, pins): rollers as they come
+    notes: tuple[str, ...]
+
+    @property
+    def numbers(self) -> list[int]:
+        """Parts, or kits, for each place."""
+        return [*map(len, self.parts), *([len(self.kits)] if self.rollers else [])]
+
+    @property
+    def components(self) -> Any:
+        """Of all errors."""
+        return self.columns.components
+
+    def values(self, assembly: Assembly, rollers: Ints | None = None) -> Array:
+        """Components of units, shape (units, components); their rollers by groove, where not as the kits have them."""
+        total = np.zeros((len(assembly.part), len(self.components)))
+        for place in range(len(self.parts)):
+            total += self.columns.values(place, assembly.part[:, place], assembly.turn[:, place])
+        if len(self.kits):
+            used = self.in_grooves(assembly) if rollers is None else rollers
+            for groove in range(used.shape[1]):
+                total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
+        return total
+
+    def in_grooves(self, assembly: Assembly) -> Ints:
+        """Rollers in the grooves of each unit as its kit has them."""
+        return self.kits[assembly.part[:, -1]]
+
+    def waves(self, slope: Array, *, turned: bool) -> list[Array]:
+        """Waves of the parts at every place."""
+        found = [self.columns.waves(place, slope) for place in range(len(self.parts))]
+        if len(self.kits):
+            grooves = [self.groove(n, slope)[self.kits[:, n]] for n in range(self.reducer.pins)]
+            found.append(np.asarray(np.sum(grooves, axis=0)[None]))
+        return list(found) if turned else [waves[:1] for waves in found]
+
+    def groove(self, number: int, slope: Array) -> Array:
+        """Waves of all rollers in one groove, shape (rollers, samples)."""
+        return np.asarray(self.columns.waves(len(self.parts) + number, slope)[0])
+
+
+def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _PartsAtPlaces:
+    """Sort parts by the places that take them, or refuse them."""
+    if not isinstance(model.mechanism, Reducer):
+        raise InputError("match: a [drive] has no parts that are matched; give the model of a [reducer]")
+    reducer = model.mechanism
+    check_each("parts", parts, MeasuredPart, "give load_parts(path, mechanism).parts")
+    if not parts:
+        raise InputError("parts: there is none; give measured parts of two kinds or more")
+    _check_parts(reducer, parts)
+    given = {kind: [part for part in parts if part.kind == kind] for kind in KINDS}
+    places = [p for kind in KINDS if given[kind] and kind != "roller" for p in places_of(reducer, kind, turns=turns)]
+    fits = {p: tuple(part for part in given[p.kind] if part.made_for == p.made_for) for p in places}
+    named = [(p.kind, p.made_for) for p in places]
+    pools = [list(dict.fromkeys(named)).index(name) for name in named]
+    for p, name in zip(places, named, strict=True):
+        if len(fits[p]) < named.count(name):
+            made = f" made for place {p.made_for}" if p.kind == "disc" and p.made_for else ""
+            raise InputError(f"{count_of(len(fits[p]), p.kind)}{made}: a unit takes {named.count(name)}; measure more")
+    rollers, kits = tuple(given["roller"]), np.empty((0, reducer.pins), dtype=np.intp)
+    notes = []
+    if rollers:
+        if len(rollers) < reducer.pins:
+            raise InputError(f"{count_of(len(rollers), 'roller')}: a unit takes {reducer.pins}; measure more")
+        whole = len(rollers) // reducer.pins
+        kits = np.arange(whole * reducer.pins).reshape(whole, -1)
+        pools.append(len(set(pools)))
+    if not places or (len(pools) == 1 and not rollers):
+        raise InputError(f"only parts of the kind {parts[0].kind}, of which a unit takes one: nothing is to be matched")
+    lots = [(p, fits[p]) for p in places] + [(p, rollers) for p in places_of(reducer, "roller") if rollers]
+    if turns and all(len(place.turns) == 1 for place in places):
+        notes.append("turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
+    missing = [kind for kind in KINDS if not given[kind] and kind != "roller"]
+    if missing:
+        notes.append(f"no measured parts of the kinds {', '.join(missing)}: as the model has them")
+    every = (*places, *([Place("roller", None, (0,))] if rollers else []))
+    columns = columns_of(reducer, lots)
+    declared = {(e.key, frozenset(e.indices.items())) for e in model.effects}
+    for one in columns.components:
+        if (one.key, frozenset(one.indices.items())) in declared:
+            raise InputError(
+                f"{one.key}: the model declares it, and parts have it as measured; take it out of the model"
+            )
+    return _PartsAtPlaces(
+        model, reducer, every, tuple(fits[p] for p in places), tuple(pools), columns, rollers, kits, tuple(notes)
+    )
+
+
+def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
+    """Refuse serial numbers that come twice, and errors that the mechanism does not have."""
+    twice = [name for name, number in Counter((part.kind, part.serial) for part in parts).items() if number > 1]
+    if twice:
+        where = " and ".join(dict.fromkeys(p.origin or "the list" for p in parts if (p.kind, p.serial) == twice[0]))
+        more = f", and {len(twice) - 1} more" if len(twice) > 1 else ""
+        raise InputError(f"{' '.join(twice[0])}: this serial number comes twice, in {where}{more}; keep one")
+    for part in parts:
+        counted = KINDS[part.kind][1]
+        errors = part.at(None if counted is None else 0)
+        for error in errors:
+            if counted is not None and counted not in error.indices:
+                raise InputError(
+                    f"{part.kind} {part.serial}: {error.key} is one error of all such parts; declare it in the model"
+                )
+        first = {places_of(reducer, "disc")[n].made_for for n in range(reducer.discs)} if part.kind == "disc" else {0}
+        if part.made_for not in first:
+            raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: give one of {sorted(first)}")
+        try:
+            Model(reducer, errors)
+        except ValueError as problem:
+            raise InputError(f"{part.kind} {part.serial}: {problem}") from problem
+
+
+# --- the work ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Built:
+    """Units as they are put together, and their true turns."""
+
+    assembly: Assembly
+    turns: Array  # (units, quantities), rad
+    rollers: Ints | None = None
+
+
+@dataclass(frozen=True)
+class _AtLoad:
+    """A lot and its units at the load."""
+
+    lot: _PartsAtPlaces
+    units: UnitsAtLoad
+    progress: Progress
+
+    def errors(self, turns: Array) -> Array:
+        """Largest quantity of each unit, over its limit."""
+        return np.asarray((turns / self.units.allowed).max(axis=1))
+
+    def solved(self, what: str, values: Array) -> Array:
+        """True turns of units, told as they are solved."""
+        return self.units.solved(values, progress=counted(self.progress, what, len(values)))
+
+    def built(self, what: str, assembly: Assembly, rollers: Ints | None = None) -> _Built:
+        """Units put together so."""
+        return _Built(assembly, self.solved(what, self.lot.values(assembly, rollers)), rollers)
+
+    def way(self, name: str, turns: Array, cost: float | None = None) -> WayToBuild:
+        """What a way to build gives."""
+        return WayToBuild(name, turns, self.errors(turns), cost)
+
+    def waves(self, values: Array, turns: Array, *, turned: bool) -> tuple[UnitWaves, Array]:
+        """Waves of all parts, from units put together at random: by their mean influence; and that influence.
+
+        Each quantity is scaled to the mean of the true ones: few angles miss the peaks.
+        """
+        some = slice(0, _SAMPLE)
+        waves, slope = self.units.waves(values[some], slopes=True)
+        if not slope.size:
+            raise InputError("no equilibrium of any unit at this load; check the sizes of the parts' errors, and --at")
+        base = np.nanmean(waves - values[some] @ slope, axis=0)
+        linear, known = base + values @ slope, np.isfinite(turns).all(axis=1)
+        for number, (at, span) in enumerate(self.units.sections):
+            size = (np.ptp(linear[:, at], axis=1) if span else linear[:, at].max(axis=1))[known].sum()
+            scale = (turns[known, number] / self.units.allowed[number]).sum() / size if size > 0 else 1.0
+            base[at], slope[:, at] = base[at] * scale, slope[:, at] * scale
+        parts = self.lot.waves(slope, turned=turned)
+        made = UnitWaves(base.astype(np.float32), parts, self.lot.pools, self.units.sections)
+        off = self.errors(turns[known]) - made.errors(base + values[known] @ slope)
+        return replace(made, doubt=max(float(off.std()), 1e-3)), slope
+
+    def matched(self, waves: UnitWaves, rng: np.random.Generator, what: str) -> tuple[_Built, int]:
+        """The best assembly that is found, by sums of waves first, then at the load; and the bound by the sums."""
+        assembly, bound = waves.best(rng, progress=self.progress)
+        return self.improved(waves, self.built(what, assembly), what), bound
+
+    def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
+        """Exchange parts so that more units are within their limits, each exchange solved at the load."""
+        hard = replace(waves, doubt=0.0)
+        beside = self.beside(waves, built, np.arange(len(built.turns)))
+        for _ in range(_ROUNDS):
+            gained = 0.0
+            for place in range(len(waves.parts)):
+                old, errors = built.assembly, self.errors(built.turns)
+                if (errors <= 1).all():
+                    return built
+                new = waves.assigned(old, (place,), beside=beside, known=errors)
+                changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
+                if not changed.size:
+                    continue
+                turns = built.turns.copy()
+                turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
+                off = self.errors(turns)[changed] - waves.errors(waves.whole(new, beside)[changed])
+                if changed.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
+                    waves = replace(waves, doubt=max(float(off[np.isfinite(off)].std()), 1e-3))
+                gain = hard.cost(errors) - hard.cost(self.errors(turns))
+                circle = _circles(old.part[:, place], new.part[:, place])
+                better = (np.bincount(circle, gain) > 1e-9)[circle, None]
+                gained += float(gain[better[:, 0]].sum())
+                kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
+                built = _Built(kept, np.where(better, turns, built.turns))
+                moved = changed[better[changed, 0]]
+                beside[moved] = self.beside(waves, built, moved)
+            if gained < 1e-6:
+                break
+        return built
+
+    def beside(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
+        """What the true waves of some units have beside the sum of their parts' waves, at their true size."""
+        some = built.assembly.of(rows)
+        whole = waves.whole(some)
+        true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
+        off = np.zeros_like(whole)
+        for number, (at, span) in enumerate(self.units.sections):
+            size = np.ptp(true[:, at], axis=1) if span else true[:, at].max(axis=1)
+            scale = built.turns[rows, number] / self.units.allowed[number] / size
+            off[:, at] = true[:, at] * scale[:, None] - whole[:, at]
+        return np.where(np.isfinite(off), off, 0.0).astype(np.float32)
+
+    def in_classes(self, waves: UnitWaves, slope: Array, rng: np.random.Generator) -> Assembly:
+        """Parts sorted by their main size into three classes of equal number, put together class with class.
+
+        The main size is the one that does most at the output.
+        """
+        count = waves.most
+        edges = [round(count * k / _CLASSES) for k in range(_CLASSES + 1)]
+        found = waves.shuffled(rng)
+        for pool in waves.sizes:
+            places = [place for place, of in enumerate(self.lot.pools) if of == pool]
+            sizes, moved = self.lot.columns.sizes[places[0]], self.lot.columns.moved[places[0]][0]
+            if places[0] >= len(self.lot.parts):
+                sizes = np.zeros((len(self.lot.kits), 1))  # rollers as they come
+            else:
+                sizes = sizes[:, np.argmax(sizes.std(axis=0) * (moved @ slope).std(axis=1))][:, None]
+            chosen = found.part[:, places].ravel()
+            chosen = chosen[np.argsort(sizes[chosen, 0], kind="stable")]
+            for first, last in pairwise(edges):
+                some = rng.permutation(chosen[first * len(places) : last * len(places)])
+                found.part[first:last, places] = some.reshape(-1, len(places))
+        return found
+
+    def placed(self, waves: UnitWaves, slope: Array, built: _Built) -> _Built:
+        """Rollers of each unit in the grooves where its error is least, solved at the load; as they came where not."""
+        grooves = np.array([self.lot.groove(n, slope) for n in range(self.lot.reducer.pins)])
+        came = self.lot.in_grooves(built.assembly)
+        whole = waves.whole(built.assembly, self.beside(waves, built, np.arange(len(came))))
+        rollers = np.array([_placed(waves, grooves, row, wave) for row, wave in zip(came, whole, strict=True)])
+        found = self.built("units with rollers placed", built.assembly, rollers)
+        better = (self.errors(found.turns) < self.errors(built.turns))[:, None]
+        return _Built(built.assembly, np.where(better, found.turns, built.turns), np.where(better, rollers, came))
+
+
+def _circles(before: Ints, after: Ints) -> Ints:
+    """Units among which parts went round, by a number: what one of them gains another may pay for."""
+    at = {int(part): unit for unit, part in enumerate(before)}
+    origin = [at.get(int(part), unit) for unit, part in enumerate(after)]
+    count = len(before)
+    graph = scipy.sparse.coo_matrix((np.ones(count), (np.arange(count), origin)), shape=(count, count))
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.intp)
+
+
+def _placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
+    """Rollers of one unit by groove: assigned by what each does to the mean square, then exchanged two by two."""
+    every = np.arange(len(came))
+    own = grooves[:, came]  # (grooves, rollers, samples)
+    rest = wave - own[every, every].sum(axis=0)
+    order = every
+    weight = np.concatenate([np.full(at.stop - at.start, 1 / (at.stop - at.start)) for at, _ in waves.sections])
+    for at, span in waves.sections:  # of a peak-to-peak the mean does not count
+        if span:
+            rest[at] -= rest[at].mean()
+            own[:, :, at] -= own[:, :, at].mean(axis=2, keepdims=True)
+    for _ in range(3):
+        total = rest + own[every, order].sum(axis=0)
+        others = total - own[every, order]  # of each groove, all but its roller
+        price = 2 * np.einsum("gs,grs->gr", others * weight, own) + np.einsum("grs,s->gr", own**2, weight)
+        order = scipy.optimize.linear_sum_assignment(price)[1]
+    first, second = np.triu_indices(len(came), 1)
+    total = rest + own[every, order].sum(axis=0)
+    for _ in range(_SWAPS):
+        a, b = order[first], order[second]
+        changed = total + own[first, b] + own[second, a] - own[first, a] - own[second, b]
+        errors = waves.errors(changed)
+        best = int(errors.argmin())
+        if errors[best] >= waves.errors(total) - 1e-6:
+            break
+        total = changed[best]
+        order = order.copy()
+        order[[first[best], second[best]]] = order[[second[best], first[best]]]
+    return came[order]
+
+
+def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: int, doubt: float) -> Matched:
+    """Good units by name, and the parts of all others."""
+    lot, errors = at_load.lot, at_load.errors(built.turns)
+    quantities, allowed = at_load.units.quantities, at_load.units.allowed
+    if not (errors <= 1).any():
+        row = built.turns[errors.argmin()]
+        worst = int((row / allowed).argmax())
+        raise InputError(
+            f"no unit of these parts meets the limits: the best one has {quantities[worst].label} of "
+            f"{row[worst] / ARCSEC:.4g} arcsec, and {allowed[worst] / ARCSEC:.4g} are allowed; give a higher limit"
+        )
+    grooves = None
+    if lot.rollers:
+        grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
+    units, used = [], set()
+    for number in np.flatnonzero(errors <= 1)[np.argsort(errors[errors <= 1])]:
+        parts, effects = [], list(lot.model.effects)
+        for at, place in enumerate(lot.places[: len(lot.parts)]):
+            part = lot.parts[at][built.assembly.part[number, at]]
+            turn = place.turns[built.assembly.turn[number, at]]
+            parts.append(MountedPart(place.kind, place.number, part.serial, turn))
+            effects += mounted(part, lot.reducer, place.number, turn)
+        for pin, chosen in enumerate([] if grooves is None else grooves[number]):
+            parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))
+            effects += lot.rollers[chosen].at(pin)
+        used |= {(part.kind, part.serial) for part in parts}
+        units.append(MatchedUnit(tuple(parts), replace(lot.model, effects=tuple(effects)), tuple(built.turns[number])))
+    every = dict.fromkeys((part.kind, part.serial) for parts in (*lot.parts, lot.rollers) for part in parts)
+    left: dict[str, tuple[str, ...]] = {}
+    for kind, serial in every:
+        if (kind, serial) not in used:
+            left[kind] = (*left.get(kind, ()), serial)
+    order = [ways[0], *sorted(ways[1:], key=lambda way: (-way.share, way.p95))]
+    name = lot.model.name or lot.model.mechanism.name
+    return Matched(
+        name, quantities, tuple(allowed), tuple(units), left, len(errors), bound, tuple(order), doubt, lot.notes
+    )

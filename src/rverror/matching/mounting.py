@@ -1,0 +1,188 @@
+"""Places of a unit for its parts, and what a part's errors are where it is mounted.  Page ``theory/matching.md``."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from rverror.base.errors import InputError
+from rverror.geartrain.cycloid import LOBE_PROFILE
+from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.source import IndexValue
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect
+from rverror.parts.measured import KINDS, MeasuredPart
+
+#: Pairs of parameters that turn with their part: by the harmonic where the source has one, else by the angle itself.
+_VECTORS = (
+    ("x", "y"),
+    ("cos", "sin"),
+    ("radial_cos", "radial_sin"),
+    ("tangential_cos", "tangential_sin"),
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a unit takes a part.
+
+    Attributes
+    ----------
+    kind : str
+        Of the part, a key of `KINDS`.
+    number : int, optional
+        Which crank, planet, disc or groove; None where a unit has one such part.
+    turns : tuple of int
+        By how many pitches of its bores a disc may be turned there; of other parts 0 alone.
+    made_for : int
+        First place of a disc whose discs fit here, turned or not: places of one number take the same discs.
+    """
+
+    kind: str
+    number: int | None
+    turns: tuple[int, ...]
+    made_for: int = 0
+
+    def __str__(self) -> str:
+        """Kind and number for people: ``disc 1``."""
+        return self.kind if self.number is None else f"{self.kind} {self.number}"
+
+
+def disc_turns(reducer: Reducer, made_for: int, place: int) -> tuple[int, ...]:
+    """Steps by which a disc made for one place can be turned to stand right at another.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    made_for, place : int
+
+    Returns
+    -------
+    tuple of int
+        Pitches of the bores, counter-clockwise; empty where it does not fit.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.reducer("RV-40E")
+    >>> disc_turns(unit, 0, 0), disc_turns(unit, 0, 1)
+    ((0,), (1,))
+    """
+    cranks, discs = reducer.cranks, reducer.discs
+    return tuple(
+        s
+        for s in range(cranks)
+        if (reducer.disc_lobes * s * discs - (made_for - place) * cranks) % (cranks * discs) == 0
+    )
+
+
+def places_of(reducer: Reducer, kind: str, *, turns: bool = False) -> tuple[Place, ...]:
+    """Places that a unit has for one kind of part.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    kind : str
+        A key of `KINDS`.
+    turns : bool
+        Whether discs may be turned where they fit in several ways.
+
+    Returns
+    -------
+    tuple of Place
+
+    Examples
+    --------
+    >>> import rverror
+    >>> [str(place) for place in places_of(rverror.reducer("RV-40E"), "disc")]
+    ['disc 0', 'disc 1']
+    """
+    counted = KINDS[kind][1]
+    if counted is None:
+        return (Place(kind, None, (0,)),)  # a housing turned by pins shifts the waveform as a whole
+    number = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins}[counted]
+    if kind != "disc":
+        return tuple(Place(kind, n, (0,)) for n in range(number))
+    found = []
+    for n in range(number):
+        least = next(p for p in range(number) if disc_turns(reducer, p, n))
+        ways = disc_turns(reducer, least, n)
+        found.append(Place(kind, n, ways if turns else ways[:1], least))
+    return tuple(found)
+
+
+def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn: int = 0) -> tuple[Effect, ...]:
+    """Errors of a part at its place of a unit, turned by whole steps, as the model of the unit declares them.
+
+    Parameters
+    ----------
+    part : MeasuredPart
+        A disc's errors are those at the place that it is made for.
+    reducer : Reducer
+    place : int, optional
+        As for `MeasuredPart.at`.
+    turn : int
+        Steps, counter-clockwise: pitches of the bores of a disc, pins of a housing.
+
+    Returns
+    -------
+    tuple of Effect
+
+    Raises
+    ------
+    InputError
+        If such a part is not turned, or no disc fits there so.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> bore = rverror.effect("cycloid.disc_bore_position", crank=0, radial="3 um")
+    >>> print(*mounted(MeasuredPart("disc", "D17", (bore,)), rverror.reducer("RV-40E"), 1, 1))
+    cycloid.disc_bore_position (disc 1, crank 1): radial 3 um
+    """
+    errors = part.at(place)
+    steps = {"disc": reducer.cranks, "housing": reducer.pins}.get(part.kind, 1)
+    if turn == 0:
+        return errors
+    if steps == 1:
+        raise InputError(f"{part.kind} {part.serial}: turn = {turn}: only discs and housings are turned; leave it out")
+    shifts = {"pin": (turn, reducer.pins)}
+    if part.kind == "disc":
+        assert place is not None
+        fits = [p for p in range(reducer.discs) if turn % steps in disc_turns(reducer, p, place)]
+        if not fits:
+            raise InputError(
+                f"disc {part.serial}: no disc fits at place {place}, turned by {turn} pitches of its bores"
+            )
+        lobes = _root(reducer, fits[0]) - _root(reducer, place) + Fraction(reducer.disc_lobes * turn, steps)
+        shifts = {"crank": (turn, steps), "lobe": (int(lobes), reducer.disc_lobes)}
+    return tuple(_turned(error, shifts, 2 * math.pi * turn / steps) for error in errors)
+
+
+def _root(reducer: Reducer, disc: int) -> Fraction:
+    """Root of a disc from which its lobes are counted, in pitches: as `cycloid.disc_lobe` has it."""
+    return -(-disc * reducer.pins // reducer.discs) - Fraction(disc, reducer.discs)
+
+
+def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) -> Effect:
+    """One error, its part turned: features that are counted go to other places, vectors and waves turn."""
+    counted = [name for name in shifts if name in error.indices]
+    if counted:
+        moved: dict[str, IndexValue] = dict(error.indices)
+        for name in counted:
+            by, count = shifts[name]
+            if isinstance(before := moved[name], int):  # "all" stays
+                moved[name] = (before + by) % count
+        return replace(error, indices=moved)
+    if error.key == LOBE_PROFILE:  # told from root to root, on all lobes
+        return error
+    names = [parameter.name for parameter in source(error.key).parameters]
+    waves = int(error.indices.get("harmonic", 1))
+    values = list(error.values)
+    for x, y in ((names.index(a), names.index(b)) for a, b in _VECTORS if a in names):
+        turned = complex(values[x], values[y]) * cmath.exp(1j * waves * angle)
+        values[x], values[y] = turned.real, turned.imag
+    return replace(error, values=tuple(values))

@@ -1,0 +1,116 @@
+"""What matching found: units with their parts and errors, what is left, and what each way gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.viewed import OneLine, Viewed
+from rverror.matching.at_load import Quantity
+from rverror.model.effects import Model
+
+
+@dataclass(frozen=True)
+class MountedPart:
+    """A part at its place of a unit."""
+
+    kind: str
+    place: int | None  #: which crank, planet, disc or groove
+    serial: str
+    turn: int = 0  #: pitches of its bores by which a disc is turned, counter-clockwise
+
+
+@dataclass(frozen=True)
+class MatchedUnit:
+    """A unit to be built.
+
+    Attributes
+    ----------
+    parts : tuple of MountedPart
+    model : Model
+        With the errors of its parts.
+    turns : tuple of float
+        rad; of each quantity that is limited, by the equilibrium at the load.
+    """
+
+    parts: tuple[MountedPart, ...]
+    model: Model
+    turns: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class WayToBuild(OneLine):
+    """What one way to put the same parts together gives.
+
+    Attributes
+    ----------
+    name : str
+    turns : ndarray, shape (units, quantities)
+        rad, by the equilibrium at the load; infinite where none was found.
+    errors : ndarray, shape (units,)
+        Largest of a unit's quantities, each over its limit.
+    cost : float, optional
+        Of the way, for each unit that is tried.
+    """
+
+    name: str
+    turns: Array
+    errors: Array
+    cost: float | None = None
+
+    @property
+    def share(self) -> float:
+        """Yield: units within all limits of those that the parts allow."""
+        return float((self.errors <= 1).mean())
+
+    @property
+    def p95(self) -> float:
+        """Error over the limit that 95 % of the units do not exceed."""
+        return float(np.quantile(self.errors, 0.95, method="higher"))
+
+
+@dataclass(frozen=True)
+class Matched(Viewed):
+    """Which parts to join.
+
+    Attributes
+    ----------
+    model : str
+        Name of the unit, for people.
+    quantities : tuple of Quantity
+        What is limited.
+    allowed : tuple of float
+        rad; the limit of each.
+    units : tuple of MatchedUnit
+        Those within all limits.
+    left : mapping of str to tuple of str
+        Serial numbers of the parts that stay, by kind.
+    possible : int
+        Units that the numbers of parts allow.
+    bound : int
+        Units within the limits that no assembly of these parts can exceed, by the linear influences.
+    ways : tuple of WayToBuild
+        At random, in three classes, matched, and what else was asked for.
+    doubt : float
+        Standard deviation of true errors about the linear ones, over the limit.
+    notes : tuple of str
+    """
+
+    model: str
+    quantities: tuple[Quantity, ...]
+    allowed: tuple[float, ...]
+    units: tuple[MatchedUnit, ...]
+    left: Mapping[str, tuple[str, ...]]
+    possible: int
+    bound: int
+    ways: tuple[WayToBuild, ...]
+    doubt: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def share(self) -> float:
+        """Yield: units within all limits of those that the parts allow."""
+        return len(self.units) / self.possible

@@ -1,0 +1,378 @@
+"""Assemblies of units as sums of waves, and the search for the one in which most units are within their limits.
+
+A unit's error wave is a base plus one wave a place, each over the limit: its largest section is 1 at the limit.
+Page ``theory/matching.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+
+Ints = npt.NDArray[np.intp]
+
+#: Units up to which all are listed for the bound.
+LISTED = 5_000_000
+
+_STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
+_CAP = 4.0  # of limits: worse units are alike
+_SWEEPS = 12  # at the most; the search ends when one brings nothing
+_EXACT = 20_000  # of these, good ones up to which the best set is found outright
+_COLUMNS = 4000  # units that a round of column generation adds
+_PACKING = 10.0  # s, for the best set of listed units
+_BLOCK = 2**22  # samples of a block: 16 MB
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Which part stands at which place of which unit.
+
+    Attributes
+    ----------
+    part, turn : ndarray of int, shape (units, places)
+        Number of the part in its pool, and by which of the place's ways it is turned.
+    """
+
+    part: Ints
+    turn: Ints
+
+    def of(self, rows: Any) -> Assembly:
+        """Some of the units."""
+        return Assembly(self.part[rows], self.turn[rows])
+
+
+@dataclass(frozen=True)
+class UnitWaves:
+    """Waves of all parts at all places.
+
+    Attributes
+    ----------
+    base : ndarray, shape (samples,)
+        Of a unit without errors of parts, over the limits.
+    parts : sequence of ndarray, shape (turns, parts, samples)
+        Of each place.
+    pools : tuple of int
+        From which pool each place takes its parts.
+    sections : tuple of (slice, bool)
+        Samples of each quantity, and whether its peak-to-peak counts, or its largest value.
+    doubt : float
+        Standard deviation of a unit's true error about the sum of its waves, both over the limit.
+    """
+
+    base: Array
+    parts: Sequence[Array]
+    pools: tuple[int, ...]
+    sections: tuple[tuple[slice, bool], ...]
+    doubt: float = 0.0
+
+    @cached_property
+    def sizes(self) -> dict[int, int]:
+        """Parts of each pool."""
+        return {pool: waves.shape[1] for pool, waves in zip(self.pools, self.parts, strict=True)}
+
+    @cached_property
+    def most(self) -> int:
+        """Units that the numbers of parts allow."""
+        return min(self.sizes[pool] // self.pools.count(pool) for pool in self.sizes)
+
+    def errors(self, waves: Array) -> Array:
+        """Largest section of each wave, over the limit, shape (...)."""
+        found = [
+            waves[..., at].max(axis=-1) - (waves[..., at].min(axis=-1) if span else 0) for at, span in self.sections
+        ]
+        return np.asarray(np.max(found, axis=0))
+
+    def of(self, assembly: Assembly, places: Sequence[int]) -> Array:
+        """Sum of the waves at some places, without the base, shape (units, samples)."""
+        total = np.zeros((len(assembly.part), self.base.size), dtype=self.base.dtype)
+        for place in places:
+            total += self.parts[place][assembly.turn[:, place], assembly.part[:, place]]
+        return total
+
+    def whole(self, assembly: Assembly, beside: Array | None = None) -> Array:
+        """Wave of each unit, shape (units, samples), and what is beside it."""
+        total = self.base + self.of(assembly, range(len(self.parts)))
+        return total if beside is None else total + beside
+
+    def pairs(self, rows: Array, columns: Array) -> Array:
+        """Errors of all sums of a row and a column, shape (rows, columns)."""
+        found = np.empty((len(rows), len(columns)))
+        step = max(1, _BLOCK // max(1, columns.size))
+        for first in range(0, len(rows), step):
+            some = slice(first, first + step)
+            found[some] = self.errors(rows[some, None] + columns)
+        return found
+
+    def cost(self, errors: Array) -> Array:
+        """What a unit costs: the chance that it is bad; far below, its error, to tell equals apart."""
+        bad = scipy.special.ndtr((errors - 1) / self.doubt) if self.doubt else (errors > 1) * 1.0
+        return np.asarray(bad + np.minimum(errors, _CAP) / (2 * _CAP * self.most), dtype=np.float64)
+
+    # --- assemblies ---------------------------------------------------------------------------------------------------
+
+    def shuffled(self, rng: np.random.Generator) -> Assembly:
+        """As many units as can be made, put together at random, parts turned as they come."""
+        part = np.empty((self.most, len(self.pools)), dtype=np.intp)
+        for pool, size in self.sizes.items():
+            places = [place for place, of in enumerate(self.pools) if of == pool]
+            part[:, places] = rng.permutation(size)[: self.most * len(places)].reshape(self.most, -1)
+        return Assembly(part, np.zeros_like(part))
+
+    def searched(
+        self, rng: np.random.Generator, *, starts: int = 0, progress: Callable[[str], None] | None = None
+    ) -> Assembly:
+        """The best assembly that is found: from random starts, by exact assignments until none brings anything.
+
+        Parameters
+        ----------
+        rng : Generator
+        starts : int
+            More for few units, where left out.  Every other one is at random; in those between, parts of a kind change
+            their places in half of the units of the best so far, so that others come together.
+        progress : callable, optional
+            Called with a line of text at each start.
+
+        Returns
+        -------
+        Assembly
+        """
+        starts = starts or max(_STARTS, _SMALL // self.most)
+        best = self._descended(self.shuffled(rng))
+        alike = [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
+        for start in range(1, starts):
+            if progress is not None:
+                progress(f"assemblies: start {start + 1} of {starts}")
+            begun = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
+            for pair in alike:
+                some = rng.random(len(begun.part)) < 0.5
+                begun.part[:, pair] = np.where(some[:, None], begun.part[:, pair[::-1]], begun.part[:, pair])
+            found = self._descended(begun)
+            best = found if self._total(found) < self._total(best) else best
+        return best
+
+    def best(
+        self, rng: np.random.Generator, *, listed: int = LISTED, progress: Callable[[str], None] | None = None
+    ) -> tuple[Assembly, int]:
+        """The best assembly that is found, and units within their limits that none can exceed, by the sums of waves.
+
+        Parameters
+        ----------
+        rng : Generator
+        listed : int
+            Number of all possible units up to which they are listed: the best set of them is a further start, and the
+            bound that of linear programming.
+        progress : callable, optional
+            Called with a line of text as the search goes on.
+
+        Returns
+        -------
+        assembly : Assembly
+        bound : int
+        """
+        found, most = self.searched(rng, progress=progress), self.bound()
+        number = math.prod(waves.shape[0] * waves.shape[1] for waves in self.parts)
+        good = int((self.errors(self.whole(found)) <= 1).sum())
+        if good >= most or number > listed:
+            return found, max(most, good)
+        if progress is not None:
+            progress(f"bound: all {number} units are listed")
+        bound, units = self.packed(self.good())
+        if len(units.part) > good:
+            found = min(found, self._completed(units, rng), key=self._total)
+        return found, max(min(most, bound), good)
+
+    def _completed(self, units: Assembly, rng: np.random.Generator) -> Assembly:
+        """An assembly that has these units, and others of the rest of the parts at random."""
+        found = self.shuffled(rng)
+        found.part[: len(units.part)], found.turn[: len(units.part)] = units.part, units.turn
+        for pool, size in self.sizes.items():
+            places = [place for place, of in enumerate(self.pools) if of == pool]
+            left = rng.permutation(np.setdiff1d(np.arange(size), units.part[:, places]))
+            count = self.most - len(units.part)
+            found.part[len(units.part) :, places] = left[: count * len(places)].reshape(count, -1)
+        return self._descended(found)
+
+    def _total(self, assembly: Assembly) -> float:
+        return float(self.cost(self.errors(self.whole(assembly))).sum())
+
+    def _descended(self, assembly: Assembly) -> Assembly:
+        count, now = len(self.parts), self._total(assembly)
+        some = [few for size in (1, 2) if 2 * size <= count for few in combinations(range(count), size)]
+        alike = [(a, b) for a, b in combinations(range(count), 2) if self.pools[a] == self.pools[b]]
+        for _ in range(_SWEEPS):
+            for pair in alike:
+                assembly = self._exchanged(assembly, pair)
+            for few in some:
+                assembly = self.assigned(assembly, few)
+            before, now = now, self._total(assembly)
+            if now > before - 1e-6:
+                break
+        return assembly
+
+    def _exchanged(self, assembly: Assembly, pair: tuple[int, int]) -> Assembly:
+        """Parts at two places of a unit change them where that is better; each is turned as it comes."""
+        other = Assembly(assembly.part.copy(), assembly.turn.copy())
+        other.part[:, pair] = assembly.part[:, pair[::-1]]
+        other.turn[:, pair] = 0
+        better = self.errors(self.whole(other)) < self.errors(self.whole(assembly)) - 1e-9
+        return Assembly(
+            *(
+                np.where(better[:, None], new, old)
+                for new, old in ((other.part, assembly.part), (other.turn, assembly.turn))
+            )
+        )
+
+    def turned(self, assembly: Assembly) -> Assembly:
+        """Each part of a unit turned where the unit's error is least, a place after another."""
+        turn = assembly.turn.copy()
+        for place in range(len(self.parts)):
+            rest = self.base + self.of(Assembly(assembly.part, turn), [p for p in range(len(self.parts)) if p != place])
+            errors = [self.errors(rest + way[assembly.part[:, place]]) for way in self.parts[place]]
+            turn[:, place] = np.argmin(errors, axis=0)
+        return Assembly(assembly.part, turn)
+
+    def assigned(
+        self,
+        assembly: Assembly,
+        places: Sequence[int],
+        *,
+        beside: Array | None = None,
+        known: Array | None = None,
+    ) -> Assembly:
+        """Give the units the parts of some places anew, all else left as it is, by an exact assignment.
+
+        Parameters
+        ----------
+        assembly : Assembly
+        places : sequence of int
+            One, whose parts come from the units and from what is left of the pool, in any way that they can be turned;
+            or several, whose parts stay together as they are.
+        beside : ndarray, shape (units, samples), optional
+            What a unit's wave has beside its parts'; it stays with the other places.
+        known : ndarray, shape (units,), optional
+            True errors of the units as they are.
+
+        Returns
+        -------
+        Assembly
+        """
+        count, one = len(assembly.part), places[0]
+        rows = self.base + self.of(assembly, [p for p in range(len(self.parts)) if p not in places])
+        if beside is not None:
+            rows += beside
+        part, turn = assembly.part.copy(), assembly.turn.copy()
+        if len(places) > 1:
+            options = self.of(assembly, places)[None]
+        else:
+            alike = [p for p, pool in enumerate(self.pools) if pool == self.pools[one]]
+            left = np.setdiff1d(np.arange(self.sizes[self.pools[one]]), assembly.part[:, alike])
+            offered = np.concatenate([assembly.part[:, one], left])
+            options = self.parts[one][:, offered]
+        errors = np.array([self.pairs(rows, option) for option in options])
+        way, cost = errors.argmin(axis=0), self.cost(errors.min(axis=0))
+        if known is not None:
+            every = np.arange(count)
+            way[every, every], cost[every, every] = turn[:, one], replace(self, doubt=0.0).cost(known)
+        unit, chosen = scipy.optimize.linear_sum_assignment(cost)
+        if len(places) > 1:
+            part[:, places], turn[:, places] = part[np.ix_(chosen, places)], turn[np.ix_(chosen, places)]
+        else:
+            part[:, one], turn[:, one] = offered[chosen], way[unit, chosen]
+        return Assembly(part, turn)
+
+    # --- the bound ----------------------------------------------------------------------------------------------------
+
+    def bound(self) -> int:
+        """Units within their limits that no assembly can exceed: a part is of no use where no unit with it is good."""
+        possible = self._possible()
+        return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
+
+    def _possible(self) -> dict[int, npt.NDArray[np.bool_]]:
+        """Whether a part may be in a good unit, for each pool.
+
+        The difference of a unit's wave at two samples is no more than its peak-to-peak, and the parts of all other
+        places together can take no more from it than the best of each.
+        """
+        possible = {pool: np.zeros(size, dtype=bool) for pool, size in self.sizes.items()}
+        for place, waves in enumerate(self.parts):
+            others = [other for other in range(len(self.parts)) if other != place]
+            for own in self.base + waves:
+                within = np.ones(len(own), dtype=bool)
+                for at, span in self.sections:
+                    high, low = (at.start + place_of(own[:, at], axis=1) for place_of in (np.argmax, np.argmin))
+                    every = np.arange(len(own))
+                    least = own[every, high] - (own[every, low] if span else 0)
+                    for other in others:
+                        flat = self.parts[other].reshape(-1, self.base.size)
+                        least = least + (flat[:, high] - (flat[:, low] if span else 0)).min(axis=0)
+                    within &= least <= 1 + 1e-6
+                possible[self.pools[place]] |= within
+        return possible
+
+    def good(self) -> Assembly:
+        """All units within their limits, each with its parts turned best."""
+        shapes = [waves.shape[:2] for waves in self.parts]
+        first = self.parts[-1].reshape(-1, self.base.size)  # the last place runs fastest
+        parts, turns = [], []
+        for chosen in product(*(np.ndindex(*shape) for shape in shapes[:-1])):
+            if len({(pool, part) for pool, (_, part) in zip(self.pools, chosen, strict=False)}) < len(chosen):
+                continue
+            rest = self.base + sum(waves[way] for waves, way in zip(self.parts, chosen, strict=False))
+            for at in np.flatnonzero(self.errors(rest + first) <= 1):
+                turn, part = divmod(int(at), shapes[-1][1])
+                if (self.pools[-1], part) not in {(p, c[1]) for p, c in zip(self.pools, chosen, strict=False)}:
+                    parts.append((*(c[1] for c in chosen), part))
+                    turns.append((*(c[0] for c in chosen), turn))
+        shape = (-1, len(self.parts))
+        return Assembly(np.array(parts, dtype=np.intp).reshape(shape), np.array(turns, dtype=np.intp).reshape(shape))
+
+    def packed(self, units: Assembly) -> tuple[int, Assembly]:
+        """Most of the listed units that share no part: a bound by linear programming, and the best set found."""
+        starts = np.cumsum([0, *self.sizes.values()])
+        first = dict(zip(self.sizes, starts, strict=False))
+        rows = units.part + np.array([first[pool] for pool in self.pools])  # (units, places): parts counted through
+        if not len(rows):
+            return 0, units
+        rng = np.random.default_rng(0)
+        columns = rng.permutation(len(rows))[:_EXACT]
+        capacity = np.ones(starts[-1])
+        while True:
+            taken = _incidence(rows[columns], len(capacity))
+            solved = scipy.optimize.linprog(-np.ones(columns.size), A_ub=taken, b_ub=capacity, method="highs")
+            prices = -solved.ineqlin.marginals
+            worth = 1 - prices[rows].sum(axis=1)
+            more = np.argsort(-worth)[:_COLUMNS]
+            more = more[worth[more] > 1e-7]
+            if not more.size:
+                break
+            columns = np.union1d(columns, more)
+        bound = math.floor(prices.sum() + 1e-6)
+        if len(rows) > _EXACT:
+            columns = columns[np.argsort(-worth[columns])][:_EXACT]
+        taken = _incidence(rows[columns], len(capacity))
+        chosen = scipy.optimize.milp(
+            -np.ones(columns.size),
+            integrality=np.ones(columns.size),
+            bounds=scipy.optimize.Bounds(0, 1),
+            constraints=scipy.optimize.LinearConstraint(taken, -np.inf, 1),
+            options={"time_limit": _PACKING},
+        )
+        if columns.size == len(rows) and chosen.mip_dual_bound is not None:
+            bound = min(bound, math.floor(-chosen.mip_dual_bound + 1e-6))
+        return bound, units.of(columns[:0] if chosen.x is None else columns[chosen.x > 0.5])
+
+
+def _incidence(rows: Ints, parts: int) -> Any:
+    """Which parts each unit takes, shape (parts, units), sparse."""
+    units = np.repeat(np.arange(len(rows)), rows.shape[1])
+    return scipy.sparse.csr_matrix((np.ones(rows.size), (rows.ravel(), units)), shape=(parts, len(rows)))

@@ -1,0 +1,175 @@
+"""The plain table of parts, a row for each component of each error, which reads back exactly; parts of findings."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from rverror.base.errors import InputError
+from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.units import CORE_UNITS
+from rverror.geartrain.mechanism import Mechanism
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, effect
+from rverror.parts.measured import KINDS, MeasuredPart
+
+_INDICES = ("crank", "disc", "pin", "lobe", "harmonic")
+#: Columns of the table; what a source has no index of stays empty.
+COLUMNS = ("kind", "serial", "origin", "key", *_INDICES, "parameter", "value", "uncertainty", "unit")
+_ERROR = COLUMNS[: COLUMNS.index("parameter")]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one place of a file says of a part: an error, or none.
+
+    Attributes
+    ----------
+    where : str
+        File and line, for messages.
+    kind, serial : str
+        Of the part.
+    origin : str
+        File, and what was measured.
+    error : Effect, optional
+    """
+
+    where: str
+    kind: str
+    serial: str
+    origin: str
+    error: Effect | None
+
+
+def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[MeasuredPart, ...]:
+    """Parts in the order found, each with the errors that all files have of it.
+
+    Raises
+    ------
+    InputError
+        If a kind is unknown, a serial number is missing, an error is no error of such a part of the mechanism, or a
+        part has the same error twice.
+    """
+    parts: dict[tuple[str, str], dict[str, Finding]] = {}
+    origins: dict[tuple[str, str], dict[str, None]] = {}
+    checked: set[tuple[str, str]] = set()
+    for one in findings:
+        if one.kind not in KINDS:
+            hint = did_you_mean(one.kind, KINDS)
+            raise InputError(f"{one.where}: kind {shown(one.kind)} is none of {', '.join(KINDS)};{hint} correct it")
+        if not one.serial:
+            raise InputError(f"{one.where}: no serial number; give every {one.kind} one")
+        given = parts.setdefault((one.kind, one.serial), {})
+        origins.setdefault((one.kind, one.serial), {}).setdefault(one.origin)
+        if one.error is None:
+            continue
+        name = describe(one.error.key, one.error.indices)
+        if name in given:
+            raise InputError(f"{one.where}: {one.kind} {shown(one.serial)} has {name} already, from "
+                             f"{given[name].where}; keep one, or correct the serial number")  # fmt: skip
+        if (one.kind, name) not in checked:
+            _check(one, one.error, mechanism)
+            checked |= {(one.kind, name)}
+        given[name] = one
+    return tuple(
+        MeasuredPart(
+            *part, tuple(one.error for one in own.values() if one.error), "; ".join(filter(None, origins[part]))
+        )
+        for part, own in parts.items()
+    )
+
+
+def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
+    """Refuse what is no error of such a part of the mechanism."""
+    entry = source(error.key)
+    try:
+        MeasuredPart(one.kind, one.serial, (error,))
+        entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
+    except ValueError as problem:
+        raise InputError(f"{one.where}: {problem}; correct it") from problem
+
+
+def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:
+    """Write a table of parts, in one step or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+    parts : iterable of MeasuredPart
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the file exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> crank = MeasuredPart("crank", "C3", (effect("crank.eccentricity", disc=1, radial="2 um", uncertainty="1 um"),))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_parts(Path(folder, "parts.csv"), [crank])
+    ...     print(Path(folder, "parts.csv").read_text().splitlines()[1])
+    crank,C3,,crank.eccentricity,,1,,,,radial,0.002,0.001,mm
+    """
+    written = io.StringIO()
+    table = csv.writer(written, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for part in parts:
+        head = [part.kind, part.serial, part.origin]
+        for error in part.errors:
+            indices = [error.indices.get(name, "") for name in _INDICES]
+            sigma = "" if error.uncertainty is None else repr(error.uncertainty)
+            for parameter, value in zip(source(error.key).parameters, error.values, strict=True):
+                own = [parameter.name, repr(value), sigma, CORE_UNITS[parameter.dimension]]
+                table.writerow([*head, error.key, *indices, *own])
+        if not part.errors:
+            table.writerow(head + [""] * (len(COLUMNS) - len(head)))
+    write_text(path, written.getvalue(), overwrite=overwrite)
+
+
+def is_parts_table(text: str) -> bool:
+    """Tell a table of parts by the names of its columns."""
+    return text.startswith(",".join(COLUMNS[:4]))
+
+
+def read_parts_table(path: PathLike) -> Iterator[Finding]:
+    """What a table says of its parts.
+
+    Raises
+    ------
+    InputError
+        If a cell cannot be what its column says; the line is named.
+    """
+    rows = csv.DictReader(split_lines(read_text(path)))
+    if tuple(rows.fieldnames or ()) != COLUMNS:
+        raise InputError(f"{path}, line 1: the columns of a table of parts are {', '.join(COLUMNS)}; write it again")
+    numbered = ((rows.line_num, row) for row in rows if any(row.values()))
+    for error, group in groupby(numbered, lambda each: [each[1][name] or "" for name in _ERROR]):
+        lines = list(group)
+        where = f"{path}, line {lines[0][0]}"
+        kind, serial, origin, key, *_ = error
+        try:
+            yield Finding(where, kind, serial, origin, _error([row for _, row in lines]) if key else None)
+        except (TypeError, ValueError) as problem:
+            raise InputError(f"{where}: {problem}; correct the row") from problem
+
+
+def _error(rows: list[dict[str, str]]) -> Effect:
+    """The error of a row for each of its components."""
+    first = rows[0]
+    named: dict[str, Any] = {
+        name: int(first[name]) if first[name].isdigit() else first[name] for name in _INDICES if first[name]
+    }
+    sizes = {row["parameter"]: f"{row['value']} {row['unit']}" for row in rows}
+    if len(sizes) < len(rows) or len({row["uncertainty"] for row in rows}) > 1 or None in first:
+        raise ValueError(f"{len(rows)} rows of {first['key']} give a parameter twice, several uncertainties or more "
+                         "cells than columns")  # fmt: skip
+    sigma = f"{first['uncertainty']} {first['unit']}" if first["uncertainty"] else None
+    return effect(first["key"], uncertainty=sigma, **named, **sizes)

@@ -1,0 +1,173 @@
+"""A unit of measured parts: which part is mounted where, its model, and its error with an interval."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError, check_each
+from rverror.base.text import describe, shown
+from rverror.base.viewed import OneLine
+from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import rv
+from rverror.model.catalogue import source
+from rverror.model.compose import transmission_error, transmission_error_by_effect
+from rverror.model.effects import Effect, Model, check_model
+from rverror.parts.measured import KINDS, MeasuredPart
+
+_DRAWN = 2000
+
+
+@dataclass(frozen=True)
+class UnitError(OneLine):
+    """Transmission error of a unit whose errors are known to within an uncertainty, in closed form; of `unit_error`.
+
+    Attributes
+    ----------
+    transmission_error : ndarray, shape (n,)
+        Its mean, rad.
+    sigma : ndarray, shape (n,)
+        1 sigma of it, rad.
+    peak_to_peak : float
+        Of the mean, rad.
+    interval : tuple of float
+        95 % interval of the peak-to-peak, rad.
+    """
+
+    transmission_error: Array
+    sigma: Array
+    peak_to_peak: float
+    interval: tuple[float, float]
+
+
+def unit_of_parts(
+    model: Model, parts: Sequence[MeasuredPart], places: Mapping[str, Sequence[str]] | None = None
+) -> Model:
+    """Model of the unit that is assembled of measured parts.
+
+    Parameters
+    ----------
+    model : Model
+        What is known beside them.
+    parts : sequence of MeasuredPart
+    places : mapping of str to sequence of str, optional
+        Serial numbers by kind, in the order of the places: ``{"disc": ["D17", "D18"]}``.  Of a kind that is left out
+        there must be as many parts as places; they take these in their order.
+
+    Returns
+    -------
+    Model
+        With the errors of the parts, and their uncertainties, behind its own effects.
+
+    Raises
+    ------
+    InputError
+        If a serial number or its place cannot be told, or the model declares an error that was measured.
+
+    Examples
+    --------
+    >>> from rverror.geartrain.mechanism import reducer
+    >>> from rverror.model.effects import effect
+    >>> discs = [
+    ...     MeasuredPart(
+    ...         "disc", name, (effect("cycloid.disc_pitch", harmonic=1, cos=f"{size} um", uncertainty="0.2 um"),)
+    ...     )
+    ...     for name, size in (("D17", 2), ("D18", 3))
+    ... ]
+    >>> unit = unit_of_parts(Model(reducer("RV-40E")), discs, {"disc": ["D18", "D17"]})
+    >>> print(unit.effects[0], "of", unit.effects[0].origin)
+    cycloid.disc_pitch (disc 0, harmonic 1): cos 3 um of disc D18
+    """
+    check_model(model)
+    check_each("parts", parts, MeasuredPart, "give those of rverror.load_parts(...)")
+    found = {(part.kind, part.serial): part for part in parts}
+    declared = {describe(effect.key, effect.indices) for effect in model.effects}
+    added: list[Effect] = []
+    for kind, serials in mounted_parts(parts, model.mechanism, places).items():
+        for place, part in enumerate(found[kind, serial] for serial in serials):
+            origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
+            added += [replace(error, origin=origin) for error in part.at(place if KINDS[kind][1] else None)]
+    twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
+    if twice:
+        raise InputError(f"{twice[0]}: it is measured, and the model declares it too; take it out of the model")
+    return model.with_effects(*added)
+
+
+def mounted_parts(
+    parts: Sequence[MeasuredPart], mechanism: Mechanism, places: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, tuple[str, ...]]:
+    """Serial numbers of the parts at the places of a unit, as for `unit_of_parts`.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        By kind.
+
+    Raises
+    ------
+    InputError
+        If a kind or a serial number is unknown, a part has two places, or a place has no part.
+    """
+    reducer = rv(mechanism)
+    counts = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins, None: 1}
+    measured = {kind: [part.serial for part in parts if part.kind == kind] for kind in KINDS}
+    mounted = {}
+    for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
+        chosen = tuple((places or {}).get(kind, measured.get(kind, ())))
+        unknown = [serial for serial in chosen if serial not in measured.get(kind, ())]
+        if unknown:
+            known = ", ".join([*measured.get(kind, ["no such kind"])[:5], "..."])
+            raise InputError(
+                f"place {shown(kind)}: {shown(unknown[0])} is not among the measured parts: {known}; correct it"
+            )
+        count = counts[KINDS[kind][1]]
+        if len(chosen) != count or len(set(chosen)) < count:
+            example = ",".join([*measured[kind], "..."][:count])
+            raise InputError(f"{len(chosen)} parts of kind {kind} for {count} in a unit; say which, each once, in the "
+                             f"order of the places: {kind}={example}")  # fmt: skip
+        mounted[kind] = chosen
+    return mounted
+
+
+def unit_error(model: Model, theta: Any | None = None, *, direction: Any | None = None, seed: int = 0) -> UnitError:
+    """Transmission error in closed form, with the uncertainty that the declared effects have.
+
+    Parameters
+    ----------
+    model : Model
+    theta, direction
+        As for `rverror.transmission_error`; one output turn where left out.
+    seed : int
+        Of the units that are drawn for the interval of the peak-to-peak.
+
+    Returns
+    -------
+    UnitError
+
+    Examples
+    --------
+    >>> from rverror.geartrain.mechanism import reducer
+    >>> from rverror.model.effects import effect
+    >>> cam = effect("crank.eccentricity", crank=0, disc=0, radial="5 um", uncertainty="0.5 um")
+    >>> found = unit_error(Model(reducer("RV-40E"), (cam,)))
+    >>> [round(value / found.peak_to_peak, 2) for value in found.interval]
+    [0.81, 1.2]
+    """
+    mean = transmission_error(model, theta, direction=direction)
+    marks = tuple(effect for effect in model.effects if source(effect.key).acts == "marks")
+    changes = tuple(
+        replace(effect, values=tuple(row))
+        for effect in model.effects
+        if effect.uncertainty and effect not in marks
+        for row in (effect.uncertainty * np.eye(len(effect.values))).tolist()
+    )
+    by_change = transmission_error_by_effect(replace(model, effects=(*changes, *marks)), theta, direction=direction)
+    jacobian = by_change[: len(changes)].reshape(-1, mean.size)
+    units = mean + np.random.default_rng(seed).standard_normal((_DRAWN, len(jacobian))) @ jacobian
+    low, high = np.quantile(np.ptp(units, axis=1), (0.025, 0.975))
+    sigma = np.sqrt(np.sum(jacobian**2, axis=0))
+    return UnitError(mean, sigma, float(np.ptp(mean)), (float(low), float(high)))

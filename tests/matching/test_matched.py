@@ -1,0 +1,160 @@
+"""Units of measured parts: solved anew, counted, and refused where they cannot be made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from rverror.base.errors import InputError
+from rverror.matching.matched import match
+from rverror.matching.mounting import mounted
+from rverror.parts.measured import MeasuredPart
+
+UNIT = rverror.reducer("RV-40E")
+MODEL = rverror.Model(UNIT, (rverror.effect("crank.bearing_clearance", clearance="2 um"),), "a unit")
+LIMITS = [
+    rverror.limit("transmission_error", "17 arcsec", torque="412 N*m"),
+    rverror.limit("lost_motion", "70 arcsec"),
+]
+UNITS = 4
+
+
+def drawn(rng, key, size, **indices):
+    return rverror.Effect(key, indices, tuple(rng.normal(0, size, len(rverror.CATALOGUE[key].parameters))))
+
+
+def cranks(rng, count):
+    return [
+        MeasuredPart("crank", f"C{n}", tuple(drawn(rng, "crank.eccentricity", 2e-3, disc=d) for d in range(2)))
+        for n in range(count)
+    ]
+
+
+def discs(rng, count):
+    keys = ("cycloid.disc_profile", "cycloid.disc_pitch")
+    return [
+        MeasuredPart("disc", f"D{n}", tuple(drawn(rng, key, 2e-3, harmonic=h) for key in keys for h in (1, 2)))
+        for n in range(count)
+    ]
+
+
+def housings(rng, count):
+    return [
+        MeasuredPart("housing", f"H{n}", tuple(drawn(rng, "cycloid.pin_position", 3e-3, pin=p) for p in range(40)))
+        for n in range(count)
+    ]
+
+
+def rollers(rng, count):
+    return [MeasuredPart("roller", f"R{n}", (drawn(rng, "cycloid.pin_radius", 2e-3),)) for n in range(count)]
+
+
+def parts():
+    rng = np.random.default_rng(11)
+    return [*cranks(rng, 2 * UNITS), *discs(rng, 2 * UNITS + 1), *housings(rng, UNITS), *rollers(rng, 40 * UNITS + 3)]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return match(MODEL, parts(), LIMITS)
+
+
+def by_hand(unit):
+    """Model of a unit of the list, its parts looked up by their serial numbers."""
+    known = {(part.kind, part.serial): part for part in parts()}
+    effects = list(MODEL.effects)
+    for one in unit.parts:
+        effects += mounted(known[one.kind, one.serial], UNIT, one.place, one.turn)
+    return rverror.Model(UNIT, tuple(effects))
+
+
+def test_units_solved_anew(found):
+    """By the equilibrium at all angles, from models made by hand; the closed form knows no windup and is near."""
+    assert [one.label for one in found.quantities] == [
+        "transmission error at 412 N*m, forward",
+        "lost motion at 12.36 N*m",
+        "transmission error at 412 N*m, reverse",
+    ]
+    theta = 2 * np.pi * np.arange(1200) / 1200
+    for unit in found.units[:2]:
+        model = by_hand(unit)
+        for direction, turn in ((1.0, unit.turns[0]), (-1.0, unit.turns[2])):
+            state = rverror.equilibrium(model, theta, torque="412 N*m", direction=direction)
+            assert np.ptp(state.transmission_error) == pytest.approx(turn, rel=0.02)
+            closed = np.ptp(rverror.transmission_error(model, theta, direction=direction))
+            assert closed == pytest.approx(turn, rel=0.4)
+        play = [
+            rverror.equilibrium(model, theta[::25], torque="12.36 N*m", direction=sense).transmission_error
+            for sense in (-1.0, 1.0)
+        ]
+        assert np.abs(play[0] - play[1]).max() == pytest.approx(unit.turns[1], rel=0.02)
+        assert {str(effect) for effect in model.effects} == {str(effect) for effect in unit.model.effects}
+
+
+def test_parts_are_used_once_and_none_is_lost(found):
+    used = [(part.kind, part.serial) for unit in found.units for part in unit.parts]
+    left = [(kind, serial) for kind, serials in found.left.items() for serial in serials]
+    assert sorted([*used, *left]) == sorted((part.kind, part.serial) for part in parts())
+    for unit in found.units:
+        assert [part.place for part in unit.parts if part.kind == "roller"] == list(range(40))
+        assert [(part.place, part.turn) for part in unit.parts if part.kind == "disc"] == [(0, 0), (1, 1)]
+        assert (np.array(unit.turns) <= found.allowed).all()
+
+
+def test_matching_beats_chance(found):
+    shares = {way.name: way for way in found.ways}
+    random, matched, placed = (shares[name] for name in ("put together at random", "matched", "rollers placed as well"))
+    assert random.share < matched.share <= placed.share == found.share
+    assert len(found.units) <= found.bound <= found.possible == UNITS
+    assert placed.p95 < random.p95
+
+
+def test_serial_numbers_are_names_alone():
+    rng = np.random.default_rng(2)
+    some = [*cranks(rng, 5), *housings(rng, 2)]
+    first, again = (match(MODEL, of, LIMITS[:1]) for of in (some, [replace(p, serial=f"{p.serial}-x") for p in some]))
+    assert first.units
+    assert [[f"{part.serial}-x" for part in unit.parts] for unit in first.units] == [
+        [part.serial for part in unit.parts] for unit in again.units
+    ]
+
+
+def test_a_limit_that_no_unit_meets():
+    rng = np.random.default_rng(0)
+    few = [*cranks(rng, 2), *housings(rng, 1)]
+    with pytest.raises(
+        InputError, match="no unit of these parts meets the limits: the best one has transmission"
+    ) as told:
+        match(MODEL, few, [rverror.limit("transmission_error", "2 arcsec", torque="412 N*m")])
+    assert "arcsec, and 2 are allowed" in str(told.value)
+
+
+def refused(words, some, limits=LIMITS, model=MODEL, **options):
+    with pytest.raises(InputError, match=words):
+        match(model, some, limits, **options)
+
+
+def test_what_cannot_be_matched_is_refused():
+    rng = np.random.default_rng(0)
+    housing, pair = housings(rng, 2), cranks(rng, 2)
+    refused("parts: there is none", [])
+    refused("1 crank: a unit takes 2", [*pair[:1], *housing])
+    refused("39 rollers: a unit takes 40", [*housing, *rollers(rng, 39)])
+    refused("only parts of the kind housing", housing)
+    twice = [replace(housing[0], origin="one.csv"), replace(housing[0], origin="two.csv"), *pair]
+    refused("housing H0: this serial number comes twice, in one.csv and two.csv; keep one", twice)
+    common = MeasuredPart("disc", "D", (rverror.effect("cycloid.profile_modification", equidistant="1 um"),))
+    refused("disc D: cycloid.profile_modification is one error of all", [common, *pair])
+    far = MeasuredPart("housing", "H9", (rverror.effect("cycloid.pin_radius", pin=55, deviation="1 um"),))
+    refused("housing H9: .*pin", [far, *pair])
+    declared = replace(MODEL, effects=pair[0].at(0))
+    refused("crank.eccentricity: the model declares it", [*pair, *housing], model=declared)
+    refused(
+        "a .drive. has no parts that are matched", [*pair, *housing], model=rverror.Model(rverror.Drive(ratio=50.0))
+    )
+    refused("costs: 'luck' is no way to build", [*pair, *housing], costs={"luck": 1.0})
+    refused("match takes values of angles", [*pair, *housing], [rverror.limit("stiffness", "100 N*m/arcmin")])
+    refused("made_for = 1: give one of .0.", [replace(d, made_for=1) for d in discs(rng, 2)])
+    three = rverror.Model(replace(UNIT, cranks=3))
+    refused("0 discs made for place 1: a unit takes 1", discs(rng, 2), model=three)
