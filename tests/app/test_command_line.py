@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -416,6 +417,43 @@ def test_help_and_version_end_with_0(capsys: pytest.CaptureFixture[str]) -> None
         out, err = capsys.readouterr()
         assert out.startswith("usage: rverror")
         assert err == ""
+
+
+@pytest.fixture(scope="module")
+def parsers() -> dict[str, argparse.ArgumentParser]:
+    """Parser of every command."""
+    parser = cli.parser_of("")
+    (action,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    return dict(action.choices)
+
+
+def test_every_command_says_what_it_does_and_shows_an_example_that_is_read(
+    parsers: dict[str, argparse.ArgumentParser],
+) -> None:
+    for name, parser in parsers.items():
+        sentence = " ".join((parser.description or "").split())
+        assert re.match(r"[A-Z].*\w\.$", sentence), name
+        title, _, example = (parser.epilog or "").partition("\n")
+        assert title == "example:", name
+        program, *words = shlex.split(example.replace("\\\n", " "))
+        assert (program, words[0]) == ("rverror", name)
+        cli.parser_of(name).parse_args(words)  # an option that is none would exit
+        assert "%%" not in parser.format_help(), name
+
+
+def test_options_that_mean_one_thing_have_one_spelling(parsers: dict[str, argparse.ArgumentParser]) -> None:
+    """Outputs, pages and JSON; the names that some commands had before are taken by all."""
+    spellings = (("-o", "--output", "--out"), ("--html", "--report"), ("--json",), ("--plot",), ("--save",))
+    for name, parser in parsers.items():
+        of_one = [tuple(action.option_strings) for action in parser._actions]
+        for words in spellings:
+            assert all(one == words for one in of_one if set(one) & set(words)) or name == "diagnose-batch", (
+                name,
+                words,
+            )
+    batch = [tuple(action.option_strings) for action in parsers["diagnose-batch"]._actions]
+    assert ("-o", "--output", "--out") in batch
+    assert ("--pages", "--html") in batch  # a page of each unit: the folder has their names
 
 
 def test_scripts_rely_on_these_options(capsys: pytest.CaptureFixture[str]) -> None:

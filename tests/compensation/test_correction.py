@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,17 @@ def test_the_csv_table_is_added_to_the_inputs_command(tmp_path: Path) -> None:
     command = np.radians(-14.0 * rows[:, 0] + rows[:, 1])
     output = command / -14.0 + 20 * ARCSEC * np.cos(3 * command / -14.0)
     np.testing.assert_allclose(output, np.radians(rows[:, 0]), atol=0.01 * ARCSEC)
+
+
+def test_the_csv_table_names_a_direction_without_a_run(tmp_path: Path) -> None:
+    """Its column is zero; a controller that is set by the file alone must be able to see why."""
+    both = correction_of({3.0: -20.0})
+    one = replace(both, table=replace(both.table, cases=both.table.cases[:1]))
+    for name, made in (("both", both), ("forward", one)):
+        rverror.save_compensation(tmp_path / name, compensation_of(made))
+        said = "# reverse: not measured, so nothing is added" in (tmp_path / name).read_text().splitlines()
+        reverse = rverror.load_compensation(tmp_path / name, both.ratio).reverse
+        assert said == (not reverse.any()) == (name == "forward")
 
 
 def test_the_json_table_is_applied_as_its_own_sentence_says(tmp_path: Path) -> None:

@@ -427,10 +427,13 @@ def test_speeds_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
                 "--by-effect",
                 "--json",
                 str(out),
+                "--plot",
+                str(tmp_path / "o.png"),
             ]
         )
         == 0
     )
+    assert (tmp_path / "o.png").read_bytes().startswith(b"\x89PNG")
     told, speeds = json.loads(out.read_text()), np.linspace(560, 760, 21) * RPM
     found = speed_response(model, speeds, torque=60e3, direction=-1.0)
     assert told["orders"] == found.order.tolist()

@@ -375,10 +375,23 @@ def test_effect_refuses(named: dict[str, Any], message: str) -> None:
         rverror.effect("crank.eccentricity", **named)
 
 
+@pytest.mark.parametrize(("key", "mechanism"), CASES)
+def test_effect_refuses_an_index_that_no_mechanism_has(key: str, mechanism: Mechanism) -> None:
+    """What needs no mechanism is refused where it is written; the rest, such as a third crank, where there is one."""
+    entry = rverror.CATALOGUE[key]
+    good = next(iter(entry.candidates(mechanism)))
+    size = {entry.parameters[0].name: entry.parameters[0].plausible / 2}
+    assert rverror.effect(key, **good, **size).indices == good
+    for name in good:
+        for wrong in (-1, True, 0.5, None):
+            with pytest.raises(ValueError, match=rf"^{key}: {name} = {wrong}; it must be "):
+                rverror.effect(key, **(good | {name: wrong}), **size)
+
+
 def test_model_refuses_an_effect_of_a_part_it_lacks() -> None:
     far = rverror.effect("crank.index", crank=2, angle="1 arcmin")
     Model(MECHANISMS["RV-003"], (far,))
-    with pytest.raises(ValueError, match=r"crank.index: crank = 2; it must be one of 0, 1"):
+    with pytest.raises(ValueError, match=r"crank.index: crank = 2; it must be one of 0, 1, counted from 0"):
         Model(MECHANISMS["RV-40E"], (far,))
     assert Model(MECHANISMS["RV-003"]).with_effects(far, far).effects == (far, far)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rverror
@@ -123,6 +124,33 @@ def shares() -> str:
     return "\n".join(lines) + "\n"
 
 
+#: Single errors of 5 um whose contacts open, and others.
+LOADED = {
+    "one cam": rverror.effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
+    "one bore of a disc": rverror.effect("cycloid.disc_bore_position", crank=0, disc=0, radial="5 um"),
+    "disc pitch, once around": rverror.effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="5 um"),
+    "disc profile, once around": rverror.effect("cycloid.disc_profile", disc=0, harmonic=1, cos="5 um"),
+    "pin circle, twice around, tangential": rverror.effect("cycloid.pin_circle", harmonic=2, tangential_cos="5 um"),
+    "one pin drawn in": rverror.effect("cycloid.pin_position", pin=3, radial="-5 um"),
+    "one pin too thin": rverror.effect("cycloid.pin_radius", pin=3, deviation="-5 um"),
+}
+
+
+def loaded() -> str:
+    """Peak-to-peak of single errors in closed form and by the equilibrium."""
+    theta = np.linspace(0, 2 * np.pi, 1511, endpoint=False)
+    lines = ["| error of 5 um | closed form | at 412 N m | at 20 N m |", "| --- " * 4 + "|"]
+    for name, one in LOADED.items():
+        unit = rverror.Model(UNIT.mechanism, (one,))
+        sizes = [np.ptp(rverror.transmission_error(unit, theta, direction=1.0))]
+        sizes += [
+            np.ptp(rverror.equilibrium(unit, theta, torque=torque, direction=1.0).transmission_error)
+            for torque in ("412 N*m", "20 N*m")
+        ]
+        lines.append("| " + " | ".join([name, *(f"{size / ARCSEC:.1f}" for size in sizes)]) + " |")
+    return "\n".join(lines) + "\n"
+
+
 TABLES = {
     "004, table 2": from_004,
     "004, table 4": lambda: SENSITIVITY_004,
@@ -145,6 +173,10 @@ def test_printed_contributions_are_shares_of_the_sum() -> None:
         assert printed == pytest.approx(100 * effect / total, abs=1)
 
 
+def test_what_the_load_makes_of_single_errors() -> None:
+    assert loaded() in PAGE.read_text(encoding="utf-8"), f"docs/ranking.md should hold:\n{loaded()}"
+
+
 if __name__ == "__main__":
     for title, items in TABLES.items():
         result, text = table(items())
@@ -154,3 +186,4 @@ if __name__ == "__main__":
             f"offset {result.offset_mean / ARCSEC:.1f} +- {result.offset_deviation / ARCSEC:.2f}\n\n{text}"
         )
     print(shares())
+    print(loaded())

@@ -555,6 +555,22 @@ def test_self_locking_is_said() -> None:
     assert not of(drives="output").self_locking
 
 
+def test_what_locks_without_a_balance_is_called_self_locking() -> None:
+    """0.1 at 20 mm takes some four times the power that 20 N m put in, at any load."""
+    unit = rverror.reducer("RV-003")
+    rough = Friction(crank_bearing=0.1, crank_bearing_radius=20.0, carrier_bearing=0.1, carrier_bearing_radius=20.0)
+    rough = replace(rough, pin=0.1, mesh=0.1, drag=4e3)
+    with pytest.raises(
+        NotConvergedError, match=r"self-locking: friction takes \d+ % or more of what the output puts in"
+    ):
+        of(unit, torque=20e3, friction=rough, drives="output")
+    back = of(unit, torque=20e3, friction=rough, drives="output", method="closed")
+    assert back.self_locking
+    assert back.mean < -1
+    with pytest.raises(NotConvergedError, match="wedge"):  # the input drives: nothing locks
+        of(friction=Friction(pin=0.8))
+
+
 def test_what_has_no_balance_or_no_sense_is_refused() -> None:
     with pytest.raises(NotConvergedError, match=r"forces and friction do not balance at 16 of 16 angles .*wedge"):
         of(friction=Friction(pin=0.8))

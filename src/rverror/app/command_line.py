@@ -17,6 +17,9 @@ from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
+    add_command,
+    add_output,
+    add_results,
     check_jobs,
     check_output,
     check_outputs,
@@ -133,16 +136,27 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"rverror {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    command = commands.add_parser("simulate", help="compute a run from a model file")
+    command = add_command(
+        commands,
+        "simulate",
+        brief="compute a run from a model file",
+        does="Computes the output error of the unit that a model file describes and writes it as a run file, as a test "
+        "bench would record it.",
+        example='unit.toml --method equilibrium --torque "20 N*m" --direction both -o run.csv',
+    )
     command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
+    command.add_argument(
+        "--points", type=int, metavar="N", help="samples per output turn (default: what the orders need)"
+    )
     command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
-    command.add_argument("--torque", action="append", metavar='"20 N*m"', help="output torque; may be given again")
+    command.add_argument(
+        "--torque", action="append", metavar='"20 N*m"', help="output torque; give it again for more runs"
+    )
     command.add_argument(
         "--arm",
         metavar=f'"{_ARM}"',
-        help="in place of a torque a weight: mass, lever, output angle at which it is level and forward motion lifts "
-        "it; the run has a column output_torque",
+        help="load by the weight of an arm, in place of --torque: mass, lever, and the output angle at which the arm "
+        "is level and forward motion lifts it",
     )
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
     command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
@@ -154,45 +168,63 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     )
     command.add_argument("--input-counts", type=int, metavar="N", help="counts per turn of the input encoder")
     command.add_argument("--output-counts", type=int, metavar="N", help="counts per turn of the output encoder")
-    command.add_argument("--seed", type=int, metavar="N", help=f"of the noise (default {DEFAULT_SEED})")
+    command.add_argument("--seed", type=int, metavar="N", help=f"seed of the noise (default {DEFAULT_SEED})")
     command.add_argument("--speed", metavar='"10 deg/s"', help="output speed; gives the run a time column")
-    command.add_argument("--orders", metavar='"1,39,40"', help="write one table of these orders in place of samples")
     command.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.csv",
-        help="run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
+        "--orders", metavar='"1,39,40"', help="write an order table of these orders in place of samples"
+    )
+    add_output(
+        command,
+        "OUT.csv",
+        "run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
     )
     command.set_defaults(run=_simulate)
 
-    command = commands.add_parser("diagnose", help="find what a model lacks in measured runs")
+    command = add_command(
+        commands,
+        "diagnose",
+        brief="find what a model lacks in measured runs",
+        does="Compares measured runs with a model and names the part errors that the model lacks: their sizes with 95 %"
+        " intervals, what explains the runs equally well, and the error before and after.",
+        example="unit.toml forward.csv reverse.csv --html found.html --save with-cause.toml",
+    )
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("runs", nargs="+", metavar="RUN.csv")
     read_command.add_mapping(command)
     command.add_argument(
-        "--validate", nargs="+", default=[], metavar="FILE", help="runs or tables that no fit sees: before and after"
+        "--validate",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="runs or order tables kept out of the fit, to test the result on",
     )
     command.add_argument(
-        "--prior", metavar="MADE.toml", help="how parts are made, as `lot --save` tells it: what causes are likely"
+        "--prior", metavar="MADE.toml", help="sizes of part errors that are usual in production, as `lot --save` writes"
     )
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
+    add_results(command, plot="waveforms and the spectrum of the residual")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
-    command.add_argument("--plot", metavar="OUT.png", help="write waveforms and residual spectrum")
     command.add_argument(
         "--jobs", type=int, metavar="N", help="threads that fit candidates (default: one for each core)"
     )
     command.set_defaults(run=_diagnose)
 
-    command = commands.add_parser("diagnose-batch", help="diagnose a folder of units, one subfolder each, and resume")
+    command = add_command(
+        commands,
+        "diagnose-batch",
+        brief="diagnose a folder of units, one subfolder each, and resume",
+        does="Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was "
+        "stopped goes on when the command is given again.",
+        example="lot --output lot-found --pages",
+    )
     command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and runs is a unit")
-    command.add_argument("--out", required=True, metavar="OUT", help="folder for UNIT.json of each and summary.csv")
-    command.add_argument("--model", metavar="MODEL.toml", help="of every unit that has no model.toml of its own")
+    add_output(command, "FOLDER", "folder for UNIT.json of each unit and summary.csv", required=True)
+    command.add_argument("--model", metavar="MODEL.toml", help="model of every unit that has no model.toml of its own")
     read_command.add_mapping(command)
     command.add_argument(
+        "--pages",
         "--html",
         action="store_true",
-        help="also UNIT.html of each, and summary.html that leads to them, failures first",
+        help="also write UNIT.html of each, and summary.html with links to them, failures first",
     )
     command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
     command.set_defaults(run=_diagnose_batch)
@@ -201,14 +233,26 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
         if asked in names or asked not in known:
             import_module(f"rverror.app.{module}").add_commands(commands)
 
-    command = commands.add_parser("sources", help="list the catalogue of error sources")
-    command.add_argument("--json", metavar="OUT.json", help="write it for programs")
+    command = add_command(
+        commands,
+        "sources",
+        brief="list the catalogue of error sources",
+        does="Lists all error sources that rverror knows: key, parameters, the part in which each is fixed, and the "
+        "orders that it makes.",
+        example="--json sources.json",
+    )
+    command.add_argument("--json", metavar="OUT.json", help="write it as JSON instead")
     command.set_defaults(run=_sources)
 
-    command = commands.add_parser("demo", help="the main job, end to end, on the shipped example")
-    command.add_argument(
-        "--output", default="rverror-demo", metavar="FOLDER", help="where to write (default rverror-demo)"
+    command = add_command(
+        commands,
+        "demo",
+        brief="the main job, end to end, on the shipped example",
+        does="Diagnoses the simulated unit that comes with rverror and writes its model, runs and results, so that each"
+        " step can be repeated.",
+        example="--output my-demo",
     )
+    add_output(command, "FOLDER", "where to write (default rverror-demo)", default="rverror-demo")
     command.set_defaults(run=_demo)
     return parser
 
@@ -317,7 +361,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     check_jobs(options.jobs, "threads")
     inputs = [options.model, *options.runs, *options.validate]
     inputs += [path for path in (options.mapping, options.prior) if path]
-    check_outputs([options.json, options.report, options.save, options.plot], inputs)
+    check_outputs([options.json, options.html, options.save, options.plot], inputs)
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
     for path in inputs:
@@ -340,17 +384,17 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _diagnose_batch(options: argparse.Namespace) -> None:
-    for name, path in (("FOLDER", options.folder), ("--out", options.out)):
+    for name, path in (("FOLDER", options.folder), ("--output", options.output)):
         if not path.strip():
             raise InputError(f"{name}: {path!r} has no name; give a folder")
     check_jobs(options.jobs, "processes")
     with closing(Progress()) as progress:
         batch = diagnose_folder(
             options.folder,
-            out=options.out,
+            out=options.output,
             model=options.model,
             mapping=options.mapping,
-            pages=options.html,
+            pages=options.pages,
             jobs=options.jobs,
             progress=progress,
         )
@@ -362,9 +406,11 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         else:
             print(told(outcome))
             if outcome.replaced:
-                tell(f"replaced {Path(options.out) / outcome.unit}.json, since {outcome.replaced}")
+                tell(f"replaced {Path(options.output) / outcome.unit}.json, since {outcome.replaced}")
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
-    print(f"{len(batch.outcomes)} units: {counts}; see {Path(options.out) / (OVERVIEW if options.html else SUMMARY)}")
+    print(
+        f"{len(batch.outcomes)} units: {counts}; see {Path(options.output) / (OVERVIEW if options.pages else SUMMARY)}"
+    )
     if failed := batch.of("failed"):
         names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
         raise InputError(
@@ -378,10 +424,10 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
         write_json(options.json, diagnosis_json(result, files=files))
     if options.plot:
         write_picture(options.plot, figure(result))
-    if options.report:
+    if options.html:
         from rverror.views.report import to_html  # all kinds of results, for this option alone
 
-        write_output(options.report, to_html(result, files=files))
+        write_output(options.html, to_html(result, files=files))
     if options.save:
         say_replaced(options.save)
         # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error

@@ -13,6 +13,9 @@ import numpy as np
 from rverror.app import read_command
 from rverror.app.terminal import (
     Progress,
+    add_command,
+    add_output,
+    add_results,
     check_outputs,
     given_twice,
     quantity,
@@ -48,21 +51,30 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("compensate", help="write a table that takes off what repeats, for a controller")
+    command = add_command(
+        commands,
+        "compensate",
+        brief="write a table for a controller that takes off the repeatable error",
+        does="Writes a table that a controller adds to its commands so that the repeatable part of the output error "
+        "cancels, and says what error is left to expect with it.",
+        example="unit.toml forward.csv reverse.csv -o table.csv",
+    )
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("runs", nargs="+", metavar="RUN.csv")
-    command.add_argument("-o", "--output", required=True, metavar="TABLE", help="table to write")
+    add_output(command, "TABLE", "table to write", required=True)
     command.add_argument("--format", choices=FORMATS, default="csv", help="of the table (default csv)")
     command.add_argument(
-        "--torque", action="append", metavar='"20 N*m"', help="load of the table; of json, again for more"
+        "--torque", action="append", metavar='"20 N*m"', help="load of the table; a json table takes several"
     )
     read_command.add_mapping(command)
     command.add_argument(
-        "--validate", nargs="+", default=[], metavar="FILE", help="runs or tables that no fit sees: before and after"
+        "--validate",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="runs or order tables kept out of the fit, to test the result on",
     )
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--report", metavar="OUT.html", help="write one self-contained page")
-    command.add_argument("--plot", metavar="OUT.png", help="write the error before and after")
+    add_results(command, plot="the error before and after")
     command.add_argument("--save", metavar="NEW.toml", help="write the model of the compensated unit")
     command.add_argument("--force", action="store_true", help="replace a table that exists")
     command.set_defaults(run=_compensate)
@@ -70,7 +82,7 @@ def add_commands(commands: Any) -> None:
 
 def _compensate(options: argparse.Namespace) -> None:
     inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
-    check_outputs([options.output, options.json, options.report, options.plot, options.save], inputs)
+    check_outputs([options.output, options.json, options.html, options.plot, options.save], inputs)
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
@@ -99,8 +111,8 @@ def _compensate(options: argparse.Namespace) -> None:
         write_json(options.json, to_json(made, files=files, table=table))
     if figure is not None and made.worth:
         write_picture(options.plot, figure(made))
-    if options.report:
-        write_output(options.report, to_html(made, files=files, table=table))
+    if options.html:
+        write_output(options.html, to_html(made, files=files, table=table))
     if options.save and table is not None:
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]

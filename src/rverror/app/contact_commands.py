@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from rverror.app.terminal import (
+    add_command,
     add_phases,
-    check_outputs,
+    add_results,
+    check_results,
     duty_phases,
     quantity,
     rounded,
     say_replaced,
     tell,
-    write_json,
-    write_picture,
+    write_results,
 )
 from rverror.base import units
 from rverror.base.arrays import Array
@@ -32,8 +33,7 @@ from rverror.model.model_file import append_effects, load_model
 from rverror.statics.duty import Lubricant, duty_efficiency
 from rverror.statics.friction import Efficiency, efficiency, hysteresis
 from rverror.statics.hertz import RollerBearing, contact_pressure
-from rverror.views.envelope import input_files
-from rverror.views.report import to_json, to_text
+from rverror.views.report import to_text
 
 #: Even angles of an output turn: no divisor of the waves that pins and discs make, and for pressures fine enough for
 #: what single pins do.
@@ -47,10 +47,20 @@ _LOST_MOTION = 0.03  # of the rated torque, at which makers read it
 
 #: Options of a duty's heat: name, dimension, how it is written, what it is.
 _HEAT = (
-    ("thermal-resistance", "thermal_resistance", "0.3 K/W", "from the housing to the surroundings (default 0)"),
-    ("inside-resistance", "thermal_resistance", "0.1 K/W", "from what is inside to the housing (default 0)"),
-    ("ambient", "temperature", "20 degC", "of the surroundings (default 20 degC)"),
-    ("temperature", "temperature", "50 degC", "of the whole unit, where it is known"),
+    (
+        "thermal-resistance",
+        "thermal_resistance",
+        "0.3 K/W",
+        "thermal resistance from the housing to the surroundings (default 0)",
+    ),
+    (
+        "inside-resistance",
+        "thermal_resistance",
+        "0.1 K/W",
+        "thermal resistance from the inside to the housing (default 0)",
+    ),
+    ("ambient", "temperature", "20 degC", "temperature of the surroundings (default 20 degC)"),
+    ("temperature", "temperature", "50 degC", "temperature of the whole unit, if it is known"),
 )
 #: What `--lubricant` takes, in order: dimension, and how it is written.
 _OIL = {
@@ -68,16 +78,23 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("efficiency", help="what friction takes, by part, and the torque at the input")
+    command = add_command(
+        commands,
+        "efficiency",
+        brief="what friction takes, by part, and the torque at the input",
+        does="Computes what friction in pins, gear flanks and bearings takes of the power, part by part, and the torque"
+        " at the input. The coefficients of friction come from [reducer.friction] of the model file.",
+        example='unit.toml --torque "412 N*m" --torque "20 N*m"',
+    )
     command.add_argument("model", metavar="MODEL.toml", help="with [reducer.friction]")
     command.add_argument(
         "--torque",
         action="append",
         metavar='"20 N*m"',
-        help="output torque (default: the rated one); may be given again",
+        help="output torque (default: the rated one); give it again for more",
     )
     command.add_argument(
-        "--drives", choices=tuple(_SIDES), default="both", help="where power comes from (default both)"
+        "--drives", choices=tuple(_SIDES), default="both", help="side from which the power comes (default both)"
     )
     command.add_argument("--direction", choices=tuple(_WAYS), default="forward")
     add_phases(command)
@@ -87,48 +104,64 @@ def add_commands(commands: Any) -> None:
         "--lubricant",
         nargs=4,
         metavar=("AT_40", "AT_100", "TEMPERATURE", "SPEED"),
-        help='with --phase: viscosity at 40 and 100 degC, like "150 cSt" "15 cSt", and the temperature and input speed '
-        'at which the drag counts, like "20 degC" "1815 rpm"',
+        help="with --phase: viscosity of the oil at 40 and 100 degC, and the temperature and input speed for which the "
+        'drag is given; like "150 cSt" "15 cSt" "20 degC" "1815 rpm"',
     )
-    command.add_argument("--save", metavar="NEW.toml", help="with --phase: write the model as it has grown with heat")
+    command.add_argument("--save", metavar="NEW.toml", help="with --phase: write the model of the warm unit")
     _add_angles(command, EFFICIENCY_ANGLES)
-    _add_outputs(command)
+    add_results(command, plot="what friction takes of the work, by part")
     command.set_defaults(run=_efficiency)
 
-    command = commands.add_parser("hysteresis", help="loop of the torsion curve, input held")
+    command = add_command(
+        commands,
+        "hysteresis",
+        brief="loop of the torsion curve, input held",
+        does="Computes how far the output turns as the torque on it rises and falls with the input held: the width of "
+        "the loop and the lost motion.",
+        example='unit.toml --torque "412 N*m" --plot loop.png',
+    )
     command.add_argument("model", metavar="MODEL.toml", help="with [reducer.friction]")
     command.add_argument("--torque", metavar='"412 N*m"', help="largest output torque (default: the rated one)")
     command.add_argument("--angle", default="0 deg", metavar='"12 deg"', help="output angle (default 0 deg)")
-    _add_outputs(command)
+    add_results(command, plot="the loop")
     command.set_defaults(run=_hysteresis)
 
-    command = commands.add_parser("pressure", help="how hard pins, gear flanks and bearings press, and where")
+    command = add_command(
+        commands,
+        "pressure",
+        brief="contact pressure of pins, gear flanks and bearings",
+        does="Computes the contact pressure of pins, gear flanks and, where their rollers are given, crank bearings, "
+        "and at which output angle it is highest.",
+        example='unit.toml --disc-width "9 mm" --gear-width "8 mm"',
+    )
     command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="over which a pin touches one disc")
-    command.add_argument("--gear-width", required=True, metavar='"8 mm"', help="over which a planet touches the sun")
+    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="contact length of a pin on one disc")
+    command.add_argument(
+        "--gear-width", required=True, metavar='"8 mm"', help="contact length of a planet gear on the sun"
+    )
     for bearing, place in (("cam", "discs"), ("carrier", "carrier")):
         command.add_argument(
             f"--{bearing}-bearing",
             nargs=4,
             metavar=("ROLLERS", "DIAMETER", "LENGTH", "RACE"),
-            help=f'of the cranks in the {place}, like 14 "5 mm" "8 mm" "20 mm"; RACE: diameter of the inner race',
+            help=f"bearing of the cranks in the {place}: number of rollers, their diameter and length, diameter of the "
+            'inner race; like 14 "5 mm" "8 mm" "20 mm"',
         )
     command.add_argument("--torque", metavar='"20 N*m"', help="output torque (default: the rated one)")
     command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
     _add_angles(command, PRESSURE_ANGLES)
-    _add_outputs(command)
+    add_results(command, plot="pressure over the output angle")
     command.set_defaults(run=_pressure)
 
 
 def _add_angles(command: argparse.ArgumentParser, count: int) -> None:
     command.add_argument(
-        "--count", type=int, default=count, metavar="N", help=f"of even angles of an output turn (default {count})"
+        "--count",
+        type=int,
+        default=count,
+        metavar="N",
+        help=f"number of output angles, spread over a turn (default {count})",
     )
-
-
-def _add_outputs(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--plot", metavar="OUT.png", help="write a picture")
 
 
 def _efficiency(options: argparse.Namespace) -> None:
@@ -151,7 +184,7 @@ def _efficiency(options: argparse.Namespace) -> None:
                 with _of_file(options.model):
                     found.append(efficiency(model, theta, torque=torque, direction=sense, drives=side))
     print(to_text(found[0] if len(found) == 1 else found), end="")
-    _write(options, found, lambda: found[0].plot(beside=found[1:]))
+    write_results(found, options, lambda: found[0].plot(beside=found[1:]), [options.model])
 
 
 def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
@@ -176,7 +209,7 @@ def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     with _of_file(options.model):
         found = duty_efficiency(model, theta, duty=phases, direction=way, drives=side, **heat)
     print(to_text(found), end="")
-    _write(options, found, lambda: found.phases[0].plot(beside=found.phases[1:]))
+    write_results(found, options, lambda: found.phases[0].plot(beside=found.phases[1:]), [options.model])
     if options.save:
         say_replaced(options.save)
         append_effects(options.model, options.save, [rounded(found.growth)], overwrite=True)
@@ -203,7 +236,7 @@ def _hysteresis(options: argparse.Namespace) -> None:
     if marked:
         read = with_unit(float(found.lost_motion(lost)[0]), "angle")
         print(f"lost motion at +-{100 * _LOST_MOTION:g} % of the rated torque: {read}")
-    _write(options, found, lambda: found.plot(rated=unit.rated_torque if marked else None))
+    write_results(found, options, lambda: found.plot(rated=unit.rated_torque if marked else None), [options.model])
 
 
 def _pressure(options: argparse.Namespace) -> None:
@@ -226,7 +259,7 @@ def _pressure(options: argparse.Namespace) -> None:
             carrier_bearing=carrier_bearing,
         )
     print(to_text(found), end="")
-    _write(options, found, found.plot)
+    write_results(found, options, found.plot, [options.model])
 
 
 @contextmanager
@@ -267,11 +300,7 @@ def _bearing(option: str, given: list[str] | None) -> RollerBearing | None:
 def _loaded(options: argparse.Namespace) -> tuple[Model, Reducer]:
     """Model and reducer, once the outputs are known to be usable."""
     check_name(options.model)
-    check_outputs([options.json, options.plot, getattr(options, "save", None)], [options.model])
-    if options.plot:
-        from rverror.views.plots.figure import check_axes  # says what is missing before the work
-
-        check_axes(None)
+    check_results(options, [options.model])
     model = load_model(options.model)
     if not isinstance(model.mechanism, Reducer):
         raise InputError(f"{options.model}: contacts under load need a [reducer] model")
@@ -282,10 +311,3 @@ def _rated(options: argparse.Namespace, unit: Reducer) -> float:
     if unit.rated_torque is None:
         raise InputError(f"{options.model}: [reducer] has no rated_torque; give it, or --torque '20 N*m'")
     return unit.rated_torque
-
-
-def _write(options: argparse.Namespace, found: Any, draw: Callable[[], Any]) -> None:
-    if options.json:
-        write_json(options.json, to_json(found, files=input_files([options.model])))
-    if options.plot:
-        write_picture(options.plot, draw().figure)

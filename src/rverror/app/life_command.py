@@ -9,7 +9,7 @@ from contextlib import closing
 from typing import Any
 
 from rverror.app import read_command
-from rverror.app.terminal import Progress, check_outputs, write_json, write_output
+from rverror.app.terminal import Progress, add_command, add_results, check_outputs, write_json, write_output
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.life.compared import compare_runs
@@ -30,33 +30,48 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("trend", help="what grows and what jumped in one unit, measured again and again")
+    command = add_command(
+        commands,
+        "trend",
+        brief="what grows and what jumped in one unit, measured again and again",
+        does="Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how "
+        "long a limit will still be met.",
+        example='runs --model unit.toml --limit "lost motion 90 arcsec"',
+    )
     command.add_argument(
         "runs",
         nargs="+",
         metavar="FOLDER",
         help="runs of one unit, or folders of them, each with '# hours:', '# cycles:' or '# date:' in its header",
     )
-    command.add_argument("--model", required=True, metavar="MODEL.toml", help="of the unit")
+    command.add_argument("--model", required=True, metavar="MODEL.toml", help="model of the unit")
     command.add_argument(
-        "--limit", metavar='"lost motion 90 arcsec"', help="or 'transmission error 60 arcsec': how long it is still met"
+        "--limit",
+        metavar='"lost motion 90 arcsec"',
+        help="limit, also 'transmission error 60 arcsec': how long it will still be met",
     )
     _add_outputs(command)
     command.set_defaults(run=_trend)
-    command = commands.add_parser("compare-runs", help="what changed between two measurements of one unit")
+    command = add_command(
+        commands,
+        "compare-runs",
+        brief="what changed between two measurements of one unit",
+        does="Lists the orders that differ by more than noise between two measurements of one unit and, with a model, "
+        "the part errors that changed.",
+        example="before.csv after.csv --model unit.toml",
+    )
     command.add_argument("before", metavar="BEFORE", help="a run, or a folder of runs")
-    command.add_argument("after", metavar="AFTER", help="likewise")
-    command.add_argument("--model", metavar="MODEL.toml", help="of the unit: causes are looked for as well as orders")
+    command.add_argument("after", metavar="AFTER", help="a run, or a folder of runs")
+    command.add_argument("--model", metavar="MODEL.toml", help="model of the unit: also look for the causes")
     _add_outputs(command)
     command.set_defaults(run=_compare)
 
 
 def _add_outputs(command: argparse.ArgumentParser) -> None:
     read_command.add_mapping(command)
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page")
+    add_results(command)
     command.add_argument(
-        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+        "--progress", action="store_true", help="show progress also where standard error is no terminal"
     )
 
 

@@ -12,7 +12,17 @@ from typing import Any
 
 from rverror.app import read_command
 from rverror.app.batch import processes
-from rverror.app.terminal import Progress, check_jobs, check_outputs, say_replaced, tell, write_json, write_output
+from rverror.app.terminal import (
+    Progress,
+    add_command,
+    add_results,
+    check_jobs,
+    check_outputs,
+    say_replaced,
+    tell,
+    write_json,
+    write_output,
+)
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import check_name
@@ -38,7 +48,14 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("lot", help="what each process makes, from the measured errors of many units")
+    command = add_command(
+        commands,
+        "lot",
+        brief="what each process makes, from the measured errors of many units",
+        does="Estimates from the runs of many finished units how far each manufacturing process scatters and how far "
+        "its mean is off, and names units that do not belong to the lot.",
+        example="measured --model unit.toml --save made.toml",
+    )
     command.add_argument(
         "parts",
         nargs="+",
@@ -46,31 +63,35 @@ def add_commands(commands: Any) -> None:
         help="each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
         "several are parts of one lot",
     )
-    command.add_argument("--model", required=True, metavar="MODEL.toml", help="of all units")
-    command.add_argument("--tolerances", metavar="TOL.toml", help="of the drawing: processes to tell, and Cp, Cpk")
+    command.add_argument("--model", required=True, metavar="MODEL.toml", help="model of all units")
+    command.add_argument(
+        "--tolerances", metavar="TOL.toml", help="tolerances of the drawing: which processes to estimate, and Cp, Cpk"
+    )
     read_command.add_mapping(command)
     command.add_argument(
         "--compress",
         metavar="OUT.npz",
-        help="write what a lot needs of the runs, and end there; stopped, it goes on where it was",
+        help="only read the runs and write what `lot` needs of them; if stopped, give it again to go on",
     )
     command.add_argument(
-        "--jobs", type=int, metavar="N", help="processes that read runs (default: one for each core if there are many)"
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="processes that read runs (default: one for each core if there are many runs)",
     )
-    command.add_argument("--save", metavar="MADE.toml", help="write the processes as a tolerance file, as made")
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
+    command.add_argument("--save", metavar="MADE.toml", help="write a tolerance file of what the processes make")
+    add_results(command)
     command.add_argument("--csv", metavar="OUT.csv", help="write a row for each process")
     command.add_argument(
         "--diagnose",
         type=int,
         default=3,
         metavar="N",
-        help="so many units that are no members are diagnosed, each by itself (default 3; half a minute each)",
+        help="diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
     )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="of the drawn units (default 0)")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the drawn units (default 0)")
     command.add_argument(
-        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+        "--progress", action="store_true", help="show progress also where standard error is no terminal"
     )
     command.set_defaults(run=_lot)
 

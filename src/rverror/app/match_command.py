@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
-from rverror.app.terminal import Progress, check_outputs, tell, write_json, write_output
+from rverror.app.terminal import Progress, add_command, add_results, check_outputs, tell, write_json, write_output
 from rverror.app.tolerance_commands import add_limits, limits_of
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
@@ -26,13 +26,20 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("match", help="which measured parts to join, so that most units keep their limits")
+    command = add_command(
+        commands,
+        "match",
+        brief="which measured parts to join, so that most units keep their limits",
+        does="Chooses from stocks of measured parts which to join to a unit and in which position, so that as many"
+        " units as possible keep their limits, and compares that with parts taken at random.",
+        example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
+    )
     command.add_argument("parts", nargs="+", metavar="PARTS", help="tables of parts, or files of measuring machines")
     command.add_argument(
-        "--model", required=True, metavar="MODEL.toml", help="of the unit, without these parts' errors"
+        "--model", required=True, metavar="MODEL.toml", help="model of the unit, without the errors of these parts"
     )
     command.add_argument(
-        "--mapping", metavar="MAPPING.toml", help="which column is which error, as for `rverror parts`"
+        "--mapping", metavar="MAPPING.toml", help="mapping file: which column is which error, as for `rverror parts`"
     )
     add_limits(command)
     command.add_argument("--turns", action="store_true", help="discs may be turned by pitches of their bores")
@@ -41,14 +48,13 @@ def add_commands(commands: Any) -> None:
         action="append",
         default=[],
         metavar="matching=2.5",
-        help=f"of a way to build, for each unit; again for others: {', '.join(WAYS)}",
+        help=f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
     )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="of the random assemblies (default 0)")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random assemblies (default 0)")
     command.add_argument(
-        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+        "--progress", action="store_true", help="show progress also where standard error is no terminal"
     )
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page")
+    add_results(command)
     command.add_argument(
         "--save", metavar="UNITS.csv", help="write the list for the assembly shop, a row for each unit"
     )

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rverror.app.terminal import check_output, say_replaced, tell, write_output
+from rverror.app.terminal import add_command, add_output, check_output, say_replaced, tell, write_output
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
 from rverror.base.text import check_name
@@ -25,17 +25,25 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("parts", help="errors of measured parts, from files of measuring machines")
+    command = add_command(
+        commands,
+        "parts",
+        brief="errors of measured parts, from files of measuring machines",
+        does="Reads what measuring machines write about parts and writes their errors: a table of parts, or the "
+        "model of the unit that is built of them. It needs a mapping that says which column is which error; "
+        "--draft begins one.",
+        example="discs.csv cranks.csv --model unit.toml --mapping parts.toml -o unit-17.toml",
+    )
     options: dict[str, dict[str, Any]] = {
-        "files": {"nargs": "+", "metavar": "FILE", "help": "CSV, xlsx or Q-DAS; or tables of parts"},
-        "--model": {"required": True, "metavar": "MODEL.toml", "help": "of the unit that the parts are made for"},
-        "--mapping": {"metavar": "MAPPING.toml", "help": "which column is which error, with units"},
-        "--draft": {"action": "store_true", "help": "begin a mapping for the first file instead"},
-        "--place": {"nargs": "+", "default": [], "metavar": "disc=D17,D18", "help": "serial numbers by place"},
-        "--output": {"metavar": "OUT", "help": "PARTS.csv, a table of parts; UNIT.toml, the model of their unit"},
+        "files": {"nargs": "+", "metavar": "FILE", "help": "CSV, xlsx or Q-DAS files, or tables of parts"},
+        "--model": {"required": True, "metavar": "MODEL.toml", "help": "model of the unit that the parts are made for"},
+        "--mapping": {"metavar": "MAPPING.toml", "help": "mapping file: which column is which error, with units"},
+        "--draft": {"action": "store_true", "help": "write a draft of the mapping for the first file instead"},
+        "--place": {"nargs": "+", "default": [], "metavar": "disc=D17,D18", "help": "which serial number goes where"},
     }
     for name, more in options.items():
-        command.add_argument(*(["-o"] if name == "--output" else []), name, **more)
+        command.add_argument(name, **more)
+    add_output(command, "OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them")
     command.set_defaults(run=_parts)
 
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rverror.app.terminal import check_output, tell, write_output
+from rverror.app.terminal import add_command, add_output, check_output, tell, write_output
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.runs.bench.draft import drafted
@@ -24,21 +24,28 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser(
-        "read", help="read a file of a bench (text, MAT, HDF5, TDMS) and write a run file or an order table"
+    command = add_command(
+        commands,
+        "read",
+        brief="read a file of a bench and write a run file or an order table",
+        does="Reads a file as a bench writes it (text, MAT, HDF5, TDMS) and writes a run file or an order table. It "
+        "needs a mapping that says what the columns are; --draft begins one.",
+        example="bench.tdms --mapping bench.toml -o run.csv",
     )
     command.add_argument("file", metavar="BENCH.tdms")
     add_mapping(command)
     command.add_argument(
-        "--draft", action="store_true", help="write the beginning of a mapping instead, with what the file holds"
+        "--draft", action="store_true", help="write a draft of the mapping instead, with what the file holds"
     )
-    command.add_argument("-o", "--output", metavar="RUN.csv", help="file to write (default: standard output)")
+    add_output(command, "RUN.csv", "file to write (default: standard output)")
     command.set_defaults(run=_read)
 
 
 def add_mapping(command: argparse.ArgumentParser) -> None:
     """Add the option that names the mapping file."""
-    command.add_argument("--mapping", metavar="BENCH.toml", help="how the bench names its columns, with their units")
+    command.add_argument(
+        "--mapping", metavar="BENCH.toml", help="mapping file: the bench's names of its columns, and their units"
+    )
 
 
 def given_mapping(path: str | None) -> BenchMapping | None:

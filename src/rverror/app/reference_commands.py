@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from rverror.app import read_command
-from rverror.app.terminal import check_output, make_folder, quantity, tell, write_json, write_output
+from rverror.app.terminal import (
+    add_command,
+    add_output,
+    add_results,
+    check_output,
+    make_folder,
+    quantity,
+    tell,
+    write_json,
+    write_output,
+)
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.base.units import ARCSEC
@@ -30,14 +40,27 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("reference-cases", help="write cases against which other tools can be tested")
-    command.add_argument("--out", required=True, metavar="FOLDER", help="gets one folder a case")
+    command = add_command(
+        commands,
+        "reference-cases",
+        brief="write cases with known answers to test other tools against",
+        does="Writes cases with known answers, one folder each: the model, and its output error by rverror.",
+        example="--output cases --case one-cam",
+    )
+    add_output(command, "FOLDER", "where to write; each case has a folder in it", required=True)
     command.add_argument(
-        "--case", action="append", default=[], metavar="NAME", help="only this one; may be given again"
+        "--case", action="append", default=[], metavar="NAME", help="write only this case; give it again for more"
     )
     command.set_defaults(run=_reference_cases)
 
-    command = commands.add_parser("compare", help="how far another tool's waveform is off a reference case, by order")
+    command = add_command(
+        commands,
+        "compare",
+        brief="how far another tool's waveform is off a reference case, by order",
+        does="Compares a waveform from another tool with a reference case and lists how far it is off, in total and by "
+        "order.",
+        example='theirs.csv cases/one-cam --within "0.1 arcsec"',
+    )
     command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool, or any file with --mapping")
     command.add_argument("case", metavar="CASE", help="folder of the case, or its case.json")
     command.add_argument(
@@ -47,23 +70,25 @@ def add_commands(commands: Any) -> None:
         help="which waveform of the case (default equilibrium)",
     )
     command.add_argument(
-        "--within", metavar='"0.1 arcsec"', help="exit 1 where the rms of the difference without its offset is larger"
+        "--within", metavar='"0.1 arcsec"', help="exit with 1 if the rms of the difference, offset removed, is larger"
     )
     command.add_argument(
-        "--bench", metavar="MODEL.toml", help="model file whose [bench.encoders] measured the run; for its uncertainty"
+        "--bench",
+        metavar="MODEL.toml",
+        help="model file with the [bench.encoders] that measured the run, for its uncertainty",
     )
     read_command.add_mapping(command)
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
+    add_results(command, html=False)
     command.set_defaults(run=_compare)
 
 
 def _reference_cases(options: argparse.Namespace) -> None:
-    if not options.out.strip():
-        raise InputError(f"--out: {options.out!r} has no name; give a folder")
+    if not options.output.strip():
+        raise InputError(f"--output: {options.output!r} has no name; give a folder")
     cases = pick(options.case)
-    folders = [Path(options.out) / case.name for case in cases]
+    folders = [Path(options.output) / case.name for case in cases]
     for folder in folders:
-        make_folder(folder, "choose another with --out")
+        make_folder(folder, "choose another with --output")
         for name in _FILES:
             check_output(str(folder / name), [])
     for case, folder in zip(cases, folders, strict=True):

@@ -6,8 +6,9 @@ import argparse
 import json
 import os
 import sys
+import textwrap
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,72 @@ class Progress:
         """Clear the line."""
         if self.terminal and self.last > self.start:
             print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
+
+
+def add_command(commands: Any, name: str, *, brief: str, does: str, example: str) -> argparse.ArgumentParser:
+    """Add a command.
+
+    Parameters
+    ----------
+    commands : argparse._SubParsersAction
+    name : str
+    brief : str
+        A line for the list of all commands.
+    does : str
+        What it does, in sentences, for its own help.
+    example : str
+        Arguments that show it at work, for its own help.
+
+    Returns
+    -------
+    argparse.ArgumentParser
+    """
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=brief,
+        description=textwrap.fill(does, 79),
+        epilog=f"example:\n  rverror {name} {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    return parser
+
+
+def add_output(command: argparse.ArgumentParser, metavar: str, help: str, **more: Any) -> None:
+    """Add the option for the file or folder that a command is for."""
+    command.add_argument("-o", "--output", "--out", metavar=metavar, help=help, **more)
+
+
+def add_results(command: argparse.ArgumentParser, *, plot: str | None = None, html: bool = True) -> None:
+    """Add the options that write a result: JSON, a page, and a picture where `plot` says of what."""
+    command.add_argument("--json", metavar="OUT.json", help="write the result as JSON")
+    if html:
+        command.add_argument(
+            "--html", "--report", metavar="OUT.html", help="write one self-contained page with tables and pictures"
+        )
+    if plot is not None:
+        command.add_argument("--plot", metavar="OUT.png", help=f"draw {plot}")
+
+
+def check_results(options: argparse.Namespace, inputs: Sequence[str]) -> None:
+    """Refuse, before any work, outputs that cannot be written, and a picture that cannot be drawn."""
+    check_outputs([options.json, options.html, options.plot, getattr(options, "save", None)], inputs)
+    if options.plot:
+        from rverror.views.plots.figure import check_axes
+
+        check_axes(None)
+
+
+def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any], inputs: Sequence[str]) -> None:
+    """Write a result, or several of one kind, as the options of `add_results` ask."""
+    from rverror.views.envelope import input_files  # half of all modules
+    from rverror.views.report import to_html, to_json
+
+    if options.json:
+        write_json(options.json, to_json(found, files=input_files(inputs)))
+    if options.html:
+        write_output(options.html, to_html(found, files=input_files(inputs)))
+    if options.plot:
+        write_picture(options.plot, draw().figure)
 
 
 def check_output(path: str | None, inputs: Sequence[str]) -> None:
@@ -131,7 +198,8 @@ def add_phases(command: argparse.ArgumentParser) -> None:
         "--phase",
         action="append",
         metavar=f'"{_PHASE}"',
-        help="of a duty cycle, in place of --torque: at the output, of the input, its hours; again for each phase",
+        help="one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for "
+        "each phase",
     )
 
 

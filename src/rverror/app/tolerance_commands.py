@@ -10,6 +10,8 @@ from typing import Any
 
 from rverror.app.terminal import (
     Progress,
+    add_command,
+    add_results,
     check_outputs,
     quantity,
     say_replaced,
@@ -47,36 +49,55 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("budget", help="what tolerances make of the output error")
-    _add_inputs(command)
+    command = add_command(
+        commands,
+        "budget",
+        brief="what tolerances make of the output error",
+        does="Computes what part tolerances do to the output error: how much each contributes, the peak-to-peak of many"
+        " virtual units, and with --at how many units solved under load stay within the limits.",
+        example='unit.toml tolerances.toml --limit "60 arcsec" --at "20 N*m,412 N*m"',
+    )
+    _add_inputs(command, plot="contributions and the distribution")
     _add_limits(command)
     command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
     command.add_argument("--loaded-units", type=int, metavar="N", help="units solved at the load (default 2000)")
-    command.add_argument("--resume", metavar="FOLDER", help="keep finished chunks of units there, and go on from them")
-    command.add_argument("--plot", metavar="OUT.png", help="draw contributions and the distribution")
+    command.add_argument(
+        "--resume", metavar="FOLDER", help="keep finished parts of the work there, and go on from them"
+    )
     command.set_defaults(run=_budget)
 
-    command = commands.add_parser("allocate", help="the tolerances of least cost within limits")
-    _add_inputs(command)
+    command = add_command(
+        commands,
+        "allocate",
+        brief="the tolerances of least cost within limits",
+        does="Finds the tolerances of least cost that keep the output error, lost motion or stiffness of a given share "
+        "of units within limits, and verifies them on units solved under load.",
+        example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
+    )
+    _add_inputs(command, plot="least cost against the limit; with --kind load the costs")
     _add_limits(command)
     command.add_argument(
         "--kind",
         choices=("load", "yield", "worst", "rms"),
         default="load",
-        help="how it is limited: units solved at the load; or the closed form, contacts closed: a quantile of the "
-        "peak-to-peak, its worst case, the expected rms (default load; yield for a drive and with --speed)",
+        help="what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
+        "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), its worst case, its "
+        "expected rms",
     )
-    command.add_argument("--units", type=int, metavar="N", help="units that verify (default 2000; closed form: 65536)")
+    command.add_argument(
+        "--units", type=int, metavar="N", help="units to verify with (default 2000; closed form: 65536)"
+    )
     command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
-    command.add_argument("--plot", metavar="OUT.png", help="draw least cost against the limit; of a load the costs")
     command.set_defaults(run=_allocate)
 
 
 def add_limits(command: argparse.ArgumentParser, *, beside: str = "") -> None:
-    """Add the options of limits on angles to a command; `beside` is what else ``--at`` tells there."""
-    command.add_argument("--limit", metavar='"60 arcsec"', help="of the peak-to-peak transmission error")
-    command.add_argument("--lost-motion", metavar='"60 arcsec"', help="limit at 3 %% of the rated torque")
-    command.add_argument("--backlash", metavar='"60 arcsec"', help="limit of the play without load")
+    """Add the options of limits on angles to a command; `beside` is what else ``--at`` gives there."""
+    command.add_argument("--limit", metavar='"60 arcsec"', help="limit of the transmission error, peak-to-peak")
+    command.add_argument(
+        "--lost-motion", metavar='"60 arcsec"', help="limit of the lost motion at 3 %% of the rated torque"
+    )
+    command.add_argument("--backlash", metavar='"60 arcsec"', help="limit of the backlash, the play without load")
     command.add_argument(
         "--at",
         "--torque",
@@ -88,32 +109,33 @@ def add_limits(command: argparse.ArgumentParser, *, beside: str = "") -> None:
 def _add_limits(command: argparse.ArgumentParser) -> None:
     add_limits(command, beside="; with --speed the load")
     command.add_argument(
-        "--stiffness", metavar='"100 N*m/arcmin"', help="least torsional stiffness, 50 to 100 %% of load"
+        "--stiffness",
+        metavar='"100 N*m/arcmin"',
+        help="least torsional stiffness between 50 and 100 %% of the rated torque",
     )
     command.add_argument(
-        "--yield", dest="level", metavar='"99 %%"', help="share of the units within the limits (default 99 %%)"
+        "--yield", dest="level", metavar='"99 %"', help="least share of the units within the limits (default 99 %%)"
     )
 
 
-def _add_inputs(command: argparse.ArgumentParser) -> None:
+def _add_inputs(command: argparse.ArgumentParser, *, plot: str) -> None:
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("tolerances", metavar="TOLERANCES.toml")
     command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
     command.add_argument(
-        "--speed", metavar='"600 rpm"', help="input speed: what the loaded reducer in motion makes of the tolerances"
+        "--speed", metavar='"600 rpm"', help="input speed at which the error is computed (default: a crawl)"
     )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="of the virtual units (default 0)")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the virtual units (default 0)")
     command.add_argument(
         "--jobs",
         type=int,
         metavar="N",
-        help="processes for very many units (default 1); threads for those at the load (default: all cores)",
+        help="processes for units in closed form (default 1), threads for units under load (default: all cores)",
     )
     command.add_argument(
-        "--progress", action="store_true", help="tell what is being done also where standard error is no terminal"
+        "--progress", action="store_true", help="show progress also where standard error is no terminal"
     )
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--html", "--report", metavar="OUT.html", help="write one page with tables and pictures")
+    add_results(command, plot=plot)
 
 
 def _budget(options: argparse.Namespace) -> None:

@@ -7,21 +7,21 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rverror.app.terminal import (
+    add_command,
     add_phases,
-    check_outputs,
+    add_results,
+    check_results,
     duty_phases,
     quantity,
     rounded,
     say_replaced,
-    write_json,
-    write_picture,
+    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.text import check_name, did_you_mean
 from rverror.model.model_file import append_effects, load_model
 from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearCoefficients, wear
-from rverror.views.envelope import input_files
-from rverror.views.report import to_json, to_text
+from rverror.views.report import to_text
 
 _DIRECTIONS = {"both": None, "forward": 1.0, "reverse": -1.0}
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
@@ -34,8 +34,14 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser(
-        "wear", help="wear of pins, discs and gears over hours, and the error that comes of it"
+    command = add_command(
+        commands,
+        "wear",
+        brief="wear of pins, discs and gears over hours of operation",
+        does="Computes how pins, discs, gears and bearings wear over hours of operation, and the output error and lost "
+        "motion that follow. The wear coefficients are yours to give; none are assumed.",
+        example='unit.toml --torque "412 N*m" --speed "1815 rpm" --hours 6000 \\\n'
+        '    --coefficient "1e-10 mm^3/(N*m)" --disc-width "9 mm" --gear-width "8 mm"',
     )
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("--torque", metavar='"412 N*m"', help="output torque of the duty")
@@ -47,30 +53,36 @@ def add_commands(commands: Any) -> None:
         action="append",
         required=True,
         metavar='"1e-10 mm^3/(N*m)"',
-        help=f"Archard's, of all bodies; or of one, 'pin=2e-10 mm^3/(N*m)', again for more: {', '.join(BODIES)}; "
-        f"clearance gained per load and turn, 'spline=1e-8 um/kN', of {', '.join(JOINTS)}",
+        help=f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); of "
+        f"a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give it again for "
+        "more",
     )
     command.add_argument(
         "--running-in",
         action="append",
         default=[],
         metavar='"0.5 um, 1e-8 mm^3/(N*m)"',
-        help="depth of the roughness that wears off, and coefficient of the new surface, of all bodies; or of one, "
-        "'pin=0.5 um, 1e-8 mm^3/(N*m)', again for more",
+        help="running in: depth of the roughness that wears off and wear coefficient of the new surface, of all bodies "
+        "or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
     )
-    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="length of a pin on one disc")
-    command.add_argument("--gear-width", required=True, metavar='"8 mm"', help="length of a planet on the sun")
-    command.add_argument("--pins", choices=PINS, default=PINS[0], help=f"in the housing (default {PINS[0]})")
-    command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="both", help="of the duty (default both)")
-    command.add_argument("--json", metavar="OUT.json", help="write the result for programs")
-    command.add_argument("--plot", metavar="OUT.png", help="write error and lost motion over the hours")
-    command.add_argument("--save", metavar="NEW.toml", help="write the model as it is worn at the end")
+    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="contact length of a pin on one disc")
+    command.add_argument(
+        "--gear-width", required=True, metavar='"8 mm"', help="contact length of a planet gear on the sun"
+    )
+    command.add_argument(
+        "--pins", choices=PINS, default=PINS[0], help=f"whether pins turn in the housing (default {PINS[0]})"
+    )
+    command.add_argument(
+        "--direction", choices=tuple(_DIRECTIONS), default="both", help="direction of the duty (default both)"
+    )
+    add_results(command, plot="error and lost motion over the hours")
+    command.add_argument("--save", metavar="NEW.toml", help="write the model of the worn unit")
     command.set_defaults(run=_wear)
 
 
 def _wear(options: argparse.Namespace) -> None:
     check_name(options.model)
-    check_outputs([options.json, options.plot, options.save], [options.model])
+    check_results(options, [options.model])
     model = load_model(options.model)
     try:
         found = wear(
@@ -89,10 +101,7 @@ def _wear(options: argparse.Namespace) -> None:
     except ValueError as problem:
         raise InputError(str(problem)) from problem
     print(to_text(found), end="")
-    if options.json:
-        write_json(options.json, to_json(found, files=input_files([options.model])))
-    if options.plot:
-        write_picture(options.plot, found.plot().figure)
+    write_results(found, options, found.plot, [options.model])
     if options.save:
         say_replaced(options.save)
         append_effects(options.model, options.save, [rounded(one) for one in found.effects], overwrite=True)

@@ -285,6 +285,8 @@ def _points(correction: Correction, format: str, conditions: list[TableCondition
 
 def _csv(table: CommandTable, made: Compensation, torque: float | None) -> str:
     load = "" if torque is None else f"# output_torque: {units.to_display(torque, 'torque'):g} N*m\n"
+    measured = {case.condition.direction for case in made.correction.table.cases}
+    load += "".join(f"# {way(sense)}: not measured, so nothing is added\n" for sense in {1.0, -1.0} - measured)
     head = (
         f"# kind: {_KIND}\n# ratio: {table.ratio!r}\n# added: {_ADDED}\n{load}"
         f"# index: {made.index}\n# turn: {'repeats' if table.periodic else 'part; the ends hold beyond'}\n{_COLUMNS}\n"

@@ -124,7 +124,11 @@ class SpeedResponse(Viewed):
 
     @property
     def order(self) -> Array:
-        """Orders that have, at some speed, a hundredth of the largest amplitude there, (o,)."""
+        """Orders that have, at some speed, a hundredth of the largest amplitude there, (o,).
+
+        What is above half the samples of a turn appears at a lower order (`folded_order`): 976, 584 and 1952 of an
+        RV-40E are the second, third and fourth wave of its cycloid mesh, 3120, 4680 and 6240.
+        """
         return self._told / self.period
 
     @property
@@ -266,7 +270,8 @@ def speed_response(
     Notes
     -----
     M y'' + C y' + K(theta) y = -M (X'' + x_s'') about the equilibrium x_s(theta), over all orders that the samples hold
-    (4096 a turn of the RV-40E), coupled by K(theta).  Sources 001 and 004 have M x'' + C x' + K x.
+    (of the RV-40E's 4096 a turn up to 2048; higher ones appear folded, see `SpeedResponse.order`), coupled by K(theta).
+    Sources 001 and 004 have M x'' + C x' + K x.
 
     Examples
     --------

@@ -58,12 +58,24 @@ class Index:
     equivalents : callable
         ``equivalents(mechanism, value) -> sequence of (value, sign)``: where the same error, or the opposite one, does
         what only the contacts tell from it here.
+    anywhere : sequence, optional
+        Values that every mechanism allows, where the mechanism does not matter.
     """
 
     name: str
     allowed: Callable[[Mechanism], Sequence[IndexValue]]
     tried: Callable[[Mechanism], Sequence[IndexValue]]
     equivalents: Callable[[Mechanism, IndexValue], Sequence[tuple[IndexValue, float]]] = lambda mechanism, value: ()
+    anywhere: Sequence[IndexValue] | None = None
+
+    def beyond(self, value: object) -> str:
+        """What is wrong with a value whatever the mechanism; empty where one may allow it."""
+        number = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+        if self.anywhere is not None:
+            return "" if number and value in self.anywhere else f"it must be one of {_span(self.anywhere)}"
+        if isinstance(value, str) or (number and value >= 0):  # type: ignore[operator]
+            return ""
+        return "it must be a whole number, counted from 0"
 
 
 #: Times `Parameter.plausible`, from which on a plain number was meant in another unit.  Of lengths that is 0.3 mm and
@@ -232,7 +244,8 @@ class Source:
                 raise ValueError(f"{self.key}: index {index.name!r} is missing; give one of {_span(allowed)}")
             value = indices[index.name]
             if not isinstance(value, (numbers.Integral, str)) or isinstance(value, bool) or value not in allowed:
-                raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}")
+                counted = ", counted from 0" if 0 in allowed else ""
+                raise ValueError(f"{self.key}: {index.name} = {value!r}; it must be one of {_span(allowed)}{counted}")
 
     @property
     def at_output(self) -> bool:
@@ -332,7 +345,8 @@ def chosen(value: IndexValue) -> slice:
 
 def harmonics(first: int, tried: int) -> Index:
     """Harmonic from `first` on, of which diagnosis tries those up to `tried`."""
-    return Index("harmonic", lambda mechanism: range(first, 1000), lambda mechanism: range(first, tried + 1))
+    known = range(first, 1000)
+    return Index("harmonic", lambda mechanism: known, lambda mechanism: range(first, tried + 1), anywhere=known)
 
 
 def own_order(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:

@@ -255,7 +255,8 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
     Raises
     ------
     ValueError
-        If a name is neither index nor parameter of the source, no parameter is given, or a value has the wrong unit.
+        If a name is neither index nor parameter of the source, no parameter is given, a value has the wrong unit, or an
+        index is one that no mechanism has.  Whether it is one of a unit's own, `Model` and `influence` say.
 
     Warns
     -----
@@ -268,13 +269,15 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
     (0.005, 0.0)
     """
     entry = source(key)
-    index_names = [index.name for index in entry.indices]
+    known = {index.name: index for index in entry.indices}
     parameters = {parameter.name: parameter for parameter in entry.parameters}
     indices: dict[str, IndexValue] = {}
     values = dict.fromkeys(parameters, 0.0)
     given = False
     for name, value in named.items():
-        if name in index_names:
+        if name in known:
+            if wrong := known[name].beyond(value):
+                raise ValueError(f"{key}: {name} = {value!r}; {wrong}")
             indices[name] = value
         elif name in parameters:
             values[name] = units.named_core(f"{key}: {name}", value, parameters[name].dimension)
@@ -286,9 +289,7 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
                 parameters[name].doubt(f"{key}: {name}", value, values[name])
             given = True
         else:
-            raise ValueError(
-                f"{key}: no index or parameter {name!r}; it takes {', '.join([*index_names, *parameters])}"
-            )
+            raise ValueError(f"{key}: no index or parameter {name!r}; it takes {', '.join([*known, *parameters])}")
     if not given:
         raise ValueError(f"{key}: no parameter given; it takes {', '.join(parameters)}")
     sigma = None

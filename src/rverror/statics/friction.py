@@ -147,7 +147,7 @@ def efficiency(
         If the model is no reducer, nothing is said of friction, or the output is to drive with no more torque than the
         drag.
     NotConvergedError
-        If forces and friction do not balance at some angle.
+        If forces and friction do not balance at some angle: parts wedge, or the unit is self-locking.
 
     Notes
     -----
@@ -190,7 +190,16 @@ def efficiency(
         losses, change = _closed_form_losses(unit, under, friction), np.zeros(gears.theta.size)
         input_torque = (carried + sign * np.sum([*losses.values()], axis=0)) / abs(unit.ratio)
     else:
-        input_torque, losses, change = _in_equilibrium(model, under, sign, friction)
+        try:
+            input_torque, losses, change = _in_equilibrium(model, under, sign, friction)
+        except NotConvergedError as problem:
+            lost = np.sum([*_closed_form_losses(unit, under, friction).values()], axis=0).min() / carried
+            if drives == "input" or lost < 1:
+                raise
+            raise NotConvergedError(
+                f"self-locking: friction takes {100 * lost:.0f} % or more of what the output puts in (closed form); "
+                "use smaller coefficients of friction, or method='closed' for the losses"
+            ) from problem
     return Efficiency(
         theta=read.theta,
         direction=read.direction,
