@@ -32,7 +32,7 @@ TIGHTER = 0.8
 
 _RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
-_ROUNDS = 6  # of improvement at the load, at the most
+_IDLE = 2  # rounds of exchanges at the load that bring nothing
 _KNOWN = 8  # units from whose errors the doubt is told anew
 _CLASSES = 3
 _SWAPS = 12  # of two rollers of a unit, at the most
@@ -303,33 +303,34 @@ class _AtLoad:
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""
-        hard = replace(waves, doubt=0.0)
         beside = self.beside(waves, built, np.arange(len(built.turns)))
-        for _ in range(_ROUNDS):
-            gained = 0.0
+        known = dict(zip(built.assembly.names(), self.errors(built.turns).tolist(), strict=True))
+        idle = 0  # rounds that brought nothing
+        while idle < _IDLE:
+            idle += 1
             for place in range(len(waves.parts)):
                 old, errors = built.assembly, self.errors(built.turns)
                 if (errors <= 1).all():
                     return built
-                new = waves.assigned(old, (place,), beside=beside, known=errors)
+                new = waves.assigned(old, (place,), beside=beside, known=known)
                 changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
                 if not changed.size:
                     continue
                 turns = built.turns.copy()
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
-                off = self.errors(turns)[changed] - waves.errors(waves.whole(new, beside)[changed])
-                if changed.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
-                    waves = replace(waves, doubt=max(float(off[np.isfinite(off)].std()), 1e-3))
-                gain = hard.cost(errors) - hard.cost(self.errors(turns))
+                true = self.errors(turns)[changed]
+                known |= dict(zip(new.of(changed).names(), true.tolist(), strict=True))
+                off = (true - waves.errors(waves.whole(new, beside)[changed]))[np.isfinite(true)]
+                if off.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
+                    waves = replace(waves, doubt=max(float(off.std()), 1e-3))
+                gain = waves.hard(errors) - waves.hard(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
-                better = (np.bincount(circle, gain) > 1e-9)[circle, None]
-                gained += float(gain[better[:, 0]].sum())
+                better = (np.bincount(circle, gain) > 1e-3)[circle, None]
                 kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
                 built = _Built(kept, np.where(better, turns, built.turns))
                 moved = changed[better[changed, 0]]
                 beside[moved] = self.beside(waves, built, moved)
-            if gained < 1e-6:
-                break
+                idle = 0 if moved.size else idle
         return built
 
     def beside(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
