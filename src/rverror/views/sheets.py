@@ -852,7 +852,7 @@ def _of_matched(thing: Matched) -> Sheet:
     names = [name for name in found if not name.startswith("roller")]  # forty grooves: the spreadsheet has them
     heads = {name: f"{name.replace('_', ' ')}{', ' + told[name] if told.get(name) else ''}" for name in names}
     verdict = f"{len(thing.units)} of {thing.possible} units"
-    priced = any(way.cost is not None for way in thing.ways)
+    costs = [math.nan if way.cost is None else way.cost for way in thing.ways]
     limits = zip(thing.quantities, thing.allowed, strict=True)
     return (
         *_title("Matched units", thing.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
@@ -861,12 +861,14 @@ def _of_matched(thing: Matched) -> Sheet:
             f"no assembly of these parts has more than {thing.bound}.",
             verdict,
         ),
-        *_grid(
-            ("way to build", "units", "yield, %", "P95, % of the limit", *(("cost a unit",) if priced else ())),
-            [
-                (way.name, way.errors.size, 100 * way.share, 100 * way.p95, *((math.nan if way.cost is None else way.cost,) if priced else ()))
-                for way in thing.ways
-            ],
+        *_beside(
+            {
+                "way to build": [way.name for way in thing.ways],
+                "units": [way.errors.size for way in thing.ways],
+                "yield, %": [100 * way.share for way in thing.ways],
+                "P95, % of the limit": [100 * way.p95 for way in thing.ways],
+                **({"cost a unit": costs} if any(map(math.isfinite, costs)) else {}),
+            }
         ),
         *_beside({head: found[name] for name, head in heads.items()}),
         *_facts({f"{kind}, {len(some)} stay": ", ".join(some[:8]) + ", ..." * (len(some) > 8)
