@@ -185,7 +185,7 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
     pools = [list(dict.fromkeys(named)).index(name) for name in named]
     for p, name in zip(places, named, strict=True):
         if len(fits[p]) < named.count(name):
-            made = f" made for place {p.made_for}" if p.kind == "disc" and p.made_for else ""
+            made = f" made for place {p.number}, where others fit than at place 0 (made_for)" if p.made_for else ""
             raise InputError(f"{count_of(len(fits[p]), p.kind)}{made}: a unit takes {named.count(name)}; measure more")
     rollers, kits = tuple(given["roller"]), np.empty((0, reducer.pins), dtype=np.intp)
     notes = []
@@ -226,11 +226,6 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
     for part in parts:
         counted = KINDS[part.kind][1]
         errors = part.at(None if counted is None else 0)
-        for error in errors:
-            if counted is not None and counted not in error.indices:
-                raise InputError(
-                    f"{part.kind} {part.serial}: {error.key} is one error of all such parts; declare it in the model"
-                )
         first = {places_of(reducer, "disc")[n].made_for for n in range(reducer.discs)} if part.kind == "disc" else {0}
         if part.made_for not in first:
             raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: give one of {sorted(first)}")
