@@ -115,7 +115,7 @@ def test_matching_beats_chance(found):
 
 def test_discs_of_three_cranks_are_turned():
     """Each disc stands where it is made for; a turn is worth what the equilibrium of a model made by hand says."""
-    reducer = replace(rverror.reducer("RV-40E"), cranks=3)
+    reducer = replace(UNIT, cranks=3)
     rng = np.random.default_rng(0)
     some = [
         MeasuredPart(
@@ -143,7 +143,7 @@ def test_discs_of_three_cranks_are_turned():
 
 def test_serial_numbers_are_names_alone():
     rng = np.random.default_rng(2)
-    some = [*cranks(rng, 4), *housings(rng, 2)]
+    some = [*cranks(rng, 4), *housings(rng, 2), *(MeasuredPart("sun", f"S{n}", ()) for n in range(2))]
     first, again = (match(MODEL, of, LIMITS[:1]) for of in (some, [replace(p, serial=f"{p.serial}-x") for p in some]))
     assert first.units
     assert [[f"{part.serial}-x" for part in unit.parts] for unit in first.units] == [
@@ -172,9 +172,11 @@ def test_what_cannot_be_matched_is_refused():
     refused("parts: there is none", [])
     refused("1 crank: a unit takes 2", [*pair[:1], *housing])
     refused("15 rollers: a unit takes 16", [*housing, *rollers(rng, 15)])
-    refused("only parts of the kind housing", housing)
+    refused("parts of the kind housing alone leave nothing to choose", housing)
     twice = [replace(housing[0], origin="one.csv"), replace(housing[0], origin="two.csv"), *pair]
     refused("housing H0: this serial number comes twice, in one.csv and two.csv; keep one", twice)
+    refused("no part has an error", [replace(one, errors=()) for one in (*housing, *pair)])
+    refused("seed = -1: must be 0 or more", [*housing, *pair], seed=-1)
     far = MeasuredPart("housing", "H9", (rverror.effect("cycloid.pin_radius", pin=55, deviation="1 um"),))
     refused("housing H9: .*pin", [far, *pair])
     declared = replace(MODEL, effects=pair[0].at(0))

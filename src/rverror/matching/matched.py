@@ -30,7 +30,7 @@ WAYS = ("classes", "matching", "turning", "rollers", "tighter")
 #: Errors of tighter parts, of those given: an illustration.
 TIGHTER = 0.8
 
-_RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
+_RANDOM = 30, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _IDLE = 2  # rounds of exchanges at the load that bring nothing
 _KNOWN = 8  # units from whose errors the doubt is told anew
@@ -83,6 +83,8 @@ def match(
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
     units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
+    if seed < 0:
+        raise InputError(f"seed = {seed}: must be 0 or more")
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
@@ -196,7 +198,9 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
         kits = np.arange(whole * reducer.pins).reshape(whole, -1)
         pools.append(len(set(pools)))
     if not places or (len(pools) == 1 and not rollers):
-        raise InputError(f"only parts of the kind {parts[0].kind}, of which a unit takes one: nothing is to be matched")
+        raise InputError(f"parts of the kind {parts[0].kind} alone leave nothing to choose; add those of another kind")
+    if not any(part.errors for part in parts):
+        raise InputError("no part has an error: nothing is to be matched; give the measured ones")
     lots = [(p, fits[p]) for p in places] + [(p, rollers) for p in places_of(reducer, "roller") if rollers]
     if turns and all(len(place.turns) == 1 for place in places):
         notes.append("turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
@@ -351,8 +355,8 @@ class _AtLoad:
         for pool in waves.sizes:
             places = [place for place, of in enumerate(self.lot.pools) if of == pool]
             sizes, moved = self.lot.columns.sizes[places[0]], self.lot.columns.moved[places[0]][0]
-            if places[0] >= len(self.lot.parts):
-                sizes = np.zeros((len(self.lot.kits), 1))  # rollers as they come
+            if places[0] >= len(self.lot.parts) or not sizes.shape[1]:
+                sizes = np.zeros((waves.sizes[pool], 1))  # rollers as they come, parts without errors
             else:
                 sizes = sizes[:, np.argmax(sizes.std(axis=0) * (moved @ slope).std(axis=1))][:, None]
             chosen = found.part[:, places].ravel()
