@@ -114,6 +114,15 @@ for number, hours in enumerate((0, 200, 450, 600, 900, 1200, 1500, 1800)):
     life += [replace(run, index="A", metadata={"hours": str(hours)}) for run in both]
 trend = rverror.trend(small, life)
 compared = rverror.compare_runs(life[:2], life[-2:], small)
+
+rng = np.random.default_rng(5)
+parts = [rverror.MeasuredPart("crank", f"C{n}", (rverror.effect("crank.eccentricity", disc=0, radial=x),
+                                                 rverror.effect("crank.eccentricity", disc=1, radial=y)))
+         for n, (x, y) in enumerate(rng.normal(0, 4e-3, (40, 2)))]
+parts += [rverror.MeasuredPart("housing", f"H{n}", tuple(rverror.effect("cycloid.pin_position", pin=k, radial=x)
+                                                         for k, x in enumerate(of)))
+          for n, of in enumerate(rng.normal(0, 3e-3, (20, 16)))]
+matched = rverror.match(small, parts, [rverror.limit("transmission_error", "25 arcsec", torque="150 N*m")])
 """
 
 #: Line that draws each picture.
@@ -171,6 +180,7 @@ LINES = {
     "lot-predicted": 'lot.plot(kind="predicted")',
     "trend-courses": "trend.plot()",
     "runscompared-orders": "compared.plot()",
+    "matched-errors": "matched.plot()",
 }
 
 

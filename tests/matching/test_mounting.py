@@ -15,6 +15,7 @@ from rverror.parts.measured import KINDS, MeasuredPart
 TURN = 2 * np.pi
 TWO = rverror.reducer("RV-40E")
 THREE = replace(TWO, cranks=3)
+ALIKE = replace(TWO, cranks=3, discs=3, pins=24, disc_lobes=23, eccentricity=0.9)  # three discs of one kind
 ON_DISC = (
     ("cycloid.disc_pitch", "harmonic", (1, 2, 3)),
     ("cycloid.disc_profile", "harmonic", (1, 2, 3)),
@@ -93,16 +94,21 @@ def test_places_and_their_ways():
     assert [str(p) for kind in ("crank", "housing") for p in places_of(TWO, kind)] == ["crank 0", "crank 1", "housing"]
 
 
+@pytest.mark.parametrize("reducer", [TWO, ALIKE], ids=["two discs", "three discs"])
 @pytest.mark.parametrize("key", [row[0] for row in ON_DISC] + ["cycloid.disc_bore_position"])
-def test_a_disc_at_the_other_place_makes_the_same_wave(key):
-    """Place and turn together leave a disc of an RV-40E to its eccentric direction as it was, so no wave changes."""
-    disc = part("disc", TWO, 3)
+def test_a_disc_at_another_place_makes_the_same_wave(key, reducer):
+    """Place and turn together leave a disc that fits both to its eccentric direction as it was: no wave changes."""
+    disc = part("disc", reducer, 3)
     disc = replace(disc, errors=tuple(error for error in disc.errors if error.key == key))
-    here, there = (
-        rverror.transmission_error(rverror.Model(TWO, mounted(disc, TWO, q, q)), np.linspace(0, TURN, 400))
-        for q in (0, 1)
+    here, *there = (
+        rverror.transmission_error(
+            rverror.Model(reducer, mounted(disc, reducer, q, disc_turns(reducer, 0, q)[0])), np.linspace(0, TURN, 400)
+        )
+        for q in range(reducer.discs)
     )
-    assert there == pytest.approx(here, abs=1e-15)
+    assert len(there) == reducer.discs - 1
+    for wave in there:
+        assert wave == pytest.approx(here, abs=1e-15)
     assert np.ptp(here) > 1e-9 or key == "cycloid.lobe_profile"
 
 

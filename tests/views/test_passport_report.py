@@ -102,7 +102,7 @@ def test_a_part_that_can_be_zero_has_no_phase(found: tuple[OrderPassport, ...]) 
 def test_text_says_the_same(found: tuple[OrderPassport, ...]) -> None:
     text = as_text(passport_sheet(found))
     for one in passport_json(found):
-        (row,) = re.findall(rf"^{one['order']:g} +(\S+) \[(\S+), (\S+)\]  forward", text, flags=re.MULTILINE)
+        (row,) = re.findall(rf"^{one['order']:g} +(\S+) \[(\S+), (\S+)\] +forward", text, flags=re.MULTILINE)
         assert [float(v) for v in row] == pytest.approx(
             [one[k] for k in ("amplitude_arcsec", "low", "high")], rel=0.006
         )

@@ -699,5 +699,5 @@ def test_a_size_far_below_one_of_its_unit_is_told_with_two_digits_of_its_interva
         Estimate("sin", "compliance", 0.0, 0.0, 0.0),
     )
     text = rverror.to_text(replace(diagnosis(), added=(Addition(wave, sizes, (), (3.0,), 0.0, ()),)))
-    assert re.search(r"cos +0\.006019  0\.005793 to 0\.006248  arcsec/\(N\*m\)", text)
+    assert re.search(r"cos +0\.00602  0\.00579 to 0\.00625  arcsec/\(N\*m\)", text)
     assert re.search(r"sin +0 +0 to 0  arcsec/\(N\*m\)", text)

@@ -66,8 +66,6 @@ def _match(options: argparse.Namespace) -> None:
     for path in given:
         check_name(path)
     check_outputs([options.json, options.html, options.save], given)
-    if options.seed < 0:
-        raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")
     costs = _costs(options.cost)

@@ -30,9 +30,9 @@ WAYS = ("classes", "matching", "turning", "rollers", "tighter")
 #: Errors of tighter parts, of those given: an illustration.
 TIGHTER = 0.8
 
-_RANDOM = 40, 200  # units put together at random: two lots, but no fewer and about no more than these
+_RANDOM = 30, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
-_ROUNDS = 6  # of improvement at the load, at the most
+_IDLE = 2  # rounds of exchanges at the load that bring nothing
 _KNOWN = 8  # units from whose errors the doubt is told anew
 _CLASSES = 3
 _SWAPS = 12  # of two rollers of a unit, at the most
@@ -83,6 +83,8 @@ def match(
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
     units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
+    if seed < 0:
+        raise InputError(f"seed = {seed}: must be 0 or more")
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
@@ -185,7 +187,7 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
     pools = [list(dict.fromkeys(named)).index(name) for name in named]
     for p, name in zip(places, named, strict=True):
         if len(fits[p]) < named.count(name):
-            made = f" made for place {p.made_for}" if p.kind == "disc" and p.made_for else ""
+            made = f" made for place {p.number}, where others fit than at place 0 (made_for)" if p.made_for else ""
             raise InputError(f"{count_of(len(fits[p]), p.kind)}{made}: a unit takes {named.count(name)}; measure more")
     rollers, kits = tuple(given["roller"]), np.empty((0, reducer.pins), dtype=np.intp)
     notes = []
@@ -196,7 +198,9 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
         kits = np.arange(whole * reducer.pins).reshape(whole, -1)
         pools.append(len(set(pools)))
     if not places or (len(pools) == 1 and not rollers):
-        raise InputError(f"only parts of the kind {parts[0].kind}, of which a unit takes one: nothing is to be matched")
+        raise InputError(f"parts of the kind {parts[0].kind} alone leave nothing to choose; add those of another kind")
+    if not any(part.errors for part in parts):
+        raise InputError("no part has an error: nothing is to be matched; give the measured ones")
     lots = [(p, fits[p]) for p in places] + [(p, rollers) for p in places_of(reducer, "roller") if rollers]
     if turns and all(len(place.turns) == 1 for place in places):
         notes.append("turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
@@ -226,11 +230,6 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
     for part in parts:
         counted = KINDS[part.kind][1]
         errors = part.at(None if counted is None else 0)
-        for error in errors:
-            if counted is not None and counted not in error.indices:
-                raise InputError(
-                    f"{part.kind} {part.serial}: {error.key} is one error of all such parts; declare it in the model"
-                )
         first = {places_of(reducer, "disc")[n].made_for for n in range(reducer.discs)} if part.kind == "disc" else {0}
         if part.made_for not in first:
             raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: give one of {sorted(first)}")
@@ -303,33 +302,34 @@ class _AtLoad:
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""
-        hard = replace(waves, doubt=0.0)
         beside = self.beside(waves, built, np.arange(len(built.turns)))
-        for _ in range(_ROUNDS):
-            gained = 0.0
+        known = dict(zip(built.assembly.names(), self.errors(built.turns).tolist(), strict=True))
+        idle = 0  # rounds that brought nothing
+        while idle < _IDLE:
+            idle += 1
             for place in range(len(waves.parts)):
                 old, errors = built.assembly, self.errors(built.turns)
                 if (errors <= 1).all():
                     return built
-                new = waves.assigned(old, (place,), beside=beside, known=errors)
+                new = waves.assigned(old, (place,), beside=beside, known=known)
                 changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
                 if not changed.size:
                     continue
                 turns = built.turns.copy()
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
-                off = self.errors(turns)[changed] - waves.errors(waves.whole(new, beside)[changed])
-                if changed.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
-                    waves = replace(waves, doubt=max(float(off[np.isfinite(off)].std()), 1e-3))
-                gain = hard.cost(errors) - hard.cost(self.errors(turns))
+                true = self.errors(turns)[changed]
+                known |= dict(zip(new.of(changed).names(), true.tolist(), strict=True))
+                off = (true - waves.errors(waves.whole(new, beside)[changed]))[np.isfinite(true)]
+                if off.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
+                    waves = replace(waves, doubt=max(float(off.std()), 1e-3))
+                gain = waves.hard(errors) - waves.hard(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
-                better = (np.bincount(circle, gain) > 1e-9)[circle, None]
-                gained += float(gain[better[:, 0]].sum())
+                better = (np.bincount(circle, gain) > 1e-3)[circle, None]
                 kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
                 built = _Built(kept, np.where(better, turns, built.turns))
                 moved = changed[better[changed, 0]]
                 beside[moved] = self.beside(waves, built, moved)
-            if gained < 1e-6:
-                break
+                idle = 0 if moved.size else idle
         return built
 
     def beside(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
@@ -355,8 +355,8 @@ class _AtLoad:
         for pool in waves.sizes:
             places = [place for place, of in enumerate(self.lot.pools) if of == pool]
             sizes, moved = self.lot.columns.sizes[places[0]], self.lot.columns.moved[places[0]][0]
-            if places[0] >= len(self.lot.parts):
-                sizes = np.zeros((len(self.lot.kits), 1))  # rollers as they come
+            if places[0] >= len(self.lot.parts) or not sizes.shape[1]:
+                sizes = np.zeros((waves.sizes[pool], 1))  # rollers as they come, parts without errors
             else:
                 sizes = sizes[:, np.argmax(sizes.std(axis=0) * (moved @ slope).std(axis=1))][:, None]
             chosen = found.part[:, places].ravel()

@@ -7,7 +7,7 @@ Page ``theory/matching.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
@@ -25,6 +25,7 @@ Ints = npt.NDArray[np.intp]
 LISTED = 5_000_000
 
 _STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
+_CHANGE = 0.02  # of a unit, beside one that is known: what brings less is left as it is
 _CAP = 4.0  # of limits: worse units are alike
 _SWEEPS = 12  # at the most; the search ends when one brings nothing
 _EXACT = 20_000  # of these, good ones up to which the best set is found outright
@@ -49,6 +50,10 @@ class Assembly:
     def of(self, rows: Any) -> Assembly:
         """Some of the units."""
         return Assembly(self.part[rows], self.turn[rows])
+
+    def names(self) -> list[tuple[int, ...]]:
+        """Parts of each unit, then their turns."""
+        return [tuple(row) for row in np.concatenate([self.part, self.turn], axis=1).tolist()]
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,10 @@ class UnitWaves:
         """What a unit costs: the chance that it is bad; far below, its error, to tell equals apart."""
         bad = scipy.special.ndtr((errors - 1) / self.doubt) if self.doubt else (errors > 1) * 1.0
         return np.asarray(bad + np.minimum(errors, _CAP) / (2 * _CAP * self.most), dtype=np.float64)
+
+    def hard(self, errors: Any) -> Array:
+        """The same where errors are true ones, without doubt."""
+        return replace(self, doubt=0.0).cost(np.asarray(errors))
 
     # --- assemblies ---------------------------------------------------------------------------------------------------
 
@@ -247,7 +256,7 @@ class UnitWaves:
         places: Sequence[int],
         *,
         beside: Array | None = None,
-        known: Array | None = None,
+        known: Mapping[tuple[int, ...], float] | None = None,
     ) -> Assembly:
         """Give the units the parts of some places anew, all else left as it is, by an exact assignment.
 
@@ -259,14 +268,14 @@ class UnitWaves:
             or several, whose parts stay together as they are.
         beside : ndarray, shape (units, samples), optional
             What a unit's wave has beside its parts'; it stays with the other places.
-        known : ndarray, shape (units,), optional
-            True errors of the units as they are.
+        known : mapping of tuple of int to float, optional
+            True errors of units that were solved, by `Assembly.names`.
 
         Returns
         -------
         Assembly
         """
-        count, one = len(assembly.part), places[0]
+        one = places[0]
         rows = self.base + self.of(assembly, [p for p in range(len(self.parts)) if p not in places])
         if beside is not None:
             rows += beside
@@ -281,8 +290,15 @@ class UnitWaves:
         errors = np.array([self.pairs(rows, option) for option in options])
         way, cost = errors.argmin(axis=0), self.cost(errors.min(axis=0))
         if known is not None:
-            every = np.arange(count)
-            way[every, every], cost[every, every] = turn[:, one], replace(self, doubt=0.0).cost(known)
+            cost += _CHANGE
+            told = _by_rest(known, one, len(self.parts))
+            for number, name in enumerate(assembly.names()):
+                for of, turned, error in told.get(_rest(name, one, len(self.parts)), ()):
+                    for column in np.flatnonzero(offered == of):
+                        as_it_is = (of, turned) == (part[number, one], turn[number, one])
+                        if as_it_is or way[number, column] == turned:
+                            way[number, column] = turned
+                            cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
         unit, chosen = scipy.optimize.linear_sum_assignment(cost)
         if len(places) > 1:
             part[:, places], turn[:, places] = part[np.ix_(chosen, places)], turn[np.ix_(chosen, places)]
@@ -370,6 +386,21 @@ class UnitWaves:
         if columns.size == len(rows) and chosen.mip_dual_bound is not None:
             bound = min(bound, math.floor(-chosen.mip_dual_bound + 1e-6))
         return bound, units.of(columns[:0] if chosen.x is None else columns[chosen.x > 0.5])
+
+
+def _rest(name: tuple[int, ...], place: int, count: int) -> tuple[int, ...]:
+    """Name of a unit without its part at one place."""
+    return tuple(number for at, number in enumerate(name) if at % count != place)
+
+
+def _by_rest(
+    known: Mapping[tuple[int, ...], float], place: int, count: int
+) -> dict[tuple[int, ...], list[tuple[int, int, float]]]:
+    """Parts at one place, their turns and the unit's true error, by the rest of the unit."""
+    found: dict[tuple[int, ...], list[tuple[int, int, float]]] = {}
+    for name, error in known.items():
+        found.setdefault(_rest(name, place, count), []).append((name[place], name[count + place], error))
+    return found
 
 
 def _incidence(rows: Ints, parts: int) -> Any:

@@ -245,8 +245,8 @@ def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
     found, told = columns(described(result), rows=rows, display=True)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    named = {name: f"{name} [{told[name]}]" for name in found if units and told.get(name, NUMBER.core) != NUMBER.core}
-    writer.writerow([named.get(name) or name for name in found])
+    tagged = {name for name in found if units and told.get(name, "") not in ("", NUMBER.core)}
+    writer.writerow([f"{name} [{told[name]}]" if name in tagged else name for name in found])
     for row in zip(*found.values(), strict=True):
         writer.writerow([_csv_cell(value) for value in row])
     return text.getvalue()
