@@ -17,6 +17,8 @@ from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
+    add_arm,
+    arm,
     check_jobs,
     check_output,
     check_outputs,
@@ -68,7 +70,6 @@ COMMANDS = {
 }
 HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
 
-_ARM = "20 kg, 0.5 m, 30 deg"
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
 
@@ -135,12 +136,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command.add_argument("--points", type=int, metavar="N", help="samples per output turn")
     command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
     command.add_argument("--torque", action="append", metavar='"20 N*m"', help="output torque; may be given again")
-    command.add_argument(
-        "--arm",
-        metavar=f'"{_ARM}"',
-        help="in place of a torque a weight: mass, lever, output angle at which it is level and forward motion lifts "
-        "it; the run has a column output_torque",
-    )
+    add_arm(command, "in place of a torque a weight", "; the run has a column output_torque")
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
     command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
     command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
@@ -217,7 +213,7 @@ def _simulate(options: argparse.Namespace) -> None:
         quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()
     ]
     if options.arm is not None:
-        torques.append(_arm(options.arm))
+        torques.append(arm(options.arm))
     torques = torques or [None]
     directions = _DIRECTIONS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
@@ -263,20 +259,6 @@ def _simulate(options: argparse.Namespace) -> None:
             print(path)  # for diagnose, or whatever reads the runs
         else:
             tell(f"wrote {path}")
-
-
-def _arm(text: str) -> GravityArm:
-    """Arm of the option --arm."""
-    try:
-        mass, lever, offset = text.split(",")
-        return GravityArm(
-            mass=units.parse(mass.strip(), "mass"),
-            lever=units.parse(lever.strip(), "length"),
-            offset=units.parse(offset.strip(), "angle"),
-        )
-    except ValueError as problem:
-        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
-        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
 
 
 def _orders(text: str) -> list[float]:

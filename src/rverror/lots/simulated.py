@@ -118,14 +118,14 @@ class Simulator:
         return 1 / np.sqrt(self.amplitudes.noise)
 
     def _loaded(self, compliance: Array) -> list[LoadedTurn]:
-        """The turns with other stiffnesses, under their torques."""
+        """The turns with other stiffnesses."""
         changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
         found = []
-        for turn, condition in zip(self._turns, self.amplitudes.conditions, strict=True):
+        for turn in self._turns:
             unit = turn.model.mechanism
             assert isinstance(unit, Reducer)
             softer = replace(turn.model, mechanism=softened(unit, changes))
-            found.append(LoadedTurn(replace(turn, model=softer), condition.torque, condition.direction))
+            found.append(LoadedTurn(replace(turn, model=softer)))
         return found
 
     def waveforms(self, state: State, standard: Array) -> Array:
