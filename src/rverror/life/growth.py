@@ -31,7 +31,6 @@ EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the lo
 _BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
-_NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
 _ANY = 1e12  # variance over that of noise: any
 _SHARES = np.linspace(0, 1, 5)  # of a cause that are solved: a contact that opens stops to answer half way
 _BENT = 0.3  # of how a cause bends, that the unit's own state leaves open
@@ -403,32 +402,48 @@ class GrowthSearch:
     # --- what is said of a set ----------------------------------------------------------------------------------------
 
     def rivals(self, now: Fitted, number: int) -> list[Fitted]:
-        """The set with other causes in place of one: those that are no less likely than a hundredth, and equivalents.
+        """The set with other causes in place of one: no less likely than a hundredth, equivalent, or alike.
 
         What sources declare to be told apart by the contacts alone is a rival as long as it explains half as much:
-        which contacts carry is inferred, not known.
+        which contacts carry is inferred, not known.  What does the same to the first order is one whatever its score:
+        causes that only shift the output are a class, and what parts them is the model's error.
         """
         others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
         scores, course = self._promises(others)
         own, evidence = now.terms[number].cause, others.score - now.score
-        wide = _NEAR + 2 * _ALIKE * evidence
-        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][: 2 * _TRIED]
-        equivalent = self._equivalents(own)
+        within = RIVAL + _ALIKE * evidence
+        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + 2 * within and c != own][: 2 * _TRIED]
+        equivalent, alike = self._equivalents(own), self._alike(now, number)
         found = []
-        for cause in dict.fromkeys((*near, *equivalent)):
+        for cause in dict.fromkeys((*near, *equivalent, *alike)):
             kind = now.terms[number].course
-            alike = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
+            same = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
             tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
-            found.append(min(alike, tried, key=lambda one: one.score))
+            found.append(min(same, tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
         kept = []
         for at, one in enumerate(found):
-            if at < 3 * _SOLVED or one.terms[-1].cause in equivalent:  # others by the first order
+            cause = one.terms[-1].cause
+            if at < 3 * _SOLVED or cause in equivalent:  # others by the first order
                 one = self.fitted(one.terms, others)
-            most = evidence / 2 if one.terms[-1].cause in equivalent else 0.0
-            if one.score < now.score + max(RIVAL + _ALIKE * evidence, most):
+            most = math.inf if cause in alike else evidence / 2 if cause in equivalent else 0.0
+            if one.score <= now.score + max(within, most):
                 kept.append(one)
         return sorted(kept, key=lambda one: one.score)
+
+    def _alike(self, now: Fitted, number: int) -> list[int]:
+        """Other causes that do what one of a set does but for noise, by the angle between what they do."""
+        term = now.terms[number]
+        wave = term.course.centred(self.at)
+        columns = self.columns * np.sqrt(wave @ wave / (1 + now.missed))[:, None]
+        made, found = columns[:, self.places[term.cause]] @ now.sizes[number], []
+        for cause, at in enumerate(self.places):
+            some = columns[:, at]
+            sizes = np.linalg.solve(some.T @ some + np.diag(1 / self.prior[at] ** 2), some.T @ made)
+            left = float(made @ (made - some @ sizes))
+            if cause != term.cause and left < RIVAL + _ALIKE * made @ made and np.all(sizes >= self.least[at]):
+                found.append(cause)
+        return found
 
     def _equivalents(self, cause: int) -> tuple[int, ...]:
         """Causes of the same source at places where it does what only the contacts tell from it."""
