@@ -11,7 +11,7 @@ import pytest
 import rverror
 from rverror.base.units import ARCSEC
 from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
-from rverror.tolerances.loaded_units import LoadedUnits, instances_of
+from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
@@ -110,6 +110,18 @@ def test_a_torque_that_is_the_same_at_every_angle_is_that_torque(direction: floa
     assert found.slopes is not None
     for values in (found.turns, found.near, found.slopes):
         assert np.array_equal(values[:, 0], values[:, 1])
+
+
+def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None:
+    model, tolerances = mixed()
+    units = loaded_units(model, tolerances, EVERY_LIMIT[-1:])
+    every = instances_of(units.stack)
+    turn = LoadedTurn(Turn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False))
+    places = np.array([30, 3, 15])
+    problem = turn.state(units.means, places).problem
+    torque = np.abs(ARM(2 * np.pi * places / 48))
+    assert problem.tolerance / problem.tolerance[0] == pytest.approx(torque / torque[0])
+    assert problem.heavy * torque == pytest.approx(np.full(3, problem.heavy[0] * torque[0]))
 
 
 def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
