@@ -199,10 +199,8 @@ class Simulator:
     def _solved(self, turns: Sequence[LoadedTurn], errors: Array) -> tuple[Array, Array, Array]:
         found = []
         for turn in turns:
-            state = turn.state(errors)
-            solved = state.some(state.places)
-            waves = [turn.read(state, errors)[None], solved.influence().T]
-            waves.append(solved.solution.softening.T)
+            state = turn.state(errors, response=True)
+            waves = [turn.read(state, errors)[None], state.influence().T, state.solution.softening.T]
             found.append(self.amplitudes.of_waves(np.concatenate(waves)))
         rows = np.concatenate(found, axis=1) * self.scale
         return rows[0], rows[1 : -len(SOFTENING)], rows[-len(SOFTENING) :]

@@ -289,8 +289,12 @@ class LoadedTurn:
         places = np.arange(0, count, _STEP if count == FINE else 1)
         return places, _some(self.problem, places)
 
-    def state(self, values: Array, places: Integers | None = None, *, near: Array | None = None) -> TurnState:
+    def state(
+        self, values: Array, places: Integers | None = None, *, near: Array | None = None, response: bool = False
+    ) -> TurnState:
         """Settled poses of a unit, its components' values in core units; near the poses given, if any.
+
+        With a response it has its `TurnState.influence`.
 
         Raises
         ------
@@ -316,7 +320,7 @@ class LoadedTurn:
             )
         if any(isinstance(part, Compliance) for part, _ in self.motion.yielding):
             problem = self._softened(problem, values, at)
-        solution = solve(problem, near=near, response=self.idle)
+        solution = solve(problem, near=near, response=response or self.idle)
         check_found(solution, self.motion.geometry.motion.theta[at], idle=self.idle)
         return TurnState(self, at, problem, solution)
 
@@ -506,8 +510,7 @@ class LoadedUnits:
         if not slopes:
             return _LargestTurns(output[high[:1]] - output[low[:1]], np.empty(0), [])
         kept = np.concatenate([high, low])
-        state = line.state(values, places[kept], near=poses[kept])
-        changes = state.some(np.arange(len(kept))).influence()
+        changes = line.state(values, places[kept], near=poses[kept], response=True).influence()
         up, down = changes[: high.size], changes[high.size :]
         turns = (output[high][:, None] - output[low]).reshape(-1)
         return _LargestTurns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
