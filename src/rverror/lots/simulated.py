@@ -162,13 +162,16 @@ class Simulator:
 
         solved = [one for one in each(solve, range(len(standard))) if one is not None]
         rows = np.array([one[1] for one in solved])
-        squares = [np.einsum("upd,upe->de", rows[:, some], rows[:, some], optimize=True) for some in members]
+        squares = np.empty((len(members), rows.shape[2], rows.shape[2]))
+        for square, some in zip(squares, members, strict=True):
+            mine = rows[:, some].reshape(-1, rows.shape[2])
+            np.divide(mine.T @ mine, len(solved), out=square)
         return Draws(
             np.array([one[0] for one in solved]),
             np.array([one[2] for one in solved]),
             np.array([one[3] for one in solved]),
             rows.mean(axis=0).T,
-            np.array(squares) / len(solved),
+            squares,
         )
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
