@@ -208,11 +208,6 @@ class GrowthSearch:
         basis, size, _ = np.linalg.svd(self.mounted, full_matrices=False)
         return np.asarray(rows - (rows @ basis) * (1 - 1 / np.sqrt(1 + size**2)) @ basis.T)
 
-    @cached_property
-    def _cost(self) -> float:
-        """Of one of so many causes."""
-        return 2 * math.log(len(self.causes))
-
     # --- the search ---------------------------------------------------------------------------------------------------
 
     def found(self) -> Fitted:
@@ -309,7 +304,7 @@ class GrowthSearch:
                 if width == 1:  # what would have to be less than nothing
                     single = some[:, 0]
                     gain[(right[single] < 0) & (self.least[single] > -_NONE * self.prior[single])] = -math.inf
-                found[number, chosen] = course.cost + self._cost - gain
+                found[number, chosen] = course.cost + 2 * math.log(len(self.causes)) - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
     def fitted(self, terms: Sequence[Cause], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
@@ -375,7 +370,7 @@ class GrowthSearch:
         gain = float(np.sum((way.T @ self.start) ** 2) - np.sum(reached**2 / variance) - np.sum(np.log(variance)))
         gain -= float(np.sum((sizes / prior) ** 2))
         gain -= float(np.linalg.slogdet(normal * prior * prior[:, None] + np.eye(len(at)))[1])
-        cost = sum(t.course.cost + self._cost for t in chosen)
+        cost = sum(t.course.cost + 2 * math.log(len(self.causes)) for t in chosen)
         blocks = tuple(covariance[np.ix_(of == n, of == n)] for n in range(len(chosen)))
         total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
@@ -416,10 +411,9 @@ class GrowthSearch:
         equivalent, alike = self._equivalents(own), self._alike(now, number)
         found = []
         for cause in dict.fromkeys((*near, *equivalent, *alike)):
-            kind = now.terms[number].course
-            same = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
-            tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
-            found.append(min(same, tried, key=lambda one: one.score))
+            both = now.terms[number].course, self.courses[course[cause]]
+            tried = [self.fitted((*others.terms, Cause(cause, c)), others, at_load=False) for c in both]
+            found.append(min(tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
         kept = []
         for at, one in enumerate(found):
