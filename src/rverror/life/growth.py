@@ -359,7 +359,7 @@ class GrowthSearch:
                 if known is not None:
                     extra += known.grown(term.course, self.at)
             left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
-            missed = np.array([self._missed(t, s) for t, s in zip(chosen, parts, strict=True)])
+            missed = (self.missing[:, at] * sizes**2 @ (of[:, None] == np.arange(len(chosen)))).T
             bent = missed / 4 + np.array([_half(nodes.get(t.cause), d) for t in chosen])
             shares = _shares(missed, bent, reach, bent_reach, way.T @ left)[:, None]
             missed, bent = shares * missed, shares * bent
@@ -375,10 +375,6 @@ class GrowthSearch:
         total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
-
-    def _missed(self, term: Cause, sizes: Array) -> Array:
-        """Variance that the model misses of what a cause does, over that of noise, shape (d,)."""
-        return np.asarray(self.missing[:, self.places[term.cause]] @ sizes**2)
 
     def _at_load(self, term: Cause, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
