@@ -19,7 +19,7 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,12 +101,12 @@ class Lot:
     serials : tuple of str
     labels : mapping of str to tuple of str
         Label of each unit.
-    torque : float
+    torques : tuple of float
         N m.
     inputs : ndarray, shape (2, samples)
-        Input angles of the forward and the reverse run, deg.
-    outputs : ndarray, shape (units, 2, samples)
-        Readings of the output, deg.
+        Input angles of forward and reverse runs, deg.
+    outputs : ndarray, shape (units, 2 * torques, samples)
+        Readings of the output, deg, forward and reverse under one torque after another.
     truth : dict
         What truth.json says.
     errors : tuple of tuple of Error
@@ -115,7 +115,7 @@ class Lot:
 
     serials: tuple[str, ...]
     labels: Mapping[str, tuple[str, ...]]
-    torque: float
+    torques: tuple[float, ...]
     inputs: Array
     outputs: Array
     truth: dict[str, Any]
@@ -205,9 +205,9 @@ def drift_from(plan: Plan) -> int:
     return round(0.6 * plan.units)
 
 
-def draw_readings(plan: Plan, serial: int, errors: list[Error], train: Train, theta: Array) -> Array:
-    """Readings of the output in both runs, deg, (2, samples)."""
-    rng, readings = np.random.default_rng([plan.seed, 4, serial]), []
+def draw_readings(plan: Plan, serial: int, errors: list[Error], train: Train, theta: Array, load: int = 0) -> Array:
+    """Readings of the output in both runs under the plan's torque, a unit's first or another, deg, (2, samples)."""
+    rng, readings = np.random.default_rng([plan.seed, 4, serial, load]), []
     for sense, output in zip((1, -1), true_outputs(plan, errors, train, theta), strict=True):
         added = rng.uniform(-OFFSET, OFFSET) + draw_noise(plan, rng, theta.size)
         turns = (output[::sense] + ARCSEC * added) / (2 * math.pi)
@@ -242,7 +242,7 @@ def true_train(plan: Plan) -> Train:
     return train._replace(**{at: plan.factors[name] * getattr(train, at) for name, at in STIFFNESS.items()})
 
 
-def simulate(seed: int, kind: str = "plain", units: int | None = None) -> Lot:
+def simulate(seed: int, kind: str = "plain", units: int | None = None, torques: Sequence[int] = ()) -> Lot:
     """Draw and solve a lot.
 
     Parameters
@@ -252,8 +252,11 @@ def simulate(seed: int, kind: str = "plain", units: int | None = None) -> Lot:
         plain, machine, drift or sound.
     units : int, optional
         In place of as many as the seed says; a unit is the same in a lot of any size, but for labels and drift.
+    torques : sequence of int, optional
+        N m, in place of the one that the seed says.
     """
     plan = draw_plan(seed, kind, units)
+    loads = tuple(torques) or (plan.torque,)
     train, labels = true_train(plan), draw_labels(plan)
     spoilt, theta = draw_spoilt(plan, train), 2 * math.pi * np.arange(SAMPLES) / SAMPLES
     errors, outputs = [], []
@@ -261,15 +264,16 @@ def simulate(seed: int, kind: str = "plain", units: int | None = None) -> Lot:
         own = draw_errors(plan, serial, train) + shifted(plan, serial, labels, train)
         own += [spoilt[serial]] if serial in spoilt else []
         errors.append(tuple(own))
-        outputs.append(draw_readings(plan, serial, own, train, theta))
+        read = [draw_readings(plan._replace(torque=t), serial, own, train, theta, at) for at, t in enumerate(loads)]
+        outputs.append(np.concatenate(read))
     given = train.ratio * 360 * np.arange(SAMPLES) / SAMPLES
     return Lot(
         tuple(f"{serial:04d}" for serial in range(plan.units)),
         labels,
-        plan.torque,
+        loads,
         np.array([given, given[::-1]]),
         np.array(outputs),
-        truth_of(plan, spoilt),
+        truth_of(plan, spoilt) | ({"torque_Nm": list(loads)} if torques else {}),
         tuple(errors),
     )
 
@@ -314,12 +318,12 @@ def write(lot: Lot, folder: Path) -> None:
     (folder / "units.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     for serial, runs in zip(lot.serials, lot.outputs, strict=True):
         (folder / serial).mkdir(exist_ok=True)
-        for direction, given, read in zip(("forward", "reverse"), lot.inputs, runs, strict=True):
-            head = (
-                f"# direction: {direction}\n# output_torque: {lot.torque:g} N*m\ninput_angle[deg],output_angle[deg]\n"
-            )
+        conditions = itertools.product(lot.torques, zip(("forward", "reverse"), lot.inputs, strict=True))
+        for (torque, (direction, given)), read in zip(conditions, runs, strict=True):
+            head = f"# direction: {direction}\n# output_torque: {torque:g} N*m\ninput_angle[deg],output_angle[deg]\n"
             body = "".join(f"{x:.6f},{y:.8f}\n" for x, y in zip(given.tolist(), read.tolist(), strict=True))
-            (folder / serial / f"{direction}.csv").write_text(head + body, encoding="utf-8")
+            name = direction if len(lot.torques) == 1 else f"{direction}-{torque:g}"
+            (folder / serial / f"{name}.csv").write_text(head + body, encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(lot.truth, indent=1) + "\n", encoding="utf-8")
 
 
@@ -330,11 +334,13 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--kind", choices=("plain", "machine", "drift", "sound"), default="plain")
     parser.add_argument("--units", type=int, help="in place of 60 to 300 by the seed")
+    parser.add_argument("--torque", type=int, action="append", default=[], help="N m, in place of the seed's; or more")
     given = parser.parse_args(words)
     start = time.perf_counter()
-    lot = simulate(given.seed, given.kind, given.units)
+    lot = simulate(given.seed, given.kind, given.units, given.torque)
     write(lot, given.out)
-    print(f"{given.out}: {len(lot.serials)} units at {lot.torque:g} N*m in {time.perf_counter() - start:.1f} s")
+    loads = ", ".join(f"{torque:g}" for torque in lot.torques)
+    print(f"{given.out}: {len(lot.serials)} units at {loads} N*m in {time.perf_counter() - start:.1f} s")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ alone are told as well, which shows when it is found.  One line of JSON a unit; 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import subprocess
 import sys
@@ -98,6 +99,12 @@ def median(values: list[float | None]) -> float | None:
     return middle if np.isfinite(middle) else None
 
 
+def of_pin(seed: int, given: argparse.Namespace) -> bool:
+    """Whether what changes in a unit is a single pin."""
+    change = make.draw_change(seed, given.kind, make.draw_hours(seed, given.sessions), make.is_remounted(seed))
+    return change is not None and isinstance(change.indices.get("pin"), int)
+
+
 def main(words: list[str] | None = None) -> None:
     """Run the trial with these words of the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0], allow_abbrev=False)
@@ -106,9 +113,11 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--kind", choices=make.KINDS, default="growing")
     parser.add_argument("--sessions", type=int, default=make.SESSIONS)
     parser.add_argument("--early", action="store_true", help="tell the first sessions alone as well")
+    parser.add_argument("--no-pins", action="store_true", help="pass over seeds whose change is of a single pin")
     given = parser.parse_args(words)
     rows = []
-    for seed in range(given.first, given.first + given.units):
+    seeds = (seed for seed in itertools.count(given.first) if not (given.no_pins and of_pin(seed, given)))
+    for seed in itertools.islice(seeds, given.units):
         with tempfile.TemporaryDirectory() as scratch:
             rows.append(judged(seed, given.kind, Path(scratch), given.sessions, given.early))
         print(json.dumps(rows[-1]), flush=True)

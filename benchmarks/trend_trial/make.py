@@ -126,6 +126,11 @@ def draw_hours(seed: int, sessions: int) -> Array:
     return np.asarray(np.round(rng.uniform(*LIFE) * hours / hours[-1], 1), dtype=np.float64)
 
 
+def is_remounted(seed: int) -> bool:
+    """Whether the encoder of a unit's bench is mounted anew for each session."""
+    return bool(np.random.default_rng([seed, 15]).integers(2))
+
+
 def draw_change(seed: int, kind: str, hours: Array, remounted: bool) -> Course | None:
     """What changes, how far and in which course; None in a sound unit."""
     if kind == "sound":
@@ -187,8 +192,7 @@ def changed(change: Course | None, session: int) -> list[Error]:
 def simulate(seed: int, kind: str = "growing", sessions: int = SESSIONS) -> Life:
     """Draw and solve a unit's life; with other sessions its parts, load and noise are the same, its hours not."""
     plan, hours = draw_plan(seed), draw_hours(seed, sessions)
-    rng = np.random.default_rng([seed, 15])
-    remounted = bool(rng.integers(2))
+    remounted, rng = is_remounted(seed), np.random.default_rng([seed, 15, 0])
     shared = bool(rng.integers(2)) and not remounted  # one zero for all sessions
     train, law, change = true_train(plan), draw_law(seed), draw_change(seed, kind, hours, remounted)
     errors, solved = draw_errors(plan, train), dict[float, Array]()

@@ -145,6 +145,29 @@ def test_parts_that_do_the_same_are_rivals() -> None:
     assert named == {0, 1}
 
 
+@pytest.mark.parametrize(("sine", "listed"), [(0.1, True), (0.5, False)])
+def test_what_is_alike_to_the_first_order_is_a_rival_whatever_it_does_at_the_load(sine: float, listed: bool) -> None:
+    """A planet that does what a cam does, at an angle of that sine, and ends at 0.1 um: by its score it is far off."""
+    influence, beside = OF.influence.copy(), np.random.default_rng(5).standard_normal(D)
+    along = influence[:, CAM]
+    beside -= (beside @ along) / (along @ along) * along
+    beside *= np.linalg.norm(along) / np.linalg.norm(beside)
+    influence[:, PLANET] = np.sqrt(1 - sine**2) * along + sine * beside
+
+    class Twins(KnownUnit):
+        influences = property(lambda self: np.stack([influence] * 3))  # type: ignore[assignment]
+
+    def answer(changes: Array) -> Array:
+        ends = np.arange(changes.shape[1]) == PLANET
+        return np.where(ends, np.clip(changes, -0.1 * UM, 0.1 * UM), changes) @ influence.T
+
+    values = answer(grown(CAM, AT / 640, 8 * UM)) + noise(6)
+    of = GrowthSearch.of(cast(UnitState, Twins(values, answer)))
+    (found,) = told(of, of.found())
+    assert found.key == "crank.eccentricity"
+    assert ("involute.planet_eccentricity" in [key for key, _ in found.rivals]) == listed
+
+
 def test_what_shares_of_a_cause_do_is_met_between_them() -> None:
     rows = np.array([1.0, 4, 9, 16])[:, None] * np.ones(3)
     at = np.array([0.0, 25, 50, 62.5, 100])

@@ -11,16 +11,18 @@ import pytest
 import rverror
 from rverror.base.units import ARCSEC
 from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
-from rverror.tolerances.loaded_units import LoadedUnits, instances_of
+from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
+ARM = rverror.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
 EVERY_LIMIT = (
     limit("transmission_error", "30 arcsec", torque="20 N*m"),
     limit("transmission_error", "30 arcsec", torque="412 N*m"),
     limit("lost_motion", "60 arcsec"),
     limit("backlash", "60 arcsec"),
     limit("stiffness", "70 N*m/arcmin"),
+    limit("transmission_error", "60 arcsec", torque=ARM),
 )
 
 
@@ -69,7 +71,7 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
     turn, places = (2 * np.pi * np.arange(n) / n for n in (4096, 48))
     for unit in range(3):
         one = of_effects(units, drawn[unit])
-        for at, torque in enumerate(("20 N*m", "412 N*m")):
+        for at, torque in ((0, "20 N*m"), (1, "412 N*m"), (5, ARM)):
             full = np.ptp(rverror.equilibrium(one, turn, torque=torque, direction=1.0).transmission_error)
             assert 0.97 * full <= turns[unit, at] <= full * (1 + 1e-9)  # of all angles, a few of which are solved
         assert turns[unit, 2] == pytest.approx(rverror.lost_motion(one, places).max(), rel=1e-7)
@@ -89,10 +91,49 @@ def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None
     assert found.slopes is not None
     first = np.argmax(found.near, axis=2)[..., None]
     for entry in range(len(widths)):
-        step = np.where(np.arange(len(widths)) == entry, 1e-4 * widths, 0.0)
+        step = np.where(np.arange(len(widths)) == entry, 1e-5 * widths, 0.0)  # no contact changes within it
         rise = units.solved(drawn, widths + step).turns - units.solved(drawn, widths - step).turns
         told = np.take_along_axis(found.slopes[..., entry], first, axis=2)[..., 0]
         np.testing.assert_allclose(rise / (2 * step[entry]), told, rtol=2e-5, atol=1e-5 * np.abs(told).max())
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_torque_that_is_the_same_at_every_angle_is_that_torque(direction: float) -> None:
+    model, tolerances = mixed()
+    asked = [
+        limit("transmission_error", "30 arcsec", torque=torque)
+        for torque in ("20 N*m", lambda theta: np.full(theta.shape, direction * 20e3))
+    ]
+    units = loaded_units(model, tolerances, asked, direction=direction)
+    found = units.solved(standard_draws(units.stack, 2, seed=4, stream=0), units.stack.width, slopes=True)
+    assert found.near is not None
+    assert found.slopes is not None
+    for values in (found.turns, found.near, found.slopes):
+        assert np.array_equal(values[:, 0], values[:, 1])
+
+
+def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None:
+    model, tolerances = mixed()
+    units = loaded_units(model, tolerances, EVERY_LIMIT[-1:])
+    every = instances_of(units.stack)
+    turn = LoadedTurn(Turn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False))
+    places = np.array([30, 3, 15])
+    problem = turn.state(units.means, places).problem
+    torque = np.abs(ARM(2 * np.pi * places / 48))
+    assert problem.tolerance / problem.tolerance[0] == pytest.approx(torque / torque[0])
+    assert problem.heavy * torque == pytest.approx(np.full(3, problem.heavy[0] * torque[0]))
+
+
+def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
+    model, tolerances = mixed()
+    found = rverror.error_budget(model, tolerances, torque=ARM, count=512, index_count=0, loaded_count=16)
+    assert found.at_load is not None
+    (one,) = found.at_load.verified.limits
+    assert one.limit.label == "transmission error at 98.1 N*m arm"
+    with pytest.raises(rverror.InputError, match="at each angle under one torque"):
+        limit("lost_motion", "60 arcsec", torque=ARM)
+    with pytest.raises(rverror.InputError, match="at a speed the load is one for all angles"):
+        rverror.error_budget(model, tolerances, torque=ARM, speed="60 rpm")
 
 
 def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.Tolerance], float, float]:

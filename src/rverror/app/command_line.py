@@ -17,9 +17,11 @@ from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     Progress,
+    add_arm,
     add_command,
     add_output,
     add_results,
+    arm,
     check_jobs,
     check_output,
     check_outputs,
@@ -74,7 +76,6 @@ COMMANDS = {
 }
 HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
 
-_ARM = "20 kg, 0.5 m, 30 deg"
 _DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
 
@@ -152,12 +153,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command.add_argument(
         "--torque", action="append", metavar='"20 N*m"', help="output torque; give it again for more runs"
     )
-    command.add_argument(
-        "--arm",
-        metavar=f'"{_ARM}"',
-        help="load by the weight of an arm, in place of --torque: mass, lever, and the output angle at which the arm "
-        "is level and forward motion lifts it",
-    )
+    add_arm(command, "in place of a torque a weight", "; the run has a column output_torque")
     command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
     command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
     command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
@@ -264,7 +260,7 @@ def _simulate(options: argparse.Namespace) -> None:
         quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()
     ]
     if options.arm is not None:
-        torques.append(_arm(options.arm))
+        torques.append(arm(options.arm))
     torques = torques or [None]
     directions = _DIRECTIONS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
@@ -310,20 +306,6 @@ def _simulate(options: argparse.Namespace) -> None:
             print(path)  # for diagnose, or whatever reads the runs
         else:
             tell(f"wrote {path}")
-
-
-def _arm(text: str) -> GravityArm:
-    """Arm of the option --arm."""
-    try:
-        mass, lever, offset = text.split(",")
-        return GravityArm(
-            mass=units.parse(mass.strip(), "mass"),
-            lever=units.parse(lever.strip(), "length"),
-            offset=units.parse(offset.strip(), "angle"),
-        )
-    except ValueError as problem:
-        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
-        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
 
 
 def _orders(text: str) -> list[float]:

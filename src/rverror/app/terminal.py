@@ -15,11 +15,13 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import write_bytes, write_text
+from rverror.base.text import shown, write_bytes, write_text
+from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
 from rverror.statics.duty import DutyPhase
 
+_ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
 
 
@@ -190,6 +192,29 @@ def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
         return units.InCore(units.parse(text, dimension))
     except ValueError as problem:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
+
+
+def add_arm(command: argparse.ArgumentParser, what: str, more: str = "") -> None:
+    """Add the option that gives a load over the angle."""
+    command.add_argument(
+        "--arm",
+        metavar=f'"{_ARM}"',
+        help=f"{what}: mass, lever, output angle at which it is level and forward motion lifts it{more}",
+    )
+
+
+def arm(text: str) -> GravityArm:
+    """Arm of the option --arm."""
+    try:
+        mass, lever, offset = text.split(",")
+        return GravityArm(
+            mass=units.parse(mass.strip(), "mass"),
+            lever=units.parse(lever.strip(), "length"),
+            offset=units.parse(offset.strip(), "angle"),
+        )
+    except ValueError as problem:
+        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
+        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
 
 
 def add_phases(command: argparse.ArgumentParser) -> None:

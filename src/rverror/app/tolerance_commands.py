@@ -10,8 +10,10 @@ from typing import Any
 
 from rverror.app.terminal import (
     Progress,
+    add_arm,
     add_command,
     add_results,
+    arm,
     check_outputs,
     quantity,
     say_replaced,
@@ -25,6 +27,7 @@ from rverror.base.text import check_name
 from rverror.base.threads import at_most, one_thread
 from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.statics.loaded_state import reducer_of
@@ -113,6 +116,7 @@ def _add_limits(command: argparse.ArgumentParser) -> None:
         metavar='"100 N*m/arcmin"',
         help="least torsional stiffness between 50 and 100 %% of the rated torque",
     )
+    add_arm(command, "a weight as a load of the transmission error")
     command.add_argument(
         "--yield", dest="level", metavar='"99 %"', help="least share of the units within the limits (default 99 %%)"
     )
@@ -142,9 +146,10 @@ def _budget(options: argparse.Namespace) -> None:
     model, tolerances = _inputs(options, options.json, options.html, options.plot)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     speed = _speed(options)
-    if speed is not None and _of_load(options):
-        raise InputError(f"{_of_load(options)[0]}: units at the load stand still; leave it out, or leave out --speed")
-    asked = speed is None and bool(options.at or _of_load(options))
+    still = _of_load(options) + ["--arm"] * (options.arm is not None)
+    if speed is not None and still:
+        raise InputError(f"{still[0]}: units at the load stand still; leave it out, or leave out --speed")
+    asked = speed is None and bool(options.at or still)
     if options.level is not None and not asked:
         raise InputError("--yield: the share that limits at the load ask for; leave it out, or give --at '20 N*m'")
     if options.loaded_units is not None and not asked:
@@ -158,7 +163,7 @@ def _budget(options: argparse.Namespace) -> None:
             model,
             tolerances,
             direction=_direction(options),
-            torque=_load_of_speed(options, speed) or max((one.torque or 0.0 for one in limits), default=None) or None,
+            torque=_load_of_speed(options, speed) or max((one.largest for one in limits), default=None) or None,
             speed=speed,
             count=options.units,
             limits=limits,
@@ -209,8 +214,11 @@ def _allocate(options: argparse.Namespace) -> None:
 def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:
     if options.limit is None and not _of_load(options):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
-    if options.at and options.limit is None:
-        raise InputError("--at: loads of the transmission error, which has no limit; give --limit '60 arcsec' as well")
+    loads = ["--at"] * bool(options.at) + ["--arm"] * (options.arm is not None)
+    if loads and options.limit is None:
+        raise InputError(
+            f"{loads[0]}: loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
+        )
     count = LOADED_COUNT if options.units is None else options.units
     _at_least_one("--units", count)
     with _executor(options.jobs), closing(_progress(options)) as progress:
@@ -229,7 +237,7 @@ def _allocated_in_closed_form(
     options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]
 ) -> tuple[Allocation, tuple[FrontPoint, ...]]:
     speed = _speed(options)
-    unused = _of_load(options) + (["--at"] if options.at and speed is None else [])
+    unused = _of_load(options) + ["--at"] * bool(options.at and speed is None) + ["--arm"] * (options.arm is not None)
     if unused:
         raise InputError(
             f"{unused[0]}: the closed form knows no load; leave it out, or leave out --kind {options.kind}"
@@ -270,16 +278,19 @@ def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
     level = _share(getattr(options, "level", None))
     unit = reducer_of(model.mechanism, "a limit at the load")
-    torques = [
+    torques: list[float | TorqueLaw | None] = [
         _above_zero("--at", text.strip(), "torque", "20 N*m") for text in (options.at or "").split(",") if text.strip()
     ]
+    weight = getattr(options, "arm", None)
+    if weight is not None:
+        torques.append(arm(weight))
     if not torques and unit.rated_torque is None:
         raise InputError("--at: at which torque? the reducer has no rated_torque; give --at '20 N*m'")
     error = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     found = []
-    if error is not None or options.at:
+    if error is not None or options.at or torques:
         found += [
-            Limit("transmission_error", error, InCore(torque or 0.0), level)
+            Limit("transmission_error", error, torque if callable(torque) else InCore(torque or 0.0), level)
             for torque in dict.fromkeys(torques or (unit.rated_torque, min(BENCH_TORQUE, unit.rated_torque or 0.0)))
         ]
     for name in _of_load(options):

@@ -111,7 +111,7 @@ class TorqueWaves:
     @property
     def peak(self) -> float:
         """Largest size within a turn, N*mm."""
-        return float(np.abs(self(_TURN / _PLACES * np.arange(_PLACES))).max())
+        return peak_torque(self)
 
     def crossings(self) -> tuple[float, ...]:
         """Angles of the first turn at which it changes its sign, rad."""
@@ -120,6 +120,23 @@ class TorqueWaves:
         at = np.flatnonzero((value[:-1] < 0) != (value[1:] < 0))
         share = value[at] / (value[at] - value[at + 1])
         return tuple((theta[at] + share * _TURN / _PLACES).tolist())
+
+
+def peak_torque(torque: TorqueLaw) -> float:
+    """Largest size within a turn of the output, N*mm.
+
+    Raises
+    ------
+    ValueError
+        If it is not a finite number everywhere.
+
+    Examples
+    --------
+    >>> round(peak_torque(GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")))
+    98100
+    """
+    theta = np.linspace(0, _TURN, _PLACES, endpoint=False)
+    return float(np.abs(units.to_core_array(torque(theta), "torque")).max())
 
 
 def _waves(theta: Array, harmonics: int) -> Array:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.life.over_life import searched, told
@@ -117,7 +116,8 @@ def _orders(history: History) -> tuple[OrderChange, ...]:
     noise = amplitudes.noise.reshape(len(conditions), 2, -1)[:, 0, 1:]
     apart = (np.diff(parts, axis=0)[0] ** 2).sum(axis=1)
     tests = apart.size
-    chance = np.minimum(tests * _exceeded(apart / (4 * noise)), 1.0)
+    # how often an exponential of mean 1 exceeds a power over a mean that is known to a sixth only
+    chance = np.minimum(tests * (1 + apart / (4 * noise) * _POOLED_ERROR**2) ** (-(_POOLED_ERROR**-2)), 1.0)
     size = math.sqrt(2) * np.sqrt((parts**2).sum(axis=2))
     found = []
     for order in np.flatnonzero((chance < _LEVEL).any(axis=0)):
@@ -133,9 +133,3 @@ def _orders(history: History) -> tuple[OrderChange, ...]:
                     )
                 )  # fmt: skip
     return tuple(sorted(found, key=lambda one: -one.difference))
-
-
-def _exceeded(power: Array) -> Array:
-    """How often an exponential of mean 1 exceeds a power over a mean that is known to a sixth only."""
-    shape = 1 / _POOLED_ERROR**2
-    return np.asarray((1 + power / shape) ** -shape)

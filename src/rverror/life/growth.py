@@ -31,7 +31,6 @@ EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the lo
 _BESIDE, _ALIKE = 0.05, 0.03
 _MOST = 4  # causes
 _TRIED, _SOLVED = 24, 4  # causes that are fitted to the first order with what the model misses, and at the load
-_NEAR = 25.0  # scores of the first order within which rivals and courses are solved at the load
 _ANY = 1e12  # variance over that of noise: any
 _SHARES = np.linspace(0, 1, 5)  # of a cause that are solved: a contact that opens stops to answer half way
 _BENT = 0.3  # of how a cause bends, that the unit's own state leaves open
@@ -209,11 +208,6 @@ class GrowthSearch:
         basis, size, _ = np.linalg.svd(self.mounted, full_matrices=False)
         return np.asarray(rows - (rows @ basis) * (1 - 1 / np.sqrt(1 + size**2)) @ basis.T)
 
-    @cached_property
-    def _cost(self) -> float:
-        """Of one of so many causes."""
-        return 2 * math.log(len(self.causes))
-
     # --- the search ---------------------------------------------------------------------------------------------------
 
     def found(self) -> Fitted:
@@ -310,7 +304,7 @@ class GrowthSearch:
                 if width == 1:  # what would have to be less than nothing
                     single = some[:, 0]
                     gain[(right[single] < 0) & (self.least[single] > -_NONE * self.prior[single])] = -math.inf
-                found[number, chosen] = course.cost + self._cost - gain
+                found[number, chosen] = course.cost + 2 * math.log(len(self.causes)) - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
     def fitted(self, terms: Sequence[Cause], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
@@ -365,7 +359,7 @@ class GrowthSearch:
                 if known is not None:
                     extra += known.grown(term.course, self.at)
             left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
-            missed = np.array([self._missed(t, s) for t, s in zip(chosen, parts, strict=True)])
+            missed = (self.missing[:, at] * sizes**2 @ (of[:, None] == np.arange(len(chosen)))).T
             bent = missed / 4 + np.array([_half(nodes.get(t.cause), d) for t in chosen])
             shares = _shares(missed, bent, reach, bent_reach, way.T @ left)[:, None]
             missed, bent = shares * missed, shares * bent
@@ -376,15 +370,11 @@ class GrowthSearch:
         gain = float(np.sum((way.T @ self.start) ** 2) - np.sum(reached**2 / variance) - np.sum(np.log(variance)))
         gain -= float(np.sum((sizes / prior) ** 2))
         gain -= float(np.linalg.slogdet(normal * prior * prior[:, None] + np.eye(len(at)))[1])
-        cost = sum(t.course.cost + self._cost for t in chosen)
+        cost = sum(t.course.cost + 2 * math.log(len(self.causes)) for t in chosen)
         blocks = tuple(covariance[np.ix_(of == n, of == n)] for n in range(len(chosen)))
         total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
-
-    def _missed(self, term: Cause, sizes: Array) -> Array:
-        """Variance that the model misses of what a cause does, over that of noise, shape (d,)."""
-        return np.asarray(self.missing[:, self.places[term.cause]] @ sizes**2)
 
     def _at_load(self, term: Cause, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
@@ -403,32 +393,47 @@ class GrowthSearch:
     # --- what is said of a set ----------------------------------------------------------------------------------------
 
     def rivals(self, now: Fitted, number: int) -> list[Fitted]:
-        """The set with other causes in place of one: those that are no less likely than a hundredth, and equivalents.
+        """The set with other causes in place of one: no less likely than a hundredth, equivalent, or alike.
 
         What sources declare to be told apart by the contacts alone is a rival as long as it explains half as much:
-        which contacts carry is inferred, not known.
+        which contacts carry is inferred, not known.  What does the same to the first order is one whatever its score:
+        causes that only shift the output are a class, and what parts them is the model's error.
         """
         others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
         scores, course = self._promises(others)
         own, evidence = now.terms[number].cause, others.score - now.score
-        wide = _NEAR + 2 * _ALIKE * evidence
-        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + wide and c != own][: 2 * _TRIED]
-        equivalent = self._equivalents(own)
+        within = RIVAL + _ALIKE * evidence
+        near = [int(c) for c in np.argsort(scores) if scores[c] < scores[own] + 2 * within and c != own][: 2 * _TRIED]
+        equivalent, alike = self._equivalents(own), self._alike(now, number)
         found = []
-        for cause in dict.fromkeys((*near, *equivalent)):
-            kind = now.terms[number].course
-            alike = self.fitted((*others.terms, Cause(cause, kind)), others, at_load=False)
-            tried = self.fitted((*others.terms, Cause(cause, self.courses[course[cause]])), others, at_load=False)
-            found.append(min(alike, tried, key=lambda one: one.score))
+        for cause in dict.fromkeys((*near, *equivalent, *alike)):
+            both = now.terms[number].course, self.courses[course[cause]]
+            tried = [self.fitted((*others.terms, Cause(cause, c)), others, at_load=False) for c in both]
+            found.append(min(tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
         kept = []
         for at, one in enumerate(found):
-            if at < 3 * _SOLVED or one.terms[-1].cause in equivalent:  # others by the first order
+            cause = one.terms[-1].cause
+            if at < 3 * _SOLVED or cause in equivalent:  # others by the first order
                 one = self.fitted(one.terms, others)
-            most = evidence / 2 if one.terms[-1].cause in equivalent else 0.0
-            if one.score < now.score + max(RIVAL + _ALIKE * evidence, most):
+            most = math.inf if cause in alike else evidence / 2 if cause in equivalent else 0.0
+            if one.score <= now.score + max(within, most):
                 kept.append(one)
         return sorted(kept, key=lambda one: one.score)
+
+    def _alike(self, now: Fitted, number: int) -> list[int]:
+        """Other causes that do what one of a set does but for noise, by the angle between what they do."""
+        term = now.terms[number]
+        wave = term.course.centred(self.at)
+        columns = self.columns * np.sqrt(wave @ wave / (1 + now.missed))[:, None]
+        made, found = columns[:, self.places[term.cause]] @ now.sizes[number], []
+        for cause, at in enumerate(self.places):
+            some = columns[:, at]
+            sizes = np.linalg.solve(some.T @ some + np.diag(1 / self.prior[at] ** 2), some.T @ made)
+            left = float(made @ (made - some @ sizes))
+            if cause != term.cause and left < RIVAL + _ALIKE * made @ made and np.all(sizes >= self.least[at]):
+                found.append(cause)
+        return found
 
     def _equivalents(self, cause: int) -> tuple[int, ...]:
         """Causes of the same source at places where it does what only the contacts tell from it."""

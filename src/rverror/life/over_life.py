@@ -191,8 +191,7 @@ def _lost_motions(history: History, made: Array) -> tuple[Array, Array]:
 def _chance(search: GrowthSearch, found: Fitted) -> float:
     """How often noise leaves as much between sessions as the causes do."""
     freedom = (len(found.left) - 1) * found.left.shape[1]
-    left = found.left / np.sqrt(1 + found.missed)
-    return float(scipy.special.chdtrc(freedom, float(np.sum(left**2))))
+    return float(scipy.special.chdtrc(freedom, float(np.sum(found.left**2 / (1 + found.missed)))))
 
 
 def _check_limit(limit: Limit | None) -> None:
@@ -226,9 +225,8 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
         over = np.flatnonzero(_quantity(history, start + change, limit) > limit.value)
         left.append(math.inf if not over.size else float(ahead[over[0]]))
     low, middle, high = (float(np.quantile(left, q, method="inverted_cdf")) for q in (0.025, 0.5, 0.975))
-    if math.isinf(low):
-        return Remaining(limit.quantity, limit.value, now, None)
-    return Remaining(limit.quantity, limit.value, now, Interval(middle, low, high))
+    time = None if math.isinf(low) else Interval(middle, low, high)
+    return Remaining(limit.quantity, limit.value, now, time)
 
 
 def _ways(search: GrowthSearch, found: Fitted) -> list[tuple[Array, list[tuple[Course, Array, Array]], Array]]:

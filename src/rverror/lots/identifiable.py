@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
 
 from rverror.base.arrays import Array
 from rverror.lots.amplitudes import Amplitudes
@@ -94,8 +95,10 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
 
 def _information(draws: Draws, deviation: Array, units: int) -> Array:
     """Fisher information on the variances of a lot of so many units, shape (processes, processes)."""
-    weighted = np.linalg.solve(draws.covariance(deviation), draws.squares)
-    return np.asarray(units / 2 * np.einsum("ade,bed->ab", weighted, weighted, optimize=True))
+    root, white = np.linalg.cholesky(draws.covariance(deviation)), np.empty_like(draws.squares)
+    for row, square in zip(white, draws.squares, strict=True):  # one at a time: of two loads all are half a gigabyte
+        row[:] = solve_triangular(root, solve_triangular(root, square, lower=True).T, lower=True)
+    return np.asarray(units / 2 * np.einsum("ai,bi->ab", *[white.reshape(len(white), -1)] * 2, optimize=True))
 
 
 def _apart(information: Array, own: Array) -> tuple[list[int], dict[int, list[int]]]:

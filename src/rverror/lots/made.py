@@ -163,9 +163,8 @@ def lot(
 def _used(cleaned: _Cleaned) -> list[str]:
     """Which units the processes are told from, where it is not all members."""
     count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
-    if count < members:
-        return [f"told from {count} of {members} units: those without the differences and changes that are named"]
-    return []
+    told = f"told from {count} of {members} units: those without the differences and changes that are named"
+    return [told] if count < members else []
 
 
 def _matching(
@@ -331,9 +330,8 @@ def _means(
             for instance, row in zip(process.instances, members, strict=True) if len(members) <= _FEW else ():
                 rows.append(np.eye(1, len(parts.process), row[k])[0])
                 names.append((process, dict(instance), k))
-    sizes, errors = estimate.means(
-        np.array(rows), simulator, cleaned.values[cleaned.kept].mean(axis=0), cleaned.kept.sum()
-    )
+    mean = cleaned.values[cleaned.kept].mean(axis=0)
+    sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = float(scipy.stats.norm.isf(0.025 / len(rows)))
     found = tuple(
         Shift(

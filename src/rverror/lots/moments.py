@@ -40,14 +40,11 @@ class Sample:
     mean : ndarray, shape (d,)
     covariance : ndarray, shape (d, d)
     units : int
-    freedom : int
-        Degrees of freedom of the covariance.
     """
 
     mean: Array
     covariance: Array
     units: int
-    freedom: int
 
 
 @dataclass(frozen=True)
@@ -276,7 +273,7 @@ class MomentMatching:
         whole = draws.mean_covariance(units) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T
         inverse = np.zeros((count + COMPLIANCES, count + COMPLIANCES))
-        inverse[:count, :count] = _inverse(spread * (1 / self.sample.freedom + drawn))
+        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn))
         inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
         return _Weights(forms, of_mean, inverse)
 
@@ -377,7 +374,7 @@ def _inverse(matrix: Array) -> Array:
 
 def sample_of(values: Array) -> Sample:
     """Mean and covariance of units' whitened amplitudes."""
-    return Sample(values.mean(axis=0), np.cov(values.T), len(values), len(values) - 1)
+    return Sample(values.mean(axis=0), np.cov(values.T), len(values))
 
 
 def interval(variance: float, error: float) -> tuple[float, float]:

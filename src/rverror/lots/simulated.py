@@ -118,14 +118,14 @@ class Simulator:
         return 1 / np.sqrt(self.amplitudes.noise)
 
     def _loaded(self, compliance: Array) -> list[LoadedTurn]:
-        """The turns with other stiffnesses, under their torques."""
+        """The turns with other stiffnesses."""
         changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
         found = []
-        for turn, condition in zip(self._turns, self.amplitudes.conditions, strict=True):
+        for turn in self._turns:
             unit = turn.model.mechanism
             assert isinstance(unit, Reducer)
             softer = replace(turn.model, mechanism=softened(unit, changes))
-            found.append(LoadedTurn(replace(turn, model=softer), condition.torque, condition.direction))
+            found.append(LoadedTurn(replace(turn, model=softer)))
         return found
 
     def waveforms(self, state: State, standard: Array) -> Array:
@@ -162,13 +162,16 @@ class Simulator:
 
         solved = [one for one in each(solve, range(len(standard))) if one is not None]
         rows = np.array([one[1] for one in solved])
-        squares = [np.einsum("upd,upe->de", rows[:, some], rows[:, some], optimize=True) for some in members]
+        squares = np.empty((len(members), rows.shape[2], rows.shape[2]))
+        for square, some in zip(squares, members, strict=True):
+            mine = rows[:, some].reshape(-1, rows.shape[2])
+            np.divide(mine.T @ mine, len(solved), out=square)
         return Draws(
             np.array([one[0] for one in solved]),
             np.array([one[2] for one in solved]),
             np.array([one[3] for one in solved]),
             rows.mean(axis=0).T,
-            np.array(squares) / len(solved),
+            squares,
         )
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
@@ -199,10 +202,8 @@ class Simulator:
     def _solved(self, turns: Sequence[LoadedTurn], errors: Array) -> tuple[Array, Array, Array]:
         found = []
         for turn in turns:
-            state = turn.state(errors)
-            solved = state.some(state.places)
-            waves = [turn.read(state, errors)[None], solved.influence().T]
-            waves.append(solved.solution.softening.T)
+            state = turn.state(errors, response=True)
+            waves = [turn.read(state, errors)[None], state.influence().T, state.solution.softening.T]
             found.append(self.amplitudes.of_waves(np.concatenate(waves)))
         rows = np.concatenate(found, axis=1) * self.scale
         return rows[0], rows[1 : -len(SOFTENING)], rows[-len(SOFTENING) :]

@@ -358,10 +358,8 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        first, acting, changes = 0, felt(effects), isinstance(self.torque, np.ndarray)
-        idle = not changes and not self.torque
-        carried, trace = abs(self.reducer.output_turn) * self.torque, trace_of_load(self.reducer)
-        torque = np.maximum(carried, trace) if changes else carried or trace
+        first, acting, idle = 0, felt(effects), not isinstance(self.torque, np.ndarray) and not self.torque
+        torque = carried_torque(self.reducer, self.torque)
         for contacts in self._stretches():
             last = first + contacts.motion.theta.size
             here = torque[first:last] if isinstance(torque, np.ndarray) else torque
@@ -440,6 +438,12 @@ class Prediction(OneLine):
 def trace_of_load(reducer: Reducer) -> float:
     """Torque on the carrier that stands for none, N*mm."""
     return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
+
+
+def carried_torque(reducer: Reducer, torque: float | Array) -> float | Array:
+    """Torque on the carrier under one on the output, or one at each angle, N*mm; a trace of load where that is less."""
+    carried, trace = abs(reducer.output_turn) * torque, trace_of_load(reducer)
+    return np.maximum(carried, trace) if isinstance(carried, np.ndarray) else carried or trace
 
 
 def check_found(solution: Solution, theta: Array, *, idle: bool) -> None:

@@ -7,8 +7,11 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
+from rverror.base.errors import InputError
 from rverror.base.text import PathLike
+from rverror.base.units import InCore
 from rverror.base.viewed import Viewed
+from rverror.geartrain.torque_over_turn import peak_torque
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
 from rverror.tolerances.loaded_budget import POINTS, LoadedBudget, loaded_budget
@@ -80,8 +83,9 @@ def error_budget(
         From `load_tolerances` or `tolerance`.
     theta, direction
         As for `stack`.
-    torque : float or quantity, optional
-        Size of the output torque, N*mm: at a speed the load.  Without speed and limits, units are solved under it.
+    torque : float, quantity or callable, optional
+        Size of the output torque, N*mm: at a speed the load.  Without speed and limits, units are solved under it; it
+        may then be a function of the output angle such as a `GravityArm`, of which the closed form takes the largest.
     speed : float or quantity, optional
         Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load.
     count : int
@@ -116,6 +120,12 @@ def error_budget(
     1.0
     """
     tell = progress or (lambda text: None)
+    if torque is not None and speed is None and not limits:
+        limits = [limit("transmission_error", torque=torque)]
+    if callable(torque):
+        if speed is not None:
+            raise InputError("torque: at a speed the load is one for all angles; give a number such as '20 N*m'")
+        torque = InCore(peak_torque(torque))
     laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, speed=speed)
     tell(f"closed form of {len(laid_out.components)} components")
     closed = budget(laid_out, seed=seed)
@@ -124,8 +134,6 @@ def error_budget(
     if index_count and any(entry.effect == "wave" for entry in closed.contributions):
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
     at_load = None
-    if torque is not None and speed is None and not limits:
-        limits = [limit("transmission_error", torque=torque)]
     if limits:
         at_load = loaded_budget(
             model,

@@ -22,14 +22,15 @@ from rverror.base.threads import each
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
-from rverror.geartrain.contacts import pose
+from rverror.geartrain.contacts import pose, torque_or_load
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
+from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import added, felt, stand
 from rverror.statics.energy import Geometry, by_contact, loaded_problem, solve
-from rverror.statics.loaded_state import NotConvergedError, Settled, check_found, trace_of_load
+from rverror.statics.loaded_state import NotConvergedError, Settled, carried_torque, check_found
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
@@ -47,7 +48,7 @@ POSITIONS = 48
 #: Of a problem, what differs from angle to angle, or may.
 _BY_ANGLE = (
     "pin_rows", "profile_lever", "curvature", "rows", "pin_error", "slide_error", "row_error", "pin_stiffness",
-    "row_stiffness", "load", "sense",
+    "row_stiffness", "load", "sense", "tolerance", "heavy",
 )  # fmt: skip
 _STEP = 16  # of these angles is solved first
 #: About so many of the highest and of the lowest places so far the step is halved.  Of 64 states of the list of source
@@ -132,11 +133,19 @@ class Turn:
 
     @classmethod
     def of(
-        cls, model: Model, every: Sequence[Instance], *, angles: int, direction: float, torque: float, reads: bool
+        cls,
+        model: Model,
+        every: Sequence[Instance],
+        *,
+        angles: int,
+        direction: float,
+        torque: float | TorqueLaw,
+        reads: bool,
     ) -> Turn:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
-        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=InCore(torque)))
+        load = torque_or_load(torque if callable(torque) else InCore(torque))
+        where = stand(model, pose(model.mechanism, theta, direction=direction, **load))
         assert isinstance(where.gears, Contacts)
         assert isinstance(model.mechanism, Reducer)
         geometry, count = Geometry(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
@@ -244,8 +253,6 @@ class LoadedTurn:
     """One motion under one torque."""
 
     motion: Turn
-    torque: float  # N*mm, 0 for a vanishing load
-    direction: float
 
     @property
     def reducer(self) -> Reducer:
@@ -254,9 +261,15 @@ class LoadedTurn:
         return self.motion.model.mechanism
 
     @property
+    def torque(self) -> float | Array:
+        """Size on the output, at each angle where it changes, N*mm; 0 for a vanishing load."""
+        where = self.motion.geometry.motion
+        return where.torque or 0.0 if where.load is None else np.abs(where.load)
+
+    @property
     def idle(self) -> bool:
         """Whether the load vanishes."""
-        return not self.torque
+        return not np.any(self.torque)
 
     @cached_property
     def problem(self) -> Problem:
@@ -265,7 +278,7 @@ class LoadedTurn:
 
     def _problem(self, effects: tuple[Effect, ...]) -> Problem:
         """The same with more effects."""
-        load = abs(self.reducer.output_turn) * self.torque or trace_of_load(self.reducer)
+        load = carried_torque(self.reducer, self.torque)
         acting = (*felt(self.motion.model.effects), *effects)
         return loaded_problem(self.motion.geometry, self.reducer, acting, load, response=self.idle)
 
@@ -276,8 +289,12 @@ class LoadedTurn:
         places = np.arange(0, count, _STEP if count == FINE else 1)
         return places, _some(self.problem, places)
 
-    def state(self, values: Array, places: Integers | None = None, *, near: Array | None = None) -> TurnState:
+    def state(
+        self, values: Array, places: Integers | None = None, *, near: Array | None = None, response: bool = False
+    ) -> TurnState:
         """Settled poses of a unit, its components' values in core units; near the poses given, if any.
+
+        With a response it has its `TurnState.influence`.
 
         Raises
         ------
@@ -303,7 +320,7 @@ class LoadedTurn:
             )
         if any(isinstance(part, Compliance) for part, _ in self.motion.yielding):
             problem = self._softened(problem, values, at)
-        solution = solve(problem, near=near, response=self.idle)
+        solution = solve(problem, near=near, response=response or self.idle)
         check_found(solution, self.motion.geometry.motion.theta[at], idle=self.idle)
         return TurnState(self, at, problem, solution)
 
@@ -493,8 +510,7 @@ class LoadedUnits:
         if not slopes:
             return _LargestTurns(output[high[:1]] - output[low[:1]], np.empty(0), [])
         kept = np.concatenate([high, low])
-        state = line.state(values, places[kept], near=poses[kept])
-        changes = state.some(np.arange(len(kept))).influence()
+        changes = line.state(values, places[kept], near=poses[kept], response=True).influence()
         up, down = changes[: high.size], changes[high.size :]
         turns = (output[high][:, None] - output[low]).reshape(-1)
         return _LargestTurns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
@@ -511,17 +527,17 @@ class LoadedUnits:
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
         return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
 
-    def _line(self, torque: float, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
+    def _line(self, torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
         name = torque, direction, angles
         if name not in self._lines:
             motion = Turn.of(
                 self.model, instances_of(self.stack), angles=angles, direction=direction, torque=torque, reads=reads
             )
-            self._lines[name] = LoadedTurn(motion, torque, direction)
+            self._lines[name] = LoadedTurn(motion)
         return self._lines[name]
 
     @cached_property
-    def _lines(self) -> dict[tuple[float, float, int], LoadedTurn]:
+    def _lines(self) -> dict[tuple[float | TorqueLaw, float, int], LoadedTurn]:
         return {}
 
 

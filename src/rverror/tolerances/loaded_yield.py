@@ -135,7 +135,7 @@ def loaded_units(
     """
     check_model(model)
     read = check_limits(limits, model.mechanism)
-    laid = stack(model, tolerances, direction=direction, torque=InCore(max(one.torque or 0.0 for one in read)) or None)
+    laid = stack(model, tolerances, direction=direction, torque=InCore(max(one.largest for one in read)) or None)
     means = [tolerances[e].mean.get(c.parameter, 0.0) for c, e in zip(laid.components, laid.entry, strict=True)]
     return LoadedUnits(model, laid, np.array(means), read, direction)
 

@@ -9,7 +9,9 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.numbers import brief
 from rverror.geartrain.mechanism import Mechanism, Reducer, doubt_torque
+from rverror.geartrain.torque_over_turn import TorqueLaw, peak_torque
 from rverror.tolerances.sampling import check_share
 
 #: Dimension of each quantity that can be limited.
@@ -40,9 +42,10 @@ class Limit:
         over a turn.
     value : float or None
         The largest angle, rad; of the stiffness the least one, N*mm/rad.  None asks for the distribution alone.
-    torque : float, optional
+    torque : float or callable, optional
         N*mm: the load of the transmission error, the small torque of the lost motion, the upper end of the branch
         from which the stiffness is read.  The makers' where left out: the rated torque, 3 % of it for the lost motion.
+        Of the transmission error also a function of the output angle, signed as in `equilibrium`.
     level : float
         Share of the units.
 
@@ -54,7 +57,7 @@ class Limit:
 
     quantity: str
     value: float | None
-    torque: float | None = None
+    torque: float | TorqueLaw | None = None
     level: float = LEVEL
 
     def __post_init__(self) -> None:
@@ -63,8 +66,10 @@ class Limit:
             raise InputError(f"quantity = {self.quantity!r}: must be one of {', '.join(map(repr, QUANTITIES))}")
         if self.value is not None and not 0 < self.value < math.inf:
             raise InputError(f"{self.quantity}: limit = {self.value:g}: must be above 0")
-        if self.torque is not None and not 0 < self.torque < math.inf:
-            raise InputError(f"{self.quantity}: torque = {self.torque / 1e3:g} N*m: must be above 0")
+        if callable(self.torque) and self.quantity != "transmission_error":
+            raise InputError(f"{self.quantity}: is read at each angle under one torque; give a number such as '20 N*m'")
+        if self.torque is not None and not 0 < self.largest < math.inf:
+            raise InputError(f"{self.quantity}: torque = {self.largest / 1e3:g} N*m: must be above 0")
         if self.quantity == "backlash" and self.torque is not None:
             raise InputError("backlash: is read without a torque; leave torque out, or limit the lost motion")
         check_share("level", self.level, LEVEL)
@@ -73,7 +78,7 @@ class Limit:
         """The same with the torque that it is read at."""
         if not isinstance(mechanism, Reducer):
             raise InputError(f"{self.name}: a [drive] has no contacts to be loaded; leave the load out")
-        if self.torque is not None:
+        if not callable(self.torque):
             doubt_torque(mechanism, self.torque)
         if self.torque is not None or self.quantity == "backlash":
             return self
@@ -92,7 +97,16 @@ class Limit:
     @property
     def label(self) -> str:
         """Quantity and torque for people."""
-        return self.name if self.torque is None else f"{self.name} at {self.torque / 1e3:.4g} N*m"
+        return self.name if self.torque is None else f"{self.name} at {self.load()}"
+
+    @property
+    def largest(self) -> float:
+        """Torque where it is largest, N*mm; 0 of none."""
+        return peak_torque(self.torque) if callable(self.torque) else self.torque or 0.0
+
+    def load(self, digits: int = 4) -> str:
+        """Torque for people."""
+        return f"{brief(self.largest / 1e3, digits)} N*m{' arm' if callable(self.torque) else ''}"
 
     @property
     def unit(self) -> str:
@@ -102,7 +116,7 @@ class Limit:
     @property
     def loads(self) -> tuple[tuple[float, float], ...]:
         """Torques on the output, signed, and weights of the turns under them whose sum is limited; none of a span."""
-        torque = self.torque or 0.0
+        torque = self.largest
         if self.quantity == "transmission_error":
             return ()
         if self.quantity == "stiffness":
@@ -119,7 +133,7 @@ class Limit:
         """Turn of the output, rad, that is a value of the quantity; and the value of a turn: its own inverse."""
         if self.quantity != "stiffness":
             return value
-        return 2 * (self.torque or 0.0) * (1 - STIFFNESS[0] / STIFFNESS[1]) / value
+        return 2 * self.largest * (1 - STIFFNESS[0] / STIFFNESS[1]) / value
 
     def shown(self, value: Any) -> Any:
         """Value in the unit that people read."""
@@ -137,8 +151,9 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
         As in `Limit`.
     value : float, str, quantity or None
         rad, N*mm/rad, or with a unit, such as ``"60 arcsec"`` or ``"100 N*m/arcmin"``.
-    torque : float, str or quantity, optional
-        N*mm, or with a unit.
+    torque : float, str, quantity or callable, optional
+        N*mm, or with a unit; or a function of the output angle such as a `GravityArm`, or
+        ``lambda theta: numpy.interp(theta, angles, torques, period=2 * numpy.pi)`` of an array.
     level : float
         Share of the units.
 
@@ -164,8 +179,10 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
     if quantity not in QUANTITIES:
         raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(map(repr, QUANTITIES))}")
     size = None if value is None else units.named_core(quantity, value, QUANTITIES[quantity])
-    load = None if torque is None else units.named_core("torque", torque, "torque")
-    if load is not None and not isinstance(torque, (int, float)):
+    if torque is None or callable(torque):
+        return Limit(quantity, size, torque, level)
+    load = units.named_core("torque", torque, "torque")
+    if not isinstance(torque, (int, float)):
         load = units.InCore(load)  # it has a unit: nobody doubts it
     return Limit(quantity, size, load, level)
 

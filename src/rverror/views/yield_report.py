@@ -65,7 +65,7 @@ def yield_entries(found: Verified) -> list[dict[str, Any]]:
     return [
         {
             "quantity": one.limit.quantity,
-            "torque": None if one.limit.torque is None else f"{brief(one.limit.torque / 1e3, 6)} N*m",
+            "torque": None if one.limit.torque is None else one.limit.load(6),
             "limit": None if one.limit.value is None else _value(one, one.limit.value, 6),
             "level": one.limit.level,
             "yield": None if one.limit.value is None else rounded(one.share),
