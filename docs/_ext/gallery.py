@@ -114,6 +114,15 @@ for number, hours in enumerate((0, 200, 450, 600, 900, 1200, 1500, 1800)):
     life += [replace(run, index="A", metadata={"hours": str(hours)}) for run in both]
 trend = rverror.trend(small, life)
 compared = rverror.compare_runs(life[:2], life[-2:], small)
+
+seven, drives = rverror.Model(rverror.Drive(ratio=7.0)), []
+for number in range(12):
+    parts = rng.normal(0, 1e-4, (2, 30)) / np.arange(1, 31) * (25.0 if number == 8 else 1.0)
+    parts[0, 3] += 1e-4
+    waves = np.arange(1, 31)[:, None] * turn
+    te = parts[0] @ np.cos(waves) + parts[1] @ np.sin(waves) + 1e-7 * rng.normal(size=turn.size)
+    drives.append(LotUnit(str(number), (rverror.run_from_arrays(input_angle=7 * turn, te=te, direction=1.0),)))
+lot_of_drives = rverror.lot_of_drives(seven, drives)
 """
 
 #: Line that draws each picture.
@@ -171,6 +180,7 @@ LINES = {
     "lot-predicted": 'lot.plot(kind="predicted")',
     "trend-courses": "trend.plot()",
     "runscompared-orders": "compared.plot()",
+    "drivelot-orders": "lot_of_drives.plot()",
 }
 
 

@@ -17,10 +17,12 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import check_name
 from rverror.base.threads import cores
+from rverror.geartrain.mechanism import Drive
 from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.compressed import TOGETHER, LotInputs, lot_inputs
 from rverror.lots.folder import TABLE
 from rverror.lots.made import lot
+from rverror.lots.of_drives import DriveLot, lot_of_drives
 from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
@@ -39,7 +41,9 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = commands.add_parser("lot", help="what each process makes, from the measured errors of many units")
+    command = commands.add_parser(
+        "lot", help="what each process makes of reducers, or what drives share, from the measured errors of many units"
+    )
     command.add_argument(
         "parts",
         nargs="+",
@@ -93,6 +97,12 @@ def _lot(options: argparse.Namespace) -> None:
     for path in given:
         check_name(path)
     model = load_model(options.model)
+    drive = isinstance(model.mechanism, Drive)
+    for name in ("tolerances", "save", "csv") if drive else ():
+        if getattr(options, name) is not None:
+            raise InputError(
+                f"--{name}: {options.model} is of a drive, whose lot has orders and no processes; leave it out"
+            )
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
     inputs = lot_inputs(options.parts, model, read_command.given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
@@ -105,6 +115,9 @@ def _lot(options: argparse.Namespace) -> None:
     with closing(Progress(terminal_only=not options.progress)) as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
+        if drive:
+            _write_drives(lot_of_drives(model, amplitudes, seed=options.seed), options, files)
+            return
         found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
         found = _diagnosed(found, inputs, options.diagnose, progress)
     print(to_text(found), end="")
@@ -147,6 +160,14 @@ def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
         place = None if output is None else os.path.dirname(os.path.realpath(output))
         if place in places:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
+
+
+def _write_drives(found: DriveLot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
+    print(to_text(found), end="")
+    if options.json:
+        write_json(options.json, to_json(found, files=files))
+    if options.html:
+        write_output(options.html, to_html(found))
 
 
 def _write(found: Lot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:

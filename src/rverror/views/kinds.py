@@ -27,6 +27,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
@@ -811,6 +812,50 @@ def _of_lot(result: Lot) -> Table:
         "notes": "\n".join(result.notes),
     }
     return Table("Lot", "process", variables, about)
+
+
+@_table.register
+def _of_drive_lot(result: DriveLot) -> Table:
+    orders, own, pairs = result.orders, result.own, result.pairs
+    variables = {
+        **_along(
+            "place",
+            order=(np.array([one.order for one in orders], dtype=np.float64), NUMBER),
+            condition=[one.condition for one in orders],
+            **_fields(orders, ANGLE, "least", "median", "most"),
+            mean=([one.mean.value for one in orders], ANGLE),
+            mean_low=([one.mean.low for one in orders], ANGLE),
+            mean_high=([one.mean.high for one in orders], ANGLE),
+            **_fields(orders, ANGLE, "phase", "spread"),
+            **_fields(orders, NUMBER, "chance"),
+            shared=np.array([one.shared for one in orders], dtype=bool),
+        ),
+        **_along(
+            "own",
+            "own_",
+            unit=[one.serial for one in own],
+            order=(np.array([one.order for one in own], dtype=np.float64), NUMBER),
+            condition=[one.condition for one in own],
+            **_fields(own, ANGLE, "amplitude", "difference"),
+            **_fields(own, NUMBER, "distance", "chance"),
+        ),
+        **_along(
+            "pair",
+            "pair_",
+            one=[pair.serials[0] for pair in pairs],
+            other=[pair.serials[1] for pair in pairs],
+            **_fields(pairs, ANGLE, "difference", "usual"),
+            **_fields(pairs, NUMBER, "chance"),
+        ),
+        **_along("unit", unit=list(result.serials)),
+        "amplitude": Variable(("unit", "place"), result.amplitudes, ANGLE),
+    }
+    about = {
+        "model": result.model,
+        "conditions": "\n".join(result.conditions),
+        "notes": "\n".join(result.notes),
+    }
+    return Table("DriveLot", "place", variables, about)
 
 
 def _of_processes(result: Lot) -> dict[str, Variable]:

@@ -27,6 +27,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
@@ -907,6 +908,45 @@ def _of_lot(thing: Lot) -> Sheet:
         *(_line(COME) if thing.differences or thing.changes else ()),
         *_notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_drive_lot(thing: DriveLot) -> Sheet:
+    shared = [str(one.order) for one in thing.orders if one.shared]
+    differing = len({one.serial for one in thing.own})
+    said = [
+        f"All units share a wave of order {', '.join(shared)}" if shared else "No wave is shared by all units",
+        f"{count_of(differing, 'unit')} {'differs' if differing == 1 else 'differ'} from the others",
+        f"{count_of(len(thing.pairs), 'pair')} more alike than by chance",
+    ]
+    return (
+        *_title("Lot of drives", thing.model, count_of(len(thing.serials), "unit")),
+        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
+        Sentence("; ".join(said), strong=said[0]),
+        *_grid(
+            ("order", "condition", "least, arcsec", "median", "most", "mean wave", "95 % interval", "phase, deg",
+             "spread", "chance"),
+            [
+                (one.order, one.condition, one.least / ARCSEC, one.median / ARCSEC, one.most / ARCSEC,
+                 *_sized(one.mean, "angle"), math.degrees(one.phase), one.spread / ARCSEC, one.chance)
+                for one in thing.orders
+            ],
+        ),
+        *_grid(
+            ("unit that differs", "order", "condition", "its amplitude, arcsec", "from the others' mean",
+             "standard deviations", "chance"),
+            [
+                (one.serial, one.order, one.condition, one.amplitude / ARCSEC, one.difference / ARCSEC, one.distance,
+                 one.chance)
+                for one in thing.own
+            ],
+        ),
+        *_grid(
+            ("nearly equal", "and", "difference, arcsec rms", "of usual pairs", "chance"),
+            [(*one.serials, one.difference / ARCSEC, one.usual / ARCSEC, one.chance) for one in thing.pairs],
+        ),
+        *_notes(thing.notes),
+    )  # fmt: skip
 
 
 def _made_by(processes: Sequence[MadeBy]) -> Sheet:

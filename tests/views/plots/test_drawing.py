@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_missing
-from every_kind import compensation, every_kind, lot, runs_compared, trend
+from every_kind import compensation, drive_lot, every_kind, lot, runs_compared, trend
 from pages import DOCS
 from rverror import (
     Bench,
@@ -426,6 +426,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "lot": lot(),
         "trend": trend(),
         "runs compared": runs_compared(),
+        "lot of drives": drive_lot(),
     }
 
 
@@ -447,7 +448,7 @@ NAMES = (
     "efficiency", "contact pressure", "wear", "modes", "speeds", "run-up",
     "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation", "lot",
-    "trend", "runs compared",
+    "trend", "runs compared", "lot of drives",
 )  # fmt: skip
 
 
@@ -459,7 +460,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresis", "efficiency", "contact pressure",
            "wear", "speeds", "run-up", "run", "order table", "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation",
-           "lot", "trend", "runs compared")  # fmt: skip
+           "lot", "trend", "runs compared", "lot of drives")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
