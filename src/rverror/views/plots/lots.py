@@ -136,6 +136,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax.plot(place[odd], sizes[odd], "D", color=ORANGE, ms=4, label="a unit that differs from the others")
     ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)
     ax.set_yscale("symlog", linthresh=max(float(np.median(sizes)), 1e-12))
+    ax.set_ylim(0.0, 2.0 * max(float(sizes.max()), float(high.max())))
     ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}")
     titled(ax, "Units by order", found.model, count_of(len(found.serials), "unit"))
     legend_below(ax)
