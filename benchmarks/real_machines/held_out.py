@@ -18,7 +18,6 @@ import numpy as np
 import rverror
 
 ARCSEC = rverror.ARCSEC
-LEAST = 50  # samples of a stretch
 
 
 def halves(run: rverror.Run, model: rverror.Model, by: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -32,15 +31,10 @@ def halves(run: rverror.Run, model: rverror.Model, by: str) -> tuple[np.ndarray,
     return (first, ~first) if 0.05 < first.mean() < 0.95 else None
 
 
-def parts(run: rverror.Run, kept: np.ndarray) -> list[rverror.Run]:
-    """Some samples of a run: each stretch of them is a run, whose direction its angles tell."""
+def part(run: rverror.Run, kept: np.ndarray) -> rverror.Run:
+    """Some samples of a run, one after another; their angles tell the direction."""
     columns = {"input_angle": run.input_angle, "output_angle": run.output_angle, "te": run.te_column, "time": run.time}
-    stretches = np.split(np.arange(kept.size), np.flatnonzero(np.diff(kept)) + 1)
-    return [
-        rverror.run_from_arrays(**{name: values[one] for name, values in columns.items() if values is not None})
-        for one in stretches
-        if kept[one[0]] and len(one) > LEAST
-    ]
+    return rverror.run_from_arrays(**{name: values[kept] for name, values in columns.items() if values is not None})
 
 
 def centred(values: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -74,7 +68,7 @@ def main() -> None:
             continue
         for side in (0, 1):
             tried += 1
-            found = rverror.diagnose(model, [one for run, masks in split for one in parts(run, masks[side])])
+            found = rverror.diagnose(model, [part(run, masks[side]) for run, masks in split])
             added = [one.effect for one in found.added]
             before, total, alone = 0.0, 0.0, np.zeros(len(added))
             count = 0
