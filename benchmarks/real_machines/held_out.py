@@ -81,9 +81,11 @@ def main() -> None:
     options.add_argument("model", metavar="MODEL.toml")
     options.add_argument("runs", nargs="+", metavar="RUN.csv")
     options.add_argument("--mapping", metavar="BENCH.toml")
+    options.add_argument("--every", type=int, default=1, metavar="N", help="of the samples, one in N (default 1)")
     given = options.parse_args()
     model = rverror.load_model(given.model)
-    runs = [rverror.load_run(path, model, mapping=given.mapping) for path in given.runs]
+    whole = [rverror.load_run(path, model, mapping=given.mapping) for path in given.runs]
+    runs = [part(run, np.arange(run.size) % given.every == 0) for run in whole] if given.every > 1 else whole
     print(rverror.to_text(rverror.diagnose(model, runs)))
     verdicts: dict[str, list[float]] = defaultdict(list)
     halves_tried = 0

@@ -104,6 +104,8 @@ def test_two_far_units_do_not_hide_one_another() -> None:
     wave = waves(12, 8)[:, 0] / ARCSEC
     wave[[3, 6]] = 4000
     assert sorted(told_apart(wave, 0.05)[1]) == [3, 6]
+    wave[6] = 40_000j
+    assert sorted(told_apart(wave, 0.05)[1]) == [3, 6]
 
 
 def test_units_are_told_from_normal_ones_as_rarely_as_stated() -> None:
