@@ -180,7 +180,8 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     assert main([*words, "--json", "lot.json", "--html", "lot.html"]) == 0
     printed = capsys.readouterr().out
     assert (
-        "All units share a wave of order 4; 1 unit differs from the others; 1 pair more alike than by chance" in printed
+        "The units' phases agree in order 4; 1 unit differs from the others; 1 pair more alike than by chance"
+        in printed
     )
     told = json.loads(Path("lot.json").read_text("utf-8"))
     assert told["variables"]["own_unit"]["values"] == ["u7"]

@@ -915,7 +915,7 @@ def _of_drive_lot(thing: DriveLot) -> Sheet:
     shared = [str(one.order) for one in thing.orders if one.shared]
     differing = len({one.serial for one in thing.own})
     said = [
-        f"All units share a wave of order {', '.join(shared)}" if shared else "No wave is shared by all units",
+        f"The units' phases agree in order {', '.join(shared)}" if shared else "The units' phases agree in no order",
         f"{count_of(differing, 'unit')} {'differs' if differing == 1 else 'differ'} from the others",
         f"{count_of(len(thing.pairs), 'pair')} more alike than by chance",
     ]
