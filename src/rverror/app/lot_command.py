@@ -116,12 +116,11 @@ def _lot(options: argparse.Namespace) -> None:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
-            _write_drives(lot_of_drives(model, amplitudes, seed=options.seed), options, files)
-            return
-        found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-        found = _diagnosed(found, inputs, options.diagnose, progress)
-    print(to_text(found), end="")
-    _write(found, options, files)
+            told: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
+        else:
+            found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
+            told = _diagnosed(found, inputs, options.diagnose, progress)
+    _write(told, options, files)
 
 
 def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
@@ -162,22 +161,15 @@ def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
 
 
-def _write_drives(found: DriveLot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
+def _write(found: Lot | DriveLot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
     print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=files))
     if options.html:
-        write_output(options.html, to_html(found))
-
-
-def _write(found: Lot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
-    if options.json:
-        write_json(options.json, to_json(found, files=files))
-    if options.html:
-        write_output(options.html, to_html(found, files=files))
-    if options.csv:
+        write_output(options.html, to_html(found, files=files) if isinstance(found, Lot) else to_html(found))
+    if options.csv and isinstance(found, Lot):
         write_output(options.csv, lot_csv(found))
-    if options.save:
+    if options.save and isinstance(found, Lot):
         text = tolerances_as_made(found)
         if text:
             write_output(options.save, text)

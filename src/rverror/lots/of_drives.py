@@ -182,11 +182,9 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
     """
     check_kind("model", model, Model, "make one with load_model or Model(Drive(ratio=...))")
     check_kind("model: its mechanism", model.mechanism, Drive, "give a model with [drive]; lot takes reducers")
-    if isinstance(units, Amplitudes):
-        amplitudes = units
-    else:
+    if not isinstance(units, Amplitudes):
         check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-        amplitudes = amplitudes_of(model, units)
+    amplitudes = units if isinstance(units, Amplitudes) else amplitudes_of(model, units)
     count = len(amplitudes.serials)
     if count < _LEAST:
         raise InputError(f"units: {count} of drives, it takes {_LEAST} or more to tell one from the others; add units")
@@ -195,33 +193,28 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
     noise = 2 * amplitudes.noise.reshape(len(amplitudes.conditions), 2, -1)[:, 0]
     power = np.sum(np.abs(waves) ** 2, axis=0) / np.where(noise > 0, noise, np.inf)
     seen = scipy.stats.chi2.sf(power, 2 * count) * power.size < LEVEL
-    places = [(c, k) for c, k in zip(*np.nonzero(seen), strict=True)]
-    strongest = sorted(places, key=lambda place: -float(np.median(np.abs(waves[:, *place]))))[:_MOST]
+    places = list(zip(*np.nonzero(seen), strict=True))
+    told = sorted(places, key=lambda at: -float(np.median(np.abs(waves[:, *at]))))[:_MOST]
     orders, own = list[LotOrder](), list[OwnOrder]()
-    for c, k in strongest:
+    for c, k in told:
         wave, order, condition = waves[:, c, k], int(amplitudes.orders[k]), str(amplitudes.conditions[c])
-        members, odd = told_apart(wave, LEVEL / len(strongest))
-        orders.append(_order(wave[members], order, condition, len(strongest)))
-        mean = wave[members].mean()
-        own += [
-            OwnOrder(
-                amplitudes.serials[u], order, condition, float(abs(wave[u])), float(abs(wave[u] - mean)), distance,
-                min(chance * len(strongest), 1.0),
-            )
-            for u, (distance, chance) in odd.items()
-        ]  # fmt: skip
-    chosen = waves[:, *np.array(strongest).T] if strongest else np.empty((count, 0), np.complex128)
-    left_out = int(seen.sum()) - len(strongest)
-    notes = [f"{left_out} weaker orders with more than noise are not told"] if left_out else []
+        members, odd = told_apart(wave, LEVEL / len(told))
+        orders.append(_order(wave[members], order, condition, len(told)))
+        off = np.abs(wave - wave[members].mean())
+        for u, (distance, chance) in odd.items():
+            sizes = float(abs(wave[u])), float(off[u]), distance, min(chance * len(told), 1.0)
+            own.append(OwnOrder(amplitudes.serials[u], order, condition, *sizes))
+    chosen = np.stack([waves[:, c, k] for c, k in told], axis=1) if told else waves[:, 0, :0]
+    left = len(places) - len(told)
     return DriveLot(
-        model.name or model.mechanism.name,
-        amplitudes.serials,
-        tuple(map(str, amplitudes.conditions)),
-        tuple(orders),
-        tuple(sorted(own, key=lambda one: one.chance)),
-        _pairs(chosen, amplitudes.serials, seed),
-        np.abs(chosen),
-        (*amplitudes.notes, *notes),
+        model=model.name or model.mechanism.name,
+        serials=amplitudes.serials,
+        conditions=tuple(map(str, amplitudes.conditions)),
+        orders=tuple(orders),
+        own=tuple(sorted(own, key=lambda one: one.chance)),
+        pairs=_pairs(chosen, amplitudes.serials, seed),
+        amplitudes=np.abs(chosen),
+        notes=(*amplitudes.notes, *([f"{left} weaker orders with more than noise are not told"] if left else [])),
     )
 
 

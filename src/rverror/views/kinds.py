@@ -817,27 +817,22 @@ def _of_lot(result: Lot) -> Table:
 @_table.register
 def _of_drive_lot(result: DriveLot) -> Table:
     orders, own, pairs = result.orders, result.own, result.pairs
+    means = (("mean", "value"), ("mean_low", "low"), ("mean_high", "high"))
     variables = {
         **_along(
             "place",
-            order=(np.array([one.order for one in orders], dtype=np.float64), NUMBER),
+            **_fields(orders, NUMBER, "order", "chance"),
             condition=[one.condition for one in orders],
-            **_fields(orders, ANGLE, "least", "median", "most"),
-            mean=([one.mean.value for one in orders], ANGLE),
-            mean_low=([one.mean.low for one in orders], ANGLE),
-            mean_high=([one.mean.high for one in orders], ANGLE),
-            **_fields(orders, ANGLE, "phase", "spread"),
-            **_fields(orders, NUMBER, "chance"),
-            shared=np.array([one.shared for one in orders], dtype=bool),
+            **_fields(orders, ANGLE, "least", "median", "most", "phase", "spread"),
+            **{name: ([getattr(one.mean, end) for one in orders], ANGLE) for name, end in means},
         ),
         **_along(
             "own",
             "own_",
             unit=[one.serial for one in own],
-            order=(np.array([one.order for one in own], dtype=np.float64), NUMBER),
+            **_fields(own, NUMBER, "order", "distance", "chance"),
             condition=[one.condition for one in own],
             **_fields(own, ANGLE, "amplitude", "difference"),
-            **_fields(own, NUMBER, "distance", "chance"),
         ),
         **_along(
             "pair",
@@ -850,11 +845,7 @@ def _of_drive_lot(result: DriveLot) -> Table:
         **_along("unit", unit=list(result.serials)),
         "amplitude": Variable(("unit", "place"), result.amplitudes, ANGLE),
     }
-    about = {
-        "model": result.model,
-        "conditions": "\n".join(result.conditions),
-        "notes": "\n".join(result.notes),
-    }
+    about = {"model": result.model, "conditions": "\n".join(result.conditions), "notes": "\n".join(result.notes)}
     return Table("DriveLot", "place", variables, about)
 
 

@@ -912,34 +912,22 @@ def _of_lot(thing: Lot) -> Sheet:
 
 @sheet.register
 def _of_drive_lot(thing: DriveLot) -> Sheet:
-    shared = [str(one.order) for one in thing.orders if one.shared]
-    differing = len({one.serial for one in thing.own})
-    said = [
-        f"The units' phases agree in order {', '.join(shared)}" if shared else "The units' phases agree in no order",
-        f"{count_of(differing, 'unit')} {'differs' if differing == 1 else 'differ'} from the others",
-        f"{count_of(len(thing.pairs), 'pair')} more alike than by chance",
-    ]
+    shared = ", ".join(str(one.order) for one in thing.orders if one.shared) or "none"
+    strong = f"Order in which the units' phases agree: {shared}"
+    units_off = count_of(len({one.serial for one in thing.own}), "unit")
     return (
         *_title("Lot of drives", thing.model, count_of(len(thing.serials), "unit")),
-        *(_line(f"Conditions: {'; '.join(thing.conditions)}") if thing.conditions else ()),
-        Sentence("; ".join(said), strong=said[0]),
+        Sentence(f"{strong}; {units_off} off the others; pairs nearly equal: {len(thing.pairs)}", strong=strong),
         *_grid(
-            ("order", "condition", "least, arcsec", "median", "most", "mean wave", "95 % interval", "phase, deg",
-             "spread", "chance"),
-            [
-                (one.order, one.condition, one.least / ARCSEC, one.median / ARCSEC, one.most / ARCSEC,
-                 *_sized(one.mean, "angle"), math.degrees(one.phase), one.spread / ARCSEC, one.chance)
-                for one in thing.orders
-            ],
+            ("order", "condition", "least, arcsec", "median", "most", "spread", "mean wave", "95 % interval",
+             "phase, deg", "chance"),
+            [(one.order, one.condition, *(x / ARCSEC for x in (one.least, one.median, one.most, one.spread)),
+              *_sized(one.mean, "angle"), math.degrees(one.phase), one.chance) for one in thing.orders],
         ),
         *_grid(
-            ("unit that differs", "order", "condition", "its amplitude, arcsec", "from the others' mean",
-             "standard deviations", "chance"),
-            [
-                (one.serial, one.order, one.condition, one.amplitude / ARCSEC, one.difference / ARCSEC, one.distance,
-                 one.chance)
-                for one in thing.own
-            ],
+            ("unit that is off", "order", "condition", "amplitude, arcsec", "off by", "standard deviations", "chance"),
+            [(o.serial, o.order, o.condition, o.amplitude / ARCSEC, o.difference / ARCSEC, o.distance, o.chance)
+             for o in thing.own],
         ),
         *_grid(
             ("nearly equal", "and", "difference, arcsec rms", "of usual pairs", "chance"),

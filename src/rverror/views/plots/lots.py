@@ -126,18 +126,17 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     own = {(one.serial, one.order, one.condition) for one in found.own}
     odd = np.array([[(s, o.order, o.condition) in own for o in found.orders] for s in found.serials])
-    place = np.broadcast_to(np.arange(len(found.orders)), odd.shape)
-    sizes = in_shown_unit(found.amplitudes, "angle")
-    ends = [(one.mean.value, one.mean.low, one.mean.high) for one in found.orders]
-    mean, low, high = in_shown_unit(np.array(ends), "angle").T
+    place, sizes = np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle")
+    ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
+    mean, low, high = in_shown_unit(ends, "angle").T
     ax.vlines(place[0] + 0.2, low, high, color=BLUE, lw=1.3)
     ax.plot(place[0] + 0.2, mean, "_", color=BLUE, ms=9, label="mean wave, 95 % interval")
-    ax.plot(place[~odd], sizes[~odd], "o", color=GREY, ms=3, label="a unit")
-    ax.plot(place[odd], sizes[odd], "D", color=ORANGE, ms=4, label="a unit that differs from the others")
+    for some, mark, colour, label in ((~odd, "o", GREY, "a unit"), (odd, "D", ORANGE, "a unit that is off the others")):
+        ax.plot(place[some], sizes[some], mark, color=colour, ms=3.5, label=label)
     ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)
     ax.set_yscale("symlog", linthresh=max(float(np.median(sizes)), 1e-12))
-    ax.set_ylim(0.0, 2.0 * max(float(sizes.max()), float(high.max())))
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}")
+    top = 2.0 * max(float(sizes.max()), float(high.max()))
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", ylim=(0.0, top))
     titled(ax, "Units by order", found.model, count_of(len(found.serials), "unit"))
     legend_below(ax)
     return ax
