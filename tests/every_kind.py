@@ -14,6 +14,7 @@ from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.life.result import Changed, Grown, OrderChange, Remaining, RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot, LikePair, LotOrder, OwnOrder
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
 from rverror.matching.at_load import Quantity
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
@@ -253,6 +254,19 @@ def matched() -> Matched:
     return Matched(HOSTILE, quantities, allowed, units, {"disc": ("D9", HOSTILE)}, 4, 4, ways, 0.05, (HOSTILE,))
 
 
+def drive_lot() -> DriveLot:
+    """A lot of drives by hand: two orders, a unit that differs in one, a pair."""
+    size = Interval(20 * ARCSEC, 15 * ARCSEC, 25 * ARCSEC)
+    orders = tuple(
+        LotOrder(order, "forward", 5 * ARCSEC, 21 * ARCSEC, 900 * ARCSEC, size, 1.0, 9 * ARCSEC, chance)
+        for order, chance in ((4, 1e-4), (50, 0.3))
+    )
+    own = OwnOrder(HOSTILE, 50, "forward", 900 * ARCSEC, 880 * ARCSEC, 40.0, 1e-6)
+    pair = LikePair(("A", "B"), 2 * ARCSEC, 300 * ARCSEC, 5e-4)
+    sizes = np.array([[20.0, 900.0], [5.0, 30.0], [21.0, 30.5]]) * ARCSEC
+    return DriveLot(HOSTILE, (HOSTILE, "A", "B"), ("forward",), orders, (own,), (pair,), sizes, (HOSTILE,))
+
+
 def lot() -> Lot:
     """A lot by hand with everything that a lot can have: sizes in whole um and arcsec."""
 
@@ -402,6 +416,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Trend": (trend(), {}),
         "RunsCompared": (runs_compared(), {}),
         "Matched": (matched(), {}),
+        "DriveLot": (drive_lot(), {}),
         "Diagnosis": (diagnosis("unexplained"), {}),
         "Diagnosis, nothing missing": (diagnosis("nothing_missing", mechanism=DRIVE), {}),
         "Diagnosis, torque": (diagnosis("explained", quantity="torque", mechanism=DRIVE, determined=False), {}),

@@ -123,6 +123,15 @@ parts += [rverror.MeasuredPart("housing", f"H{n}", tuple(rverror.effect("cycloid
                                                          for k, x in enumerate(of)))
           for n, of in enumerate(rng.normal(0, 3e-3, (20, 16)))]
 matched = rverror.match(small, parts, [rverror.limit("transmission_error", "25 arcsec", torque="150 N*m")])
+
+seven, drives = rverror.Model(rverror.Drive(ratio=7.0)), []
+for number in range(12):
+    parts = rng.normal(0, 1e-4, (2, 30)) / np.arange(1, 31) * (25.0 if number == 8 else 1.0)
+    parts[0, 3] += 1e-4
+    waves = np.arange(1, 31)[:, None] * turn
+    te = parts[0] @ np.cos(waves) + parts[1] @ np.sin(waves) + 1e-7 * rng.normal(size=turn.size)
+    drives.append(LotUnit(str(number), (rverror.run_from_arrays(input_angle=7 * turn, te=te, direction=1.0),)))
+lot_of_drives = rverror.lot_of_drives(seven, drives)
 """
 
 #: Line that draws each picture.
@@ -181,6 +190,7 @@ LINES = {
     "trend-courses": "trend.plot()",
     "runscompared-orders": "compared.plot()",
     "matched-errors": "matched.plot()",
+    "drivelot-orders": "lot_of_drives.plot()",
 }
 
 

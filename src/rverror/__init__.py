@@ -96,6 +96,7 @@ if TYPE_CHECKING:
     from rverror.lots.compressed import compress_lot, load_amplitudes
     from rverror.lots.folder import lot_units
     from rverror.lots.made import lot
+    from rverror.lots.of_drives import DriveLot, lot_of_drives
     from rverror.lots.outsider_diagnosis import diagnose_outsiders
     from rverror.lots.result import Lot
 
@@ -134,6 +135,7 @@ _LATER = {
     "Correction": "compensation.correction",
     "CriticalSpeed": "dynamics.at_speed",
     "Diagnosis": "diagnosis.result",
+    "DriveLot": "lots.of_drives",
     "DutyEfficiency": "statics.duty",
     "DutyPhase": "statics.duty",
     "Efficiency": "statics.friction",
@@ -203,6 +205,7 @@ _LATER = {
     "load_tolerances": "tolerances.tolerance_file",
     "lost_motion": "statics.rigidity",
     "lot": "lots.made",
+    "lot_of_drives": "lots.of_drives",
     "lot_units": "lots.folder",
     "match": "matching.matched",
     "modes": "dynamics.natural_modes",
@@ -260,6 +263,7 @@ __all__ = [
     "CriticalSpeed",
     "Diagnosis",
     "Drive",
+    "DriveLot",
     "DutyEfficiency",
     "DutyPhase",
     "Effect",
@@ -357,6 +361,7 @@ __all__ = [
     "load_tolerances",
     "lost_motion",
     "lot",
+    "lot_of_drives",
     "lot_units",
     "match",
     "modes",

@@ -167,7 +167,7 @@ def test_what_a_draft_finds_in_text(tmp_path: Path, content: str, lines: list[st
 def test_drafts_of_other_formats(tmp_path: Path) -> None:
     file = hdf5(tmp_path, **{"m/wide": np.zeros((2, 3)), "m/tall": np.zeros((3, 2))})
     assert '#   "in"  240 samples' in draft_mapping(file)
-    assert '#   "m/wide"  is a matrix of 2 x 3; store a channel in each column' in draft_mapping(file)
+    assert '#   "m/wide/2"  3 samples' in draft_mapping(file)
     assert '#   "m/tall/2"  3 samples' in draft_mapping(file)
     assert '#   "G/in"  240 samples' in draft_mapping(tdms(tmp_path, root={"Last": 20.0}))
     assert "#   'Last = 20.0'" in draft_mapping(tdms(tmp_path, root={"Last": 20.0}))

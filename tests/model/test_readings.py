@@ -99,6 +99,7 @@ OTHERS = {
     "diagnose_outsiders": "each by `diagnose`: tests/lots/test_outsider_diagnosis.py",
     "match": "of units at the load: below",
     "trend": "of sessions as `lot` of units: tests/life/test_over_life.py",
+    "lot_of_drives": "of drives, which have no marks",
     "lot": "of units whose orders are told from the marks on: tests/lots/test_made.py",
     "modes": "at one angle: below",
     "fit_running_in": "by `wear`: tests/statics/test_running_in.py",

@@ -35,6 +35,7 @@ SHOWN_BY = {
     "Limit": "limit",
     "Linearisation": "linearise",
     "Lot": "lot",
+    "DriveLot": "lot_of_drives",
     "Modes": "modes",
     "OrderTable": "orders_from_arrays",
     "PressurePeak": "contact_pressure",

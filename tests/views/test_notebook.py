@@ -23,8 +23,8 @@ PAGES = (
     "Reducer", "Drive", "Effect", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance", "Stack", "Budget",
-    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "Matched", "Diagnosis",
-    "Diagnosis, nothing missing",
+    "VirtualUnits", "ErrorBudget", "Allocation", "Compensation", "Lot", "Trend", "RunsCompared", "DriveLot", "Matched",
+    "Diagnosis", "Diagnosis, nothing missing",
     "Diagnosis, torque",
 )  # fmt: skip
 VOID = {"img", "br", "hr", "meta", "link", "input"}
@@ -132,6 +132,7 @@ def test_colours_and_background_are_the_notebooks(kind: str) -> None:
         "Trend",
         "RunsCompared",
         "Matched",
+        "DriveLot",
         "Diagnosis",
         "Diagnosis, nothing missing",
         "Diagnosis, torque",

@@ -27,7 +27,7 @@ KINDS = (
     "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
     "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
-    "Trend", "RunsCompared", "Matched", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+    "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 

@@ -27,10 +27,12 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import check_name
 from rverror.base.threads import cores
+from rverror.geartrain.mechanism import Drive
 from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.compressed import TOGETHER, LotInputs, lot_inputs
 from rverror.lots.folder import TABLE
 from rverror.lots.made import lot
+from rverror.lots.of_drives import DriveLot, lot_of_drives
 from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
@@ -51,7 +53,7 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "lot",
-        brief="what each process makes, from the measured errors of many units",
+        brief="what each process makes of reducers, or what drives share, from many measured units",
         does="Estimates from the runs of many finished units how far each manufacturing process scatters and how far "
         "its mean is off, and names units that do not belong to the lot.",
         example="measured --model unit.toml --save made.toml",
@@ -113,6 +115,12 @@ def _lot(options: argparse.Namespace) -> None:
     for path in given:
         check_name(path)
     model = load_model(options.model)
+    drive = isinstance(model.mechanism, Drive)
+    for name in ("tolerances", "save") if drive else ():
+        if getattr(options, name) is not None:
+            raise InputError(
+                f"--{name}: {options.model} is of a drive, whose lot has orders and no processes; leave it out"
+            )
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
     inputs = lot_inputs(options.parts, model, read_command.given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
@@ -125,10 +133,12 @@ def _lot(options: argparse.Namespace) -> None:
     with closing(Progress(terminal_only=not options.progress)) as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
-        found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-        found = _diagnosed(found, inputs, options.diagnose, progress)
-    print(to_text(found), end="")
-    _write(found, options, files)
+        if drive:
+            told: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
+        else:
+            found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
+            told = _diagnosed(found, inputs, options.diagnose, progress)
+    _write(told, options, files)
 
 
 def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
@@ -169,14 +179,15 @@ def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
 
 
-def _write(found: Lot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
+def _write(found: Lot | DriveLot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
+    print(to_text(found), end="")
     if options.json:
         write_json(options.json, to_json(found, files=files))
     if options.html:
         write_output(options.html, to_html(found, files=files))
     if options.csv:
-        write_output(options.csv, to_csv(found, rows="process"))
-    if options.save:
+        write_output(options.csv, to_csv(found, rows="process" if isinstance(found, Lot) else "place"))
+    if options.save and isinstance(found, Lot):
         text = tolerances_as_made(found)
         if text:
             write_output(options.save, text)

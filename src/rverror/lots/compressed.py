@@ -37,7 +37,6 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import ratio_of
-from rverror.statics.loaded_state import reducer_of
 
 #: Units of a task, of a chunk that a killed call leaves, and of a block of the file: 0.1 MB of two runs each.
 TOGETHER = 32
@@ -252,7 +251,6 @@ def lot_inputs(
         If a part cannot be used, was made with another model, or shares a serial with another.
     """
     check_model(model)
-    reducer_of(model.mechanism, "a lot")
     given = [paths] if isinstance(paths, (str, os.PathLike)) else paths
     check_each("paths", given, (str, os.PathLike), "give a folder of units, a file of a compressed lot, or a list")
     if not given:

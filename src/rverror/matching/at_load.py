@@ -14,6 +14,7 @@ from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
+from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.matching.mounting import Place, mounted
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -191,9 +192,9 @@ class UnitsAtLoad:
         """Motions of each quantity and their weights."""
         every = instances_of(self._stack)
 
-        def line(torque: float, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
+        def line(torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
             turn = Turn.of(self.model, every, angles=angles, direction=direction, torque=torque, reads=reads)
-            return LoadedTurn(turn, torque, direction)
+            return LoadedTurn(turn)
 
         return tuple(
             ((line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)

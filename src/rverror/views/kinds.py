@@ -27,6 +27,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import DIMENSIONS, FRICTION_DIMENSIONS, INERTIA_DIMENSIONS, ContactLaw, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.asked import Equilibrium, Influence
@@ -812,6 +813,41 @@ def _of_lot(result: Lot) -> Table:
         "notes": "\n".join(result.notes),
     }
     return Table("Lot", "process", variables, about)
+
+
+@_table.register
+def _of_drive_lot(result: DriveLot) -> Table:
+    orders, own, pairs = result.orders, result.own, result.pairs
+    means = (("mean", "value"), ("mean_low", "low"), ("mean_high", "high"))
+    variables = {
+        **_along(
+            "place",
+            **_fields(orders, NUMBER, "order", "chance"),
+            condition=[one.condition for one in orders],
+            **_fields(orders, ANGLE, "least", "median", "most", "phase", "spread"),
+            **{name: ([getattr(one.mean, end) for one in orders], ANGLE) for name, end in means},
+        ),
+        **_along(
+            "own",
+            "own_",
+            unit=[one.serial for one in own],
+            **_fields(own, NUMBER, "order", "distance", "chance"),
+            condition=[one.condition for one in own],
+            **_fields(own, ANGLE, "amplitude", "difference"),
+        ),
+        **_along(
+            "pair",
+            "pair_",
+            one=[pair.serials[0] for pair in pairs],
+            other=[pair.serials[1] for pair in pairs],
+            **_fields(pairs, ANGLE, "difference", "usual"),
+            **_fields(pairs, NUMBER, "chance"),
+        ),
+        **_along("unit", unit=list(result.serials)),
+        "amplitude": Variable(("unit", "place"), result.amplitudes, ANGLE),
+    }
+    about = {"model": result.model, "conditions": "\n".join(result.conditions), "notes": "\n".join(result.notes)}
+    return Table("DriveLot", "place", variables, about)
 
 
 def _of_processes(result: Lot) -> dict[str, Variable]:

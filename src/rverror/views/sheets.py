@@ -26,6 +26,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.life.result import Changed, RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.matching.result import Matched
 from rverror.model.asked import Equilibrium, Influence
@@ -680,6 +681,33 @@ def _of_lot(thing: Lot) -> Sheet:
         *(line(COME) if thing.differences or thing.changes else ()),
         *notes(thing.notes),
     )
+
+
+@sheet.register
+def _of_drive_lot(thing: DriveLot) -> Sheet:
+    shared = ", ".join(str(one.order) for one in thing.orders if one.shared) or "none"
+    strong = f"Order in which the units' phases agree: {shared}"
+    units_off = count_of(len({one.serial for one in thing.own}), "unit")
+    return (
+        *title("Lot of drives", thing.model, count_of(len(thing.serials), "unit")),
+        Sentence(f"{strong}; {units_off} off the others; pairs nearly equal: {len(thing.pairs)}", strong=strong),
+        *grid(
+            ("order", "condition", "least, arcsec", "median", "most", "spread", "mean wave", "95 % interval",
+             "phase, deg", "chance"),
+            [(one.order, one.condition, *(x / ARCSEC for x in (one.least, one.median, one.most, one.spread)),
+              *_sized(one.mean, "angle"), math.degrees(one.phase), one.chance) for one in thing.orders],
+        ),
+        *grid(
+            ("unit that is off", "order", "condition", "amplitude, arcsec", "off by", "standard deviations", "chance"),
+            [(o.serial, o.order, o.condition, o.amplitude / ARCSEC, o.difference / ARCSEC, o.distance, o.chance)
+             for o in thing.own],
+        ),
+        *grid(
+            ("nearly equal", "and", "difference, arcsec rms", "of usual pairs", "chance"),
+            [(*one.serials, one.difference / ARCSEC, one.usual / ARCSEC, one.chance) for one in thing.pairs],
+        ),
+        *notes(thing.notes),
+    )  # fmt: skip
 
 
 def _made_by(processes: Sequence[MadeBy]) -> Sheet:

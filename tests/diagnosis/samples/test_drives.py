@@ -185,6 +185,17 @@ def test_a_size_that_no_workshop_makes_gives_way_to_a_plausible_cause() -> None:
     assert "a run over a whole output turn or more: over 39.6 deg" in rverror.to_text(found)
 
 
+@pytest.mark.parametrize(("size", "said"), [(0.0, True), (60.0, False)])
+def test_an_error_that_is_the_rounding_of_one_encoder_is_said(size: float, said: bool) -> None:
+    """A controller that divides the motor's encoder by the ratio and rounds to 16 bits calls that its output."""
+    time, theta = turns(600, 1.3)
+    theta = theta + 0.02 * np.sin(3 * theta)
+    step = 2 * np.pi / 2**16
+    output = np.round((theta + size * ARCSEC * np.cos(20 * theta)) / step) * step
+    found = rverror.diagnose(DRIVE, [rverror.run_from_arrays(input_angle=20 * theta, output_angle=output, time=time)])
+    assert any("rounding of output_angle, which is stored in steps of 19.78 arcsec" in n for n in found.notes) == said
+
+
 def test_runs_are_weighted_by_their_own_noise() -> None:
     time, theta = turns(1024)
     quiet = record(time, theta, np.cos(7 * theta) + 0.1 * red(8, 1024, 0.5))

@@ -22,6 +22,7 @@ from rverror.base.errors import InputError
 from rverror.runs.bench import columns as bench_columns
 from rverror.runs.bench import hdf5 as bench_hdf5
 from rverror.runs.bench import text as bench_text
+from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, run_text
 
@@ -382,7 +383,7 @@ def test_a_text_without_mapping_says_how_to_write_one(tmp_path: Path) -> None:
 # --- columns that are none --------------------------------------------------------------------------------------------
 
 NO_COLUMNS: dict[str, tuple[Any, str]] = {
-    "matrix": (np.zeros((3, N)), "is a matrix of 3 x 240; store a channel in each column"),
+    "matrix": (np.zeros((N, N)), "is a matrix of 240 x 240; store a channel in each column"),
     "empty": (np.zeros((0,)), "is empty"),
     "complex": (OUTPUT + 1j, "holds complex numbers"),
     "flags": (OUTPUT > 1, "holds true and false"),
@@ -436,7 +437,7 @@ def matrix_file(folder: Path, kind: str, **more: Any) -> Path:
 
 @pytest.mark.parametrize("kind", ["mat", "mat 4", "mat 7.3", "h5"])
 def test_matrix_with_a_channel_in_each_column(tmp_path: Path, kind: str) -> None:
-    file = matrix_file(tmp_path, kind, note=np.zeros((3, 4)))
+    file = matrix_file(tmp_path, kind, note=np.zeros((4, 4)))
     run = load(file, BY_NUMBER)
     same(run, standard(tmp_path))
     np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
@@ -449,6 +450,57 @@ def test_matrix_with_a_channel_in_each_column(tmp_path: Path, kind: str) -> None
     file = matrix_file(tmp_path, kind)
     beyond = BY_NUMBER.replace("column = 3", "column = 7")
     refusal(lambda: load(file, beyond), "there is no column 7", "line 5", "'data/3'")
+
+
+@pytest.mark.parametrize("kind", ["mat", "mat 4", "mat 7.3", "h5"])
+def test_matrix_with_a_channel_in_each_row(tmp_path: Path, kind: str) -> None:
+    """As Simulink's file blocks write it, one channel above the other."""
+    file = matrix_file(tmp_path, kind, data=MATRIX.T)
+    run = load(file, BY_NUMBER)
+    same(run, standard(tmp_path))
+    np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
+    assert all(f'"data/{number}"  {N} samples' in draft_mapping(file) for number in (1, 2, 3))
+
+
+def scope(*, separator: str = "\t", decimal: str = ",", slow: int = 1, ended: int = 0) -> str:
+    """A TwinCAT Scope export: a time column for each group of one sample time, 17 lines about the columns."""
+    keys = {
+        "Name": ("phi_in", "phi_out"), "SymbolComment": ("", ""), "Data-Type": ("REAL64", "INT32"),
+        "SampleTime[ms]": ("10", f"{10 * slow}"), "VariableSize": ("8", "4"), "SymbolBased": ("True", "True"),
+        "IndexGroup": ("16448", "16448"), "IndexOffset": ("385312", "385000"), "SymbolName": ("MAIN.in", "MAIN.out"),
+        "NetID": ("192.168.178.20.1.1",) * 2, "Port": ("851", "851"), "Offset": ("0", "0"), "ScaleFactor": ("1", "1"),
+        "BitMask": ("0xffffffffffffffff",) * 2, "Unit": ("deg (Angle)", "(None)"), "Unit ScaleFactor": ("1", "1"),
+        "Unit Offset": ("0", "0"),
+    }  # fmt: skip
+    head = [["Name", "drive"], ["File", "c:\\drive.csv"], ["Starttime of export", "132959733843760000"], [], []]
+    told = [[key, one, key, two] for key, (one, two) in keys.items()]
+    times = [f"{1e3 * t:.12g}" for t in TIME]
+    rows = [[t, f"{a:.12f}", t, f"{b:.12f}"] for t, a, b in zip(times, INPUT, OUTPUT, strict=True)]
+    rows += [["", "", "", ""]] * ended  # a group that is sampled more often goes on
+    told, rows = ([[*row, row[0], "2"] for row in told], [[*row, f"{i}", "7"] for i, row in enumerate(rows)])
+    rows = [[cell.replace(".", decimal) for cell in row] for row in rows]
+    return "\n".join(separator.join(row) for row in [*head, *told, [], *rows, ["EOF"]])
+
+
+@pytest.mark.parametrize(("separator", "decimal", "ended"), [("\t", ",", 0), (";", ".", 900), (",", ".", 900)])
+def test_twincat_scope_needs_only_names(tmp_path: Path, separator: str, decimal: str, ended: int) -> None:
+    """Offsets, ports and indices above the numbers are no samples; unit and time come from there."""
+    file = write(tmp_path, "scope.csv", scope(separator=separator, decimal=decimal, ended=ended))
+    draft = draft_mapping(file)
+    assert '#   "phi_in"  unit deg, every 0.01 s' in draft
+    assert '#   "phi_out"  every 0.01 s' in draft
+    assert "851" not in draft
+    run = load(file, draft.replace('unit = ""', 'unit = "deg"'))
+    same(run, standard(tmp_path), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(run.time, TIME, rtol=1e-12)
+    assert "16 lines below the names that describe the columns" in run.notes
+    assert any(note.startswith(f"{ended + 1} row") for note in run.notes)  # and the last line, EOF
+
+
+def test_twincat_scope_with_groups_of_two_rates_is_refused(tmp_path: Path) -> None:
+    """A row of it is then no instant."""
+    file = write(tmp_path, "scope.csv", scope(slow=2))
+    refusal(lambda: load(file, MAPPING.replace('"in"', '"phi_in"').replace('"out"', '"phi_out"')), "one rate")
 
 
 def times_of_day(start: float, step: float = 0.01, decimal: str = ".") -> list[str]:

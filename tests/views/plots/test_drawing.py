@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_missing
-from every_kind import compensation, every_kind, lot, matched, runs_compared, trend
+from every_kind import compensation, drive_lot, every_kind, lot, matched, runs_compared, trend
 from pages import DOCS
 from rverror import (
     Bench,
@@ -427,6 +427,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "trend": trend(),
         "runs compared": runs_compared(),
         "matched": matched(),
+        "lot of drives": drive_lot(),
     }
 
 
@@ -448,7 +449,7 @@ NAMES = (
     "efficiency", "contact pressure", "wear", "modes", "speeds", "run-up",
     "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation", "lot",
-    "trend", "runs compared", "matched",
+    "trend", "runs compared", "matched", "lot of drives",
 )  # fmt: skip
 
 
@@ -460,7 +461,7 @@ def test_every_kind_is_tried(things: dict[str, Any]) -> None:
 FULLEST = ("model", "reducer", "influence", "equilibrium", "torsion", "hysteresis", "efficiency", "contact pressure",
            "wear", "speeds", "run-up", "run", "order table", "compensation",
            "diagnosis", "torque ripple", "budget", "error budget", "virtual units", "allocation",
-           "lot", "trend", "runs compared", "matched")  # fmt: skip
+           "lot", "trend", "runs compared", "matched", "lot of drives")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

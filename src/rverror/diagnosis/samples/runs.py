@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -24,6 +25,7 @@ from rverror.runs.measurement import Run, torque_column
 from rverror.runs.spectrum import highest_order
 
 _TURN = 2 * np.pi
+_ROUNDED = 1.5  # times the rms of a rounding: two of them make 1.41
 _TORQUE_FLOOR = 1e-6  # of a torque's deviation: white noise that every reading has
 
 
@@ -109,6 +111,7 @@ def gather(model: Model, runs: Sequence[Run], *, policy: Policy = POLICY) -> tup
             )
         run.check_effects(model, name)
         notes += [f"{name}: {note}" for note in run.notes]
+        notes += _rounding(run, drive, name) if quantity == "angle" else []
         theta, signal, first = _signal(run, drive, name, quantity)
         if first:
             notes.append(f"{name}: {first} samples of standstill and run-up left out")
@@ -139,6 +142,35 @@ def gather(model: Model, runs: Sequence[Run], *, policy: Policy = POLICY) -> tup
         policy=policy,
     )
     return data, notes
+
+
+def _rounding(run: Run, drive: Drive, name: str) -> list[str]:
+    """What is to be noted of an error that is no more than the rounding of an angle: uniform, a step wide."""
+    found = []
+    for what, angle, over in (
+        ("output_angle", run.output_angle, 1.0),
+        ("input_angle", run.input_angle, abs(drive.ratio)),
+    ):
+        step = 0.0 if angle is None or run.te_column is not None else _step(angle) / over
+        if float(np.std(run.error(drive))) < _ROUNDED * step / math.sqrt(12):
+            found.append(
+                f"{name}: the error is no more than the rounding of {what}, which is stored in steps of "
+                f"{step / units.ARCSEC:.4g} arcsec; where no drive is that good, both angles are one encoder's"
+            )
+    return found
+
+
+def _step(angle: Array) -> float:
+    """Step of which all differences are multiples, by Euclid's algorithm; where there is none, their last digits."""
+    rounding = 1e-12 * max(1.0, float(np.abs(angle).max()))
+    left = np.diff(np.unique(angle))
+    left = left[left > rounding]
+    step = 0.0
+    while left.size:
+        step = float(left.min())
+        rest = left % step
+        left = rest[(rest > rounding) & (rest < step - rounding)]
+    return step
 
 
 def _is_torque_record(run: Run) -> bool:

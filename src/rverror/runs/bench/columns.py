@@ -133,8 +133,8 @@ def shape_problem(shape: tuple[int, ...]) -> str:
     --------
     >>> shape_problem((100, 1)), shape_problem((1, 100))
     ('', '')
-    >>> shape_problem((3, 100))
-    'is a matrix of 3 x 100; store a channel in each column, or as a vector of its own'
+    >>> shape_problem((100, 100))
+    'is a matrix of 100 x 100; store a channel in each column, or as a vector of its own'
     """
     size = int(np.prod(shape, dtype=object)) if shape else 1
     if size > MOST_SAMPLES:
@@ -148,15 +148,17 @@ def shape_problem(shape: tuple[int, ...]) -> str:
     return ""
 
 
-def channels(shape: tuple[int, ...]) -> int:
-    """Columns of a matrix with a channel in each: more rows than columns; 0 of anything else.
+def channel_axis(shape: tuple[int, ...]) -> int:
+    """Axis along which the channels of a matrix are counted, which is its shorter side; -1 of anything else.
 
     Examples
     --------
-    >>> channels((1000, 4)), channels((4, 1000)), channels((1000, 1))
-    (4, 0, 0)
+    >>> channel_axis((1000, 4)), channel_axis((4, 1000)), channel_axis((1000, 1)), channel_axis((9, 9))
+    (1, 0, -1, -1)
     """
-    return shape[1] if len(shape) == 2 and shape[0] > shape[1] > 1 and shape[1] <= MOST_COLUMNS else 0
+    if len(shape) != 2 or not 1 < min(shape) <= MOST_COLUMNS or shape[0] == shape[1]:
+        return -1
+    return int(shape[1] < shape[0])
 
 
 def kind_problem(dtype: np.dtype[Any]) -> str:

@@ -11,14 +11,23 @@ from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.file import is_bench_file, open_bench_file
 from rverror.runs.bench.guess import Guess, guesses
 from rverror.runs.bench.mapping import COUNTS, BenchMapping
-from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, seconds_of_day
-from rverror.runs.bench.text import SEPARATORS, decoded, split_cells, trimmed, unit_in_name
+from rverror.runs.bench.numerals import Undecided, found_decimal, is_number
+from rverror.runs.bench.text import (
+    SEPARATORS,
+    column_facts,
+    decoded,
+    described_columns,
+    split_cells,
+    trimmed,
+    unit_in_name,
+)
 from rverror.runs.reading import refuse
 
 #: Rows of numbers by which the beginning of a table is told.
 _ROWS = 3
 _LOOKED_AT = 1000
 _LONGEST_UNIT = 6
+_KEYS_OF_NAMES = ("name", "names", "channel", "kanal")
 _MOST_VALUES = 20
 _TO_FILL_IN = """
 [columns]  # input and output angle, or te and one of them; sign = -1 for an angle that counts the other way
@@ -135,7 +144,8 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
         If no rows of numbers are found.
     """
     separator, first = _table(path, lines)
-    names = _names_line(lines, separator, first)
+    top = _described_from(lines, separator, first)
+    names = _names_line(lines, separator, first) if top < 0 else top
     rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[first:]), _LOOKED_AT)]
     sign = found_decimal((cell for row in rows for cell in row), point_is_decimal=separator == ",")
     head = ["", "[file]", f"separator = {_quoted(separator)}"]
@@ -148,9 +158,11 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
         cells = [f"column {i + 1}" for i in range(len(rows[0]))]
     else:
         cells = trimmed(split_cells(lines[names], separator))
+    above = [line.strip() for line in lines[: names if names >= 0 else first] if line.strip()]
+    if top >= 0:
+        return head, column_facts(cells, [split_cells(line, separator) for line in lines[names + 1 : first]]), above
     below = split_cells(lines[first - 1], separator) if 0 <= names < first - 1 else []  # units in a line of their own
     units = [unit_in_name(cell) or word.strip("[]() ") for cell, word in zip_longest(cells, below, fillvalue="")]
-    above = [line.strip() for line in lines[: names if names >= 0 else first] if line.strip()]
     return head, [Entry(name=cell, unit=unit) for cell, unit in zip(cells, units, strict=False)], above
 
 
@@ -193,17 +205,23 @@ def _tables(lines: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> list
     return found
 
 
-def _is_number(cell: str) -> bool:
-    return any(Numerals(sign).parse(cell) is not None for sign in ".,") or seconds_of_day(cell) is not None
-
-
 def _is_numbers(row: Sequence[str]) -> bool:
-    return all(not cell or _is_number(cell) for cell in row)
+    return all(not cell or is_number(cell) for cell in row)
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
     """Tell a row of a report: numbers, and words such as those for the direction."""
-    return sum(map(_is_number, row)) > 1
+    return sum(map(is_number, row)) > 1
+
+
+def _described_from(lines: Sequence[str], separator: str, first: int) -> int:
+    """Line of the names where lines with keys in front, its own such as Name, tell of the columns; else -1."""
+    end = max((i + 1 for i in range(first) if lines[i].strip()), default=0)
+    top = max((i + 1 for i in range(end) if not lines[i].strip()), default=0)
+    block = [split_cells(line, separator) for line in lines[top:end]]
+    if not block or block[0][0].lower() not in _KEYS_OF_NAMES:
+        return -1
+    return top if described_columns([*block[1:], split_cells(lines[first], separator)]) == len(block) - 1 > 0 else -1
 
 
 def _names_line(lines: Sequence[str], separator: str, first: int) -> int:

@@ -233,7 +233,7 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         If there is none, it is one of several, or no column.
     """
     at = f" ({where.stated_at})" if where.stated_at else ""
-    if where.column and file.kind != "text":  # of a matrix with a channel in each column
+    if where.column and file.kind != "text":  # a channel of a matrix
         if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
             refuse(file.path, f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
         name = str(where.column)

@@ -14,7 +14,7 @@ from rverror.runs.bench.columns import (
     BenchFile,
     Entry,
     RawArray,
-    channels,
+    channel_axis,
     kind_problem,
     plain_number,
     refused_in_one_line,
@@ -90,11 +90,12 @@ def _of_dataset(name: str, data: Any) -> Iterator[Entry]:
         for column in data.dtype.names:  # a table: one entry for each of its columns
             yield Entry(name=f"{name}/{column}", size=int(data.size), problem=_problem(data, data.dtype[column]))
         return
-    shape = _shape(data)
-    for column in range(channels(shape)):  # a matrix: one entry for each of its columns
-        problem = _problem(data, data.dtype, shape[:1])
-        yield Entry(name=f"{name}/{column + 1}", unit=_unit(data), size=shape[0], problem=problem)
-    if channels(shape):
+    shape = tuple(data.shape or ())
+    if (axis := channel_axis(shape)) >= 0:  # a matrix: one entry for each of its channels
+        size = shape[1 - axis]
+        problem = _problem(data, data.dtype, (size,))
+        for number in range(shape[axis]):
+            yield Entry(name=f"{name}/{number + 1}", unit=_unit(data), size=size, problem=problem)
         return
     yield Entry(
         name=name,
@@ -102,12 +103,6 @@ def _of_dataset(name: str, data: Any) -> Iterator[Entry]:
         size=-1 if data.size is None else int(data.size),
         problem=_problem(data, data.dtype),
     )
-
-
-def _shape(data: Any) -> tuple[int, ...]:
-    """Shape as the program that wrote it has it: MATLAB stores a matrix column by column."""
-    shape = tuple(data.shape or ())
-    return shape[::-1] if "MATLAB_class" in data.attrs else shape
 
 
 def _problem(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...] | None = None) -> str:
@@ -131,7 +126,7 @@ def _array(h5py: Any, file: Any, name: str) -> RawArray:
     if data.dtype.names:
         return np.asarray(data.fields(column)[()])
     at = int(column) - 1
-    return np.asarray(data[at, :] if "MATLAB_class" in data.attrs else data[:, at])
+    return np.asarray(data[:, at] if channel_axis(data.shape) else data[at, :])
 
 
 def _unit(data: Any) -> str:

@@ -14,7 +14,7 @@ from rverror.runs.bench.columns import (
     BenchFile,
     Entry,
     RawArray,
-    channels,
+    channel_axis,
     plain_number,
     refused_in_one_line,
     shape_problem,
@@ -27,7 +27,7 @@ MOST_BYTES = 2_000_000_000
 
 
 def open_mat(path: PathLike) -> BenchFile:
-    """List the variables of a file; those of a structure as ``structure/field``, columns of a matrix as ``matrix/2``.
+    """List the variables of a file; those of a structure as ``structure/field``, channels of a matrix as ``matrix/2``.
 
     Raises
     ------
@@ -78,11 +78,12 @@ def _columns(variable: MatVariable, prefix: str) -> Iterator[tuple[Entry, RawArr
 
 
 def _of_array(name: str, array: RawArray) -> Iterator[tuple[Entry, RawArray]]:
-    """A vector, or each column of a matrix that has a channel in each."""
-    if count := channels(array.shape):
-        for column in range(count):
-            problem = shape_problem(array.shape[:1])
-            yield Entry(name=f"{name}/{column + 1}", size=array.shape[0], problem=problem), array[:, column]
+    """A vector, or each channel of a matrix."""
+    if (axis := channel_axis(array.shape)) >= 0:
+        size = array.shape[1 - axis]
+        for number in range(array.shape[axis]):
+            channel = array.take(number, axis)
+            yield Entry(name=f"{name}/{number + 1}", size=size, problem=shape_problem((size,))), channel
         return
     yield Entry(name=name, size=array.size, problem=shape_problem(array.shape)), array
 

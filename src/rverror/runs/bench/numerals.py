@@ -71,6 +71,17 @@ def seconds_of_day(cell: str) -> float | None:
     return 3600 * int(match[1]) + 60 * int(match[2]) + float(match[3].replace(",", "."))
 
 
+def is_number(cell: str) -> bool:
+    """Tell a number, with point or comma, or a time of day.
+
+    Examples
+    --------
+    >>> is_number("1,5"), is_number("12:00:01"), is_number("")
+    (True, True, False)
+    """
+    return any(Numerals(sign).parse(cell) is not None for sign in ".,") or seconds_of_day(cell) is not None
+
+
 @dataclass(frozen=True)
 class Undecided:
     """A cell that leaves the decimal sign open.

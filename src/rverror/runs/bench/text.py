@@ -5,16 +5,18 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice, zip_longest
 from typing import NoReturn
 
 import numpy as np
 
 from rverror.base.errors import InputError
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
-from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, seconds_of_day
+from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, is_number, seconds_of_day
 from rverror.runs.reading import COLUMN_NAME, COLUMNS, refuse
 
 #: Separators that are tried, in this order; blanks only for a draft.
@@ -22,6 +24,7 @@ SEPARATORS = (";", "\t", ",", "|", " ")
 _WORDS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "bar", " ": "blanks"}
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _PROPERTY = re.compile(r"[#%;\s\"]*([^:=\t;,|]+?)[\"\s]*[:=\t;,|]\s*(.*)$")
+_FAMILY = re.compile(r"(?<=\S)\s+\(.*\)$")  # of a unit: "deg (Angle)"
 _BLANKS = re.compile(r"[ \t]+")
 #: Most rows and bytes of a text, which is held in memory cell by cell.
 MOST_ROWS = 5_000_000
@@ -84,12 +87,16 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
     if len(rows) > MOST_ROWS:
         refuse(name, f"{len(rows):,} rows, at most {MOST_ROWS:,} are read; cut the recording into runs")
     table = [split_cells(lines[i], names.separator) for i in rows]
+    facts = table[: described_columns(table)] if names.cells else []
+    rows, table = rows[len(facts) :], table[len(facts) :]
     width = len(names.cells) or max(map(len, table))
     _check_widths(name, rows, table, width, names.separator)
     used = _used(names.cells, wanted) if names.cells else [int(number) - 1 for number in wanted]
+    more = _ended(table, used) if facts else 0  # where other columns were sampled more often
+    rows, table = rows[: len(rows) - more], table[: len(table) - more]
     numerals, decimal_note = _numerals(name, rows, table, [i for i in used if i < width], rules, names.separator)
     cells = names.cells or tuple(f"column {i + 1}" for i in range(width))
-    entries = tuple(Entry(name=cell, unit=unit_in_name(cell), size=len(rows)) for cell in cells)
+    entries = tuple(replace(entry, size=len(rows)) for entry in column_facts(cells, facts))
 
     def read(chosen: Sequence[Entry]) -> list[RawArray]:
         places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
@@ -105,6 +112,10 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
         notes.append(f"separator found in {place}: {_WORDS[names.separator]}")
     if above and not all(line.lstrip().startswith("#") for line in above):
         notes.append(f"column names found in {place}; what stands above is the preamble")
+    if facts:
+        notes.append(f"{count_of(len(facts), 'line')} below the names that describe the columns")
+    if more:
+        notes.append(f"{count_of(more, 'row')} of faster columns left out, which begin where the mapping's columns end")
     return BenchFile(
         path=name,
         kind="text",
@@ -298,6 +309,56 @@ def unit_in_name(cell: str) -> str:
     """
     match = _UNIT.search(cell)
     return match[1] if match else ""
+
+
+def described_columns(rows: Sequence[Sequence[str]]) -> int:
+    """Rows below the names that describe the columns: a word in the first cell, where those below have a number.
+
+    TwinCAT Scope writes some 16 of them, such as ``SampleTime[ms];1;1``, most of which hold numbers too.  Of a single
+    one, a line of units, the rows without numbers tell.
+
+    Examples
+    --------
+    >>> described_columns([["Port", "851"], ["Unit", "deg"], ["0", "1.5"]])
+    2
+    >>> described_columns([["s", "deg"], ["0", "1.5"]])
+    0
+    """
+    count = next((i for i, row in enumerate(rows) if not row[0] or is_number(row[0])), 0)
+    return count if count > 1 and rows[count][0] else 0
+
+
+def _ended(table: Sequence[Sequence[str]], used: Sequence[int]) -> int:
+    """Rows at the end in which none of the columns that are used has a cell."""
+    filled = (i for i in reversed(range(len(table))) if any(table[i][at : at + 1] not in ([], [""]) for at in used))
+    return len(table) - 1 - next(filled, len(table) - 1)
+
+
+def column_facts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[Entry]:
+    """Columns with the unit and the interval between samples that rows with a key in front state of them.
+
+    Parameters
+    ----------
+    names : sequence of str
+    rows : sequence of sequence of str
+        The key first, such as ``Unit`` or ``SampleTime[ms]``, then a cell for each column.
+
+    Examples
+    --------
+    >>> column_facts(["Name", "phi"], [["Unit", "deg (Angle)"], ["SampleTime[ms]", "0,5"]])[1]
+    Entry(name='phi', unit='deg', size=-1, problem='', increment=0.0005)
+    """
+    told = {row[0].lower(): row for row in rows}
+    units = [_FAMILY.sub("", cell).strip("[]() ") for cell in told.get("unit", ())]
+    intervals = [Numerals("," if "," in cell else ".").parse(cell) for cell in told.get("sampletime[ms]", ())]
+    return [
+        Entry(
+            name=name,
+            unit=unit_in_name(name) or (unit if unit and unit not in ("None", "Unit") else ""),
+            increment=(interval or 0.0) * 1e-3,
+        )
+        for name, unit, interval in islice(zip_longest(names, units, intervals), len(names))
+    ]
 
 
 def _properties(lines: Sequence[str]) -> Mapping[str, str]:

@@ -20,6 +20,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.geartrain.mechanism import Reducer
 from rverror.life.result import RunsCompared, Trend
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot
 from rverror.matching.result import Matched
 from rverror.model.asked import Equilibrium, Influence
@@ -48,7 +49,7 @@ from rverror.views.plots.diagnosed import (
 from rverror.views.plots.figure import new_figure, svg_element, to_bytes
 from rverror.views.plots.friction_losses import losses
 from rverror.views.plots.life_courses import compared_orders, trend_courses
-from rverror.views.plots.lots import lot_orders, lot_predicted, lot_processes, lot_shares
+from rverror.views.plots.lots import drive_lot_orders, lot_orders, lot_predicted, lot_processes, lot_shares
 from rverror.views.plots.matched_units import matched_errors
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.mode_shapes import mode_shape
@@ -133,6 +134,7 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         VirtualUnits: {"distribution": distribution},
         Allocation: {"widths": widths, "costs": costs, "front": front_of, "at_load": at_load},
         Lot: {"processes": lot_processes, "shares": lot_shares, "orders": lot_orders, "predicted": lot_predicted},
+        DriveLot: {"orders": drive_lot_orders},
         Trend: {"courses": trend_courses},
         RunsCompared: {"orders": compared_orders},
         Matched: {"errors": matched_errors},

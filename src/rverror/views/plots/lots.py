@@ -10,6 +10,7 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.units import DISPLAY_UNITS, to_display
+from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy
 from rverror.views.lot_words import process_name
 from rverror.views.plots.figure import (
@@ -109,6 +110,34 @@ def lot_orders(found: Lot, *, run: int = 0, ax: Axes | None = None) -> Axes:
     ax.set_xticks(place, labels, rotation=90 if len(labels) > 20 else 0, fontsize=8)
     ax.set(xlabel=ORDER, ylabel=f"rms over the units, {shown_unit('angle')}")
     titled(ax, "Spread of the units", *_of(found), found.conditions[run])
+    legend_below(ax)
+    return ax
+
+
+def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
+    """Amplitude of each unit by order, units that differ in it marked, and the mean wave with its 95 % interval.
+
+    Parameters
+    ----------
+    found : DriveLot
+    """
+    if not found.orders:
+        raise InputError("the lot has no order with more than noise to draw")
+    ax = axes_for(ax)
+    own = {(one.serial, one.order, one.condition) for one in found.own}
+    odd = np.array([[(s, o.order, o.condition) in own for o in found.orders] for s in found.serials])
+    place, sizes = np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle")
+    ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
+    mean, low, high = in_shown_unit(ends, "angle").T
+    ax.vlines(place[0] + 0.2, low, high, color=BLUE, lw=1.3)
+    ax.plot(place[0] + 0.2, mean, "_", color=BLUE, ms=9, label="mean wave, 95 % interval")
+    for some, mark, colour, label in ((~odd, "o", GREY, "a unit"), (odd, "D", ORANGE, "a unit that is off the others")):
+        ax.plot(place[some], sizes[some], mark, color=colour, ms=3.5, label=label)
+    ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)
+    ax.set_yscale("symlog", linthresh=max(float(np.median(sizes)), 1e-12))
+    top = 2.0 * max(float(sizes.max()), float(high.max()))
+    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", ylim=(0.0, top))
+    titled(ax, "Units by order", found.model, count_of(len(found.serials), "unit"))
     legend_below(ax)
     return ax
 
