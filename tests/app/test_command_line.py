@@ -750,7 +750,7 @@ def test_two_threads_find_what_one_does(found: Outcome, tmp_path: Path) -> None:
 @pytest.mark.parametrize("jobs", ["0", "-1"])
 def test_no_thread_does_no_work(bench: Path, jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("diagnose", "model.toml", "forward.csv", "--jobs", jobs) == 2
-    assert f"--jobs: {jobs} threads do no work; give 1 or more" in capsys.readouterr().err
+    assert f"--jobs: {jobs} threads cannot work; give 1 or more" in capsys.readouterr().err
 
 
 # --- the demo ---------------------------------------------------------------------------------------------------------

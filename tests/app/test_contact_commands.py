@@ -143,13 +143,13 @@ REFUSED = {
     ("efficiency", "--phase", "3 N*m, 9 rpm"): "'3 N*m, 9 rpm' is not torque, speed and time; write it like",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 0 h"): "hours = 0.0: must be above 0 in a phase of a duty; write it like",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--torque", "3 N*m"): "--torque: the phases of a duty have theirs",
-    ("efficiency", "--ambient", "20 degC"): "--ambient: is of a duty; give its phases with --phase",
+    ("efficiency", "--ambient", "20 degC"): "--ambient: for a duty cycle only; give its phases with --phase",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--lubricant", *["9 cSt"] * 2, "20 degC", "9 rpm"): (
         "--lubricant: viscosity_100 = 9 mm^2/s: must be below viscosity_40"
     ),
-    ("efficiency", "--count", "0"): "--count: 0 angles are none; give 1 or more",
+    ("efficiency", "--count", "0"): "--count: 0 is below 1; give 1 angle or more",
     ("efficiency", "--plot", "m.toml"): "this output is also an input",
-    ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' makes no loop; give more than 0",
+    ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' gives no loop; give more than 0",
     ("hysteresis", "--angle", "1 mm"): "--angle: ",
     ("pressure", "--disc-width", "9", "--gear-width", "8 mm"): "--disc-width: '9' has no unit; write it like '9 mm'",
     ("pressure", "--disc-width", "9 mm", "--gear-width", "0 mm"): "m.toml: gear_width = 0 mm: must be above 0",

@@ -115,7 +115,7 @@ def test_runs_are_compressed_and_told_of_later(
         (["lot", "--csv", "lot/u1/made.csv"], "it would lie in the folder of unit u1"),
         (["lot", "--tolerances", "none.toml"], "none.toml: there is no such file"),
         (["lot", "--save", "none/made.toml"], "there is no folder"),
-        (["lot", "--jobs", "0"], "--jobs: 0 processes do no work; give 1 or more"),
+        (["lot", "--jobs", "0"], "--jobs: 0 processes cannot work; give 1 or more"),
         (["lot", "--compress", "a.npz", "--csv", "a.csv"], "--compress: it tells of no process"),
         (["lot", "--compress", "lot/u1/a.npz"], "it would lie in the folder of unit u1"),
         (["lot", "--compress", "model.toml"], "model.toml: this output is also an input"),

@@ -197,7 +197,7 @@ def diagnose_folder(
     """
     tell = progress or (lambda text: None)
     if jobs is not None and jobs < 1:
-        raise InputError(f"jobs: {jobs} processes do no work; give 1 or more")
+        raise InputError(f"jobs: {jobs} processes cannot work; give 1 or more")
     root = Path(folder) if executor is None else Path(folder).absolute()  # workers elsewhere have another folder
     target = Path(out)
     units, notes = _units(root, target, _model(model, executor), _mapping(mapping, executor), pages=pages)

@@ -324,13 +324,13 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
     """File of each run: the one asked for, or beside it one for each label; none for standard output."""
     if options.output is None:
         if len(labels) > 1:
-            raise InputError(f"{len(labels)} runs ({', '.join(labels)}) are no one file; give a name, e.g. -o OUT.csv")
+            raise InputError(f"{len(labels)} runs ({', '.join(labels)}) need a file each; give a name, e.g. -o OUT.csv")
         return []
     if len(labels) == 1:
         return [options.output]
     base = Path(options.output)
     if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
-        raise InputError(f"--torque: {twice[0]} is asked for twice; give each torque once")
+        raise InputError(f"--torque: {twice[0]} is given twice; give each torque once")
     paths = [str(base.with_name(f"{base.stem}-{label}{base.suffix}")) for label in labels]
     for path in paths:
         check_output(path, [options.model])

@@ -152,7 +152,8 @@ def _with_causes(
         new = [load for load in new if not min(measured) <= load <= max(measured)]
     if not new or not measured or not isinstance(model.mechanism, Reducer):
         return model
-    tell(f"no run at {', '.join(with_unit(load, 'torque') for load in new)}: looking for causes, which foretell loads")
+    loads = ", ".join(with_unit(load, "torque") for load in new)
+    tell(f"no run at {loads}: looking for causes, which predict the error at other loads")
     with closing(Progress()) as progress:
         return diagnose(model, runs, progress=progress).model
 

@@ -170,7 +170,7 @@ def _efficiency(options: argparse.Namespace) -> None:
         return _of_cycle(options, theta)
     for name in (*(one for one, *_ in _HEAT), "lubricant", "save"):
         if _given(options, name) is not None:
-            raise InputError(f"--{name}: is of a duty; give its phases with --phase")
+            raise InputError(f"--{name}: for a duty cycle only; give its phases with --phase")
     torques = [_torque(text) for text in options.torque or ()]
     model, unit = _loaded(options)
     found: list[Efficiency] = []
@@ -225,7 +225,7 @@ def _hysteresis(options: argparse.Namespace) -> None:
     model, unit = _loaded(options)
     top = _rated(options, unit) if largest is None else largest
     if not top > 0:
-        raise InputError(f"--torque: {options.torque!r} makes no loop; give more than 0")
+        raise InputError(f"--torque: {options.torque!r} gives no loop; give more than 0")
     lost = None if unit.rated_torque is None else _LOST_MOTION * unit.rated_torque
     sizes = {share * top for share in _SHARES} | ({lost} if lost is not None and lost <= top else set())
     torques = [units.InCore(size) for size in sorted({0.0, *sizes, *(-size for size in sizes)})]
@@ -275,7 +275,7 @@ def _of_file(path: str) -> Iterator[None]:
 
 def _turn(options: argparse.Namespace) -> Array:
     if options.count < 1:
-        raise InputError(f"--count: {options.count} angles are none; give 1 or more")
+        raise InputError(f"--count: {options.count} is below 1; give 1 angle or more")
     return np.linspace(0, 2 * math.pi, options.count, endpoint=False)
 
 

@@ -143,7 +143,7 @@ def check_output(path: str | None, inputs: Sequence[str]) -> None:
 def check_jobs(jobs: int | None, what: str) -> None:
     """Refuse a number of threads or processes that do no work."""
     if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs: {jobs} {what} do no work; give 1 or more")
+        raise InputError(f"--jobs: {jobs} {what} cannot work; give 1 or more")
 
 
 def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
