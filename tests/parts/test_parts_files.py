@@ -24,7 +24,7 @@ encoding = "cp1252"
 key = "cycloid.disc_bore_position"
 crank = 1
 radial = { name = "Bohrung 1 r [µm]", unit = "um", uncertainty = "0.4 um" }
-tangential = { name = "Bohrung 1 t [µm]", unit = "um", sign = -1, uncertainty = "0.7 um" }
+tangential = { name = "Bohrung 1 t [µm]", unit = "um", sign = -1, nominal = "1 um", uncertainty = "0.7 um" }
 [[error]]
 key = "cycloid.disc_pitch"
 harmonic = 1
@@ -54,7 +54,7 @@ def test_a_row_for_each_part(tmp_path: Path) -> None:
     assert [(part.kind, part.serial) for part in found.parts] == [("disc", "D17"), ("disc", "D18"), ("disc", "D19")]
     bore, pitch = found.parts[0].errors
     assert (bore.key, dict(bore.indices), bore.uncertainty) == ("cycloid.disc_bore_position", {"crank": 1}, 0.7e-3)
-    assert bore.values == pytest.approx((1.5e-3, 2e-3))
+    assert bore.values == pytest.approx((1.5e-3, -(-2e-3 - 1e-3)))
     assert pitch.values == pytest.approx((0.5 * (4e-3 - 2e-3), 0.0))
     assert pitch.uncertainty == pytest.approx(0.5e-3)
     assert [error.key for error in found.parts[2].errors] == ["cycloid.disc_pitch"]
@@ -259,6 +259,15 @@ def test_what_is_wrong_is_one_line_with_a_remedy(tmp_path: Path, name: str) -> N
         (COMMON + "1\x0f2\x0f3\n", "line 8: .* nor values of 2 characteristics"),
         (COMMON + "K0001/1 1\nK0001/1 2\nK0001/2 3\n", "2 of 'pitch', 1 of 'bore', and not all have a serial number"),
         (COMMON + "K0001/1 1\nK0014/1 P1\nK0001/1 2\nK0014/1 P1\n", "'P1' has 'pitch' twice"),
+        (
+            "K1001/1 a\nK2002/1 pitch\nK2142/1 mm\nK0001/1 1\nK1001/2 b\nK2002/2 pitch\nK2142/2 um\nK0001/2 1\n",
+            "'pitch' has more than one unit",
+        ),
+        (
+            COMMON.replace("bore", "pitch").replace("K2101/2 22\nK2142/2 mm\n", "K2142/2 µm\n")
+            + "K0001/1 1\nK0001/2 2\n",
+            "two characteristics of a part are named 'pitch'",
+        ),
         (COMMON + "K0001/1/9 1\n", "line 8: value 9 of characteristic 1, which has 0"),
         (COMMON + "K0001/1 1\nK0001/2 22.001\n", "no serial number"),
     ],

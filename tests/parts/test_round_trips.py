@@ -11,6 +11,8 @@ import scipy
 
 import rverror
 from pages import ROOT
+from rverror.geartrain.contacts import pose
+from rverror.geartrain.cycloid import disc_lobe
 from rverror.parts import fits
 
 sys.path.append(str(ROOT))
@@ -31,10 +33,18 @@ def read(folder: Path, mapping: str, lines: str) -> rverror.PartsRead:
 )
 def test_stated_uncertainty_holds(name: str, count: int) -> None:
     """95.4 % of a normal distribution lie within 2 sigma; the trial in benchmarks/ counts 300 parts of each."""
-    found = np.concatenate([each for _, each in trial.deviations(name, count, 1)])
+    by_effect = list(trial.deviations(name, count, 1))
+    found = np.concatenate([each for _, each in by_effect])
     within = int(np.sum(np.abs(found) <= 2))
     low, high = scipy.stats.binom.interval(1 - 1e-4, found.size, 0.9545)
     assert low <= within <= high, f"{within} of {found.size}"
+    # of pitch alone too: of a radius, read along its ray, the flanks tell more than the crests
+    for part in (
+        found,
+        np.concatenate([each for key, each in by_effect if "pitch" in key or "pin_" in key] or [found]),
+    ):
+        low, high = scipy.stats.chi2.interval(1 - 1e-3, part.size)
+        assert low <= part @ part <= high, f"{part @ part / part.size} times the variance"
 
 
 def test_a_scan_without_noise_has_hardly_an_error(tmp_path: Path) -> None:
@@ -48,13 +58,10 @@ def test_a_scan_without_noise_has_hardly_an_error(tmp_path: Path) -> None:
 def test_a_worn_lobe_is_found_where_the_catalogue_counts_it(place: int) -> None:
     """The bump of `cycloid.disc_lobe` itself, at the crest that the equilibrium's contact angle tells."""
     lobe = 11
-    roll, curve, outward = trial.nominal_disc(place, 400)
+    _, curve, outward = trial.nominal_disc(place, 400)
     psi = np.angle(curve)
     # the catalogue's own vector, asked at the contacts of one crank turn: which psi does its lobe cover?
     theta = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
-    from rverror.geartrain.contacts import pose
-    from rverror.geartrain.cycloid import disc_lobe
-
     motion = pose(UNIT, theta)
     source = disc_lobe(motion, disc=place, lobe=lobe)
     size = np.linalg.norm(np.asarray(source.vector)[0, 0], axis=-2)
@@ -89,6 +96,16 @@ def test_a_scan_about_the_bores_tells_their_places(tmp_path: Path) -> None:
     assert max(abs(v) for e in part.errors if e not in bores for v in e.values) < 0.02 * UM
 
 
+def test_a_disc_that_is_made_for_another_place(tmp_path: Path) -> None:
+    _, curve, _ = trial.nominal_disc(1, 20)
+    lines = trial.table("angle,radius", np.degrees(np.angle(curve)), abs(curve))
+    assert any("those of disc 1" in note for note in read(tmp_path, trial.LOBES, lines).notes)
+    with pytest.raises(rverror.InputError, match="place = 0, but its lobes stand as those of disc 1; correct place"):
+        read(tmp_path, trial.LOBES + "place = 0\n", lines)
+    with pytest.raises(rverror.InputError, match="place = 2: a unit has discs 0 to 1"):
+        read(tmp_path, trial.LOBES + "place = 2\n", lines)
+
+
 def test_a_deviation_scan_says_what_a_radius_scan_says(tmp_path: Path) -> None:
     """A wave of profile and nothing else, as deviations along the normal at polar angles."""
     angle = np.linspace(0, 2 * np.pi, 20 * UNIT.disc_lobes, endpoint=False)
@@ -117,6 +134,21 @@ def test_a_datum_takes_what_the_page_says(tmp_path: Path, datum: str, lost: tupl
     assert by_wave[0] == pytest.approx((grown, 0, tangential, 0), abs=1e-3 * UM)
     assert by_wave[1] == pytest.approx((x, y, y, -x), abs=1e-3 * UM)
     assert by_wave[2] == pytest.approx((0, 0, 0, 0), abs=1e-3 * UM)
+    # a wave over n pins has the variance 2/n of a reading, wave 0 of it half; of wave 1 moving takes half
+    spread = {error.indices["harmonic"]: (error.uncertainty or 0.0) / (0.5 * UM) for error in part.errors}
+    assert spread[0] == pytest.approx(np.sqrt(1 / UNIT.pins), rel=0.01)
+    assert spread[1] == pytest.approx(np.sqrt((1 if "move" in lost else 2) / UNIT.pins), rel=0.01)
+    assert spread[2] == pytest.approx(np.sqrt(2 / UNIT.pins), rel=0.01)
+
+
+def test_single_places_are_as_sure_as_the_datum_leaves_them(tmp_path: Path) -> None:
+    """Two cams, turned in centres: of the tangential errors the turn takes half, of the radial ones nothing."""
+    cams = UNIT.eccentricity * np.array([1, -1])
+    mapping = trial.PINS.replace("housing", "crank").replace("diameter", "# diameter").replace('"fit"', '"axis"')
+    (part,) = read(tmp_path, mapping, trial.table("pin,x,y,d", [0, 1], cams, 0 * cams, 0 * cams)).parts
+    for error in part.errors:
+        assert error.values == (0.0, 0.0)
+        assert error.uncertainty == pytest.approx(0.5 * UM * np.sqrt((1 + 0.5) / 2), rel=0.01)
 
 
 def test_waves_of_a_ring_are_its_single_pins(tmp_path: Path) -> None:

@@ -44,10 +44,11 @@ def test_parts_stand_at_their_places() -> None:
 @pytest.mark.parametrize(
     ("parts", "places", "told"),
     [
-        (DISCS, {"disc": ["D17", "D99"]}, "place 'disc': 'D99' is not among the measured parts: D17, D18"),
+        (DISCS, {"disc": ["D17", "D99"]}, "place 'disc': 'D99' is not among the measured parts, D17, D18"),
         (DISCS, {"disc": ["D17", "D17"]}, "2 parts of kind disc for 2 in a unit; say which, each once"),
         (DISCS, {"crank": ["C1"]}, "place 'crank': 'C1' is not among"),
         (DISCS, {"wheel": ["C1"]}, "place 'wheel': 'C1' is not among"),
+        (DISCS, {"wheel": []}, "place 'wheel': '' is not among"),
         ([*DISCS, disc("D19", "1 um")], None, "3 parts of kind disc for 2 in a unit; say which"),
         (DISCS[:1], None, "1 parts of kind disc for 2"),
     ],

@@ -1,4 +1,4 @@
-"""Q-DAS ASCII transfer format (AQDEF), .dfq or .dfd beside .dfx: a table with a row for each piece.
+"""Q-DAS ASCII transfer format (AQDEF), .dfq or .dfd with .dfx: a table with a row for each piece.
 
 aqdefreader, the reader that there is, leaves out serial numbers (K0014) and description files, so the few K-fields that
 parts need are read here.
@@ -24,7 +24,7 @@ _PORTIONS = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K00
 _BETWEEN_VALUES, _BETWEEN_FIELDS = "\x0f", "\x14"
 #: Of K0002: a value that was marked as none.  Of K2004: counted, not measured.
 _NO_VALUE, _COUNTED = ("255", "256"), ("1", "5", "6")
-#: Fields that are columns beside the characteristics: of the part, and of the value.
+#: Fields that are columns in addition to the characteristics: of the part, and of the value.
 _OF_PART, _OF_VALUE = ("K1001", "K1002"), ("K0014", "K0006", "K0004")
 #: Fields of a characteristic or a value, by their names.
 _Fields = dict[str, str]
@@ -60,7 +60,12 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
     rows = [row for part in {id(part): part for part, _, _ in measured}.values() for row in _rows(name, part, measured)]
     if not rows:
         raise InputError(f"{name}: no measured values (K0001) in it; export them with their description")
-    unit = {_name(fields): fields.get("K2142", "") for _, fields, _ in measured}
+    unit: _Fields = {}
+    nominal: _Fields = {}
+    for _, fields, _ in measured:
+        for held, key, what in ((unit, "K2142", "unit"), (nominal, "K2101", "nominal value")):
+            if held.setdefault(_name(fields), fields.get(key, "")) != fields.get(key, ""):
+                raise InputError(f"{name}: {shown(_name(fields))} has more than one {what} ({key}); split the file")
     columns = [
         *unit,
         *(each for each in (*_OF_PART, *_OF_VALUE) if each == "K0014" or any(each in row for row in rows)),
@@ -73,17 +78,11 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
         numbers = ([plain_number(word.replace(",", ".")) for word in words(entry)] for entry in chosen)
         return [np.array(each, dtype=np.float64) for each in numbers]  # None is NaN
 
+    entries = tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns)
     return BenchFile(
-        path=name,
-        kind="text",
-        entries=tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns),
-        read=read,
-        words=words,
-        notes=notes,
-        noun="piece",
-        labels=np.arange(len(rows)) + 1,
-        parse=plain_number,
-    ), {_name(fields): fields["K2101"] for _, fields, _ in measured if "K2101" in fields}
+        path=name, kind="text", entries=entries, read=read, words=words, notes=notes, noun="piece",
+        labels=np.arange(len(rows)) + 1, parse=plain_number,
+    ), nominal  # fmt: skip
 
 
 def _name(fields: _Fields) -> str:
@@ -152,6 +151,9 @@ def _characteristics(name: str, lines: Sequence[tuple[str, str]]) -> list[tuple[
 
 def _rows(name: str, part: _Fields, measured: Sequence[tuple[_Fields, _Fields, list[_Fields]]]) -> Iterator[_Fields]:
     """Pieces of one part number: values of one serial number (K0014), else values of one place in the order."""
+    names = [_name(fields) for one, fields, values in measured if one is part and values]
+    if twice := [each for each in names if names.count(each) > 1]:
+        raise InputError(f"{name}: two characteristics of a part are named {shown(twice[0])}; give each its own K2002")
     own = {_name(fields): values for one, fields, values in measured if one is part and values}
     by_serial = all("K0014" in value for values in own.values() for value in values)
     if not by_serial and len({len(values) for values in own.values()}) > 1:

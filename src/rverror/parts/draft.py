@@ -22,15 +22,12 @@ _WORDS = {
     "serial": r"serial.*|serien.*|sn|s/n|id|part.*|teil.*|werkst.*|k0014",
     "number": r"(pin|bore|bohrung|cam|nocken|tooth|zahn|stift|bolzen)s?( ?(no|nr|number|index)\.?)?|no\.?|nr\.?|index",
     "angle": r"angle|winkel|phi|theta|azimuth",
-    "radius": r"r|rad|radius",
-    "deviation": r"dev|deviation|abweichung",
-    "x": r"x",
-    "y": r"y",
+    "radius": r"r|rad|radius", "deviation": r"dev|deviation|abweichung", "x": r"x", "y": r"y",
     "diameter": r"d|dia|diameter|durchmesser",
     "pitch": r"f_?p|single pitch|pitch|teilung|teilungseinzelabweichung",
     "cumulative": r"f_?p_?k|cumulative( pitch)?|summenteilung|teilungssummenabweichung",
     "runout": r"f_?r|run-?out|rundlauf",
-}
+}  # fmt: skip
 
 
 def draft_parts_mapping(path: PathLike) -> str:

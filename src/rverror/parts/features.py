@@ -81,12 +81,10 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
     try:
         if feature.name == "lobes":
             return _lobes(feature, readings, reducer)
-        return (
-            _teeth(feature, kind, readings, reducer)
-            if feature.name == "teeth"
-            else _places(feature, kind, readings, reducer)
-        )
-    except fits.UntoldError as error:
+        if feature.name == "teeth":
+            return _teeth(feature, kind, readings, reducer)
+        return _places(feature, kind, readings, reducer)
+    except fits.UnresolvedError as error:
         raise InputError(f"{readings.where}, [{feature.name}]: {error}") from error
 
 
@@ -94,7 +92,8 @@ def _errors(key: str, index: str, numbers: Iterable[int], sized: tuple[Array, Ar
     """An error for each number, of a row of components and of their uncertainties, whose mean square counts."""
     found = []
     for number, row, own in zip(numbers, *sized, strict=True):
-        known = own[own > _EXACT * np.nanmax(own, initial=0.0)]  # a datum leaves others no error at all
+        known = own[np.isfinite(own)]
+        known = known[known > _EXACT * known.max(initial=0.0)]  # a datum leaves others no error at all
         sigma = float(f"{np.hypot(np.sqrt(np.mean(known**2)), feature.common):.3g}") if known.size else None
         sizes = tuple(round(float(value), _DECIMALS) + 0.0 for value in row)
         found.append(Effect(key, MappingProxyType({index: number} if index else {}), sizes, sigma))
@@ -204,21 +203,23 @@ def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) ->
 
 
 def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
-    columns, angles, place = readings.columns, readings.columns["angle"], feature.place
+    columns, angles, radial = readings.columns, readings.columns["angle"], "radius" in readings.columns
     _check_gap(readings.where, angles, 2 * np.pi / reducer.disc_lobes)
-    if place is not None and place >= reducer.discs:
-        raise InputError(f"{readings.where}: place = {place}: the unit has discs 0 to {reducer.discs - 1}; correct it")
-    if "radius" in columns:
+    if (feature.place or 0) >= reducer.discs:
+        raise InputError(
+            f"{readings.where}: place = {feature.place}: a unit has discs 0 to {reducer.discs - 1}; correct it"
+        )
+    if radial:
         points = columns["radius"] * np.exp(1j * angles)
     else:
-        place = place or 0
-        points = fits.lobe_points(reducer, angles, columns["deviation"], place)
+        points = fits.lobe_points(reducer, angles, columns["deviation"], feature.place or 0)
     H, M = feature.harmonics, feature.lobe_harmonics
     sigma = readings.stated("radius", "deviation")
-    found = fits.fit_lobes(
-        reducer, points, harmonics=H, lobe_harmonics=M, sigma=sigma, radial="radius" in columns, place=place
-    )
-    # cos 0 has no sine beside it
+    found = fits.fit_lobes(reducer, points, harmonics=H, lobe_harmonics=M, sigma=sigma, radial=radial)
+    if feature.place not in (None, found.place):
+        raise InputError(f"{readings.where}: place = {feature.place}, but its lobes stand as those of disc "
+                         f"{found.place}; correct place, or the zero of the angle")  # fmt: skip
+    # cos 0 has no sine
     both = [np.insert(each, 4 + 4 * H, np.nan) for each in (found.estimate.values, found.estimate.sigmas)]
     both[0] = np.nan_to_num(both[0])
     setup, profile, pitch, over, single = zip(

@@ -29,7 +29,7 @@ _ROWS, _POINTS = 50_000, 4096
 _SETTLED = 1e-9
 
 
-class UntoldError(ValueError):
+class UnresolvedError(ValueError):
     """Readings that do not tell apart what is fitted to them; the message has the remedy."""
 
 
@@ -70,7 +70,7 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthog
 
     Raises
     ------
-    UntoldError
+    UnresolvedError
         If there are fewer readings than errors, or the readings do not tell these apart.
 
     Examples
@@ -84,12 +84,14 @@ def least_squares(blocks: Iterable[tuple[Array, Array]], sigma: float, *, orthog
     gram, moment, square, count = (sum(each) for each in zip(*parts, strict=True))
     scale = np.sqrt(np.diag(gram))
     free = count - scale.size
-    untold = UntoldError("the readings do not tell the errors apart; measure more places, or ask for fewer harmonics")
+    unresolved = UnresolvedError(
+        "the readings do not tell the errors apart; measure more places, or ask for fewer harmonics"
+    )
     if free < 0 or not scale.all():
-        raise untold
+        raise unresolved
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     if values[0] * _WORST_CONDITION < values[-1]:
-        raise untold
+        raise unresolved
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
     found = inverse @ moment
     left = max(float(square - moment @ found), 0.0)
@@ -318,7 +320,6 @@ def fit_lobes(
     lobe_harmonics: int,
     sigma: float = np.nan,
     radial: bool = True,
-    place: int | None = None,
 ) -> LobeFit:
     """Fit the errors of a disc's lobes to points of its profile.
 
@@ -333,8 +334,6 @@ def fit_lobes(
         Uncertainty of a reading, mm; NaN where none is stated.
     radial : bool
         Whether that is of the radius, along the ray, not along the normal of the profile.
-    place : int, optional
-        Which disc of the unit; told by the lobes where left out.
 
     Returns
     -------
@@ -342,11 +341,10 @@ def fit_lobes(
 
     Raises
     ------
-    UntoldError
+    UnresolvedError
         If the points do not tell the errors apart, or are not those of such a disc.
     """
-    place = _place(reducer, points) if place is None else place
-    moved, turn, lobes = 0j, 0.0, list[int]()
+    place, moved, turn, lobes = _place(reducer, points), 0j, 0.0, list[int]()
 
     def blocks() -> Iterator[tuple[Array, Array, npt.NDArray[np.int64], Array]]:
         for at in range(0, points.size, _ROWS):
@@ -371,7 +369,9 @@ def fit_lobes(
         if len(lobes) == _MOST_LOBES or score.max() < _STANDS_OUT:
             return LobeFit(place, found, tuple(lobes), moved * np.exp(-1j * turn), turn)
         lobes = [*lobes, int(score.argmax())]
-    raise UntoldError("the lobes of the unit are not found in it; check the units, the sign and the zero of its angle")
+    raise UnresolvedError(
+        "the lobes of the unit are not found in it; check the units, the sign and the zero of its angle"
+    )
 
 
 def _first_root(reducer: Reducer, place: int) -> float:

@@ -21,30 +21,22 @@ _OF_FILE = "file"
 #: Columns of each feature with their dimension; those of which it needs one each; kinds of parts; its other keys.
 FEATURES: dict[str, tuple[dict[str, str], tuple[tuple[str, ...], ...], tuple[str, ...], tuple[str, ...]]] = {
     "circles": (
-        {"number": "", "angle": "angle", "radius": "length"},
-        (("number",), ("angle",), ("radius",)),
-        ("crank", "disc", "carrier"),
-        ("datum", "common"),
+        {"number": "", "angle": "angle", "radius": "length"}, (("number",), ("angle",), ("radius",)),
+        ("crank", "disc", "carrier"), ("datum", "common"),
     ),
     "lobes": (
-        {"angle": "angle", "radius": "length", "deviation": "length"},
-        (("angle",), ("radius", "deviation")),
-        ("disc",),
-        ("datum", "common", "harmonics", "lobe_harmonics", "place"),
+        {"angle": "angle", "radius": "length", "deviation": "length"}, (("angle",), ("radius", "deviation")),
+        ("disc",), ("datum", "common", "harmonics", "lobe_harmonics", "place"),
     ),
     "places": (
-        {"number": "", "x": "length", "y": "length", "diameter": "length"},
-        (("number",), ("x",), ("y",)),
-        ("housing", "disc", "carrier", "crank"),
-        ("datum", "common", "harmonics"),
+        {"number": "", "x": "length", "y": "length", "diameter": "length"}, (("number",), ("x",), ("y",)),
+        ("housing", "disc", "carrier", "crank"), ("datum", "common", "harmonics"),
     ),
     "teeth": (
         {"number": "", "pitch": "length", "cumulative": "length", "runout": "length"},
-        (("number",), ("pitch", "cumulative")),
-        ("planet", "sun", "disc"),
-        ("common", "harmonics", "zero", "sense"),
+        (("number",), ("pitch", "cumulative")), ("planet", "sun", "disc"), ("common", "harmonics", "zero", "sense"),
     ),
-}
+}  # fmt: skip
 #: What the axes of a feature can be.
 DATUMS = {"circles": ("fit", "axis", "given"), "lobes": ("fit", "bores"), "places": ("fit", "axis", "given")}
 #: Waves where nothing is said, and most of them.

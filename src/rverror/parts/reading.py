@@ -157,23 +157,22 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     notes += file.notes
     bench = BenchMapping(path=rules.path, text=rules.text)
     entries = [found_entry(file, bench, where) for where in places]
+    labels, words = file.labels, file.words
+    assert labels is not None  # of a text
+    assert words is not None
 
     def at(row: int) -> str:
-        return f"{file.path}, {file.noun} {row if file.labels is None else file.labels[row]}"
+        return f"{file.path}, {file.noun} {labels[row]}"
 
     notes += left_out_columns(file, entries)
     for group in rules.groups:
         columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
         given = np.isfinite(list(columns.values())).all(axis=0)
-        serials = [Path(path).stem] * given.size
-        if serial:
-            assert file.words is not None  # of a text
-            serials = [word.strip() for word in file.words(entries[-1])]
-        labels = np.arange(given.size) if file.labels is None else file.labels
-        what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
+        serials = [word.strip() for word in words(entries[-1])] if serial else [Path(path).stem] * given.size
         if not given.all():
-            notes.append(f"{count_of(int((~given).sum()), 'row')} left out{what}, a cell holds no number: {file.noun} "
-                         f"{some(labels[~given])}")  # fmt: skip
+            what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
+            lost = f"{count_of(int((~given).sum()), 'row')} left out{what}"
+            notes.append(f"{lost}, a cell holds no number: {file.noun} {some(labels[~given])}")
         rows: list[int] = np.flatnonzero(given).tolist()
         found: Iterable[tuple[int, str, Effect]]
         if isinstance(group, ErrorColumns):
@@ -193,18 +192,13 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
 
 
 def _of_feature(
-    feature: Feature,
-    kind: str,
-    rows: Mapping[str, list[int]],
-    places: Callable[[int], str],
-    columns: Mapping[str, Array],
-    reducer: Reducer,
-    notes: list[str],
-) -> Iterator[tuple[int, str, Effect]]:
+    feature: Feature, kind: str, rows: Mapping[str, list[int]], at: Callable[[int], str], columns: Mapping[str, Array],
+    reducer: Reducer, notes: list[str],
+) -> Iterator[tuple[int, str, Effect]]:  # fmt: skip
     """Errors of each part with its first row."""
     left: dict[str, list[tuple[float, str]]] = {}
     for serial, own in rows.items():
-        where = f"{places(own[0])}, {kind} {shown(serial)}"
+        where = f"{at(own[0])}, {kind} {shown(serial)}"
         readings = Readings(where, {key: values[own] for key, values in columns.items()}, feature.sigmas)
         errors, rest = feature_errors(feature, kind, readings, reducer)
         for what, size in rest.items():

@@ -52,7 +52,7 @@ def unit_of_parts(
     Parameters
     ----------
     model : Model
-        What is known beside them.
+        What else is known of the unit.
     parts : sequence of MeasuredPart
     places : mapping of str to sequence of str, optional
         Serial numbers by kind, in the order of the places: ``{"disc": ["D17", "D18"]}``.  Of a kind that is left out
@@ -66,7 +66,7 @@ def unit_of_parts(
     Raises
     ------
     InputError
-        If a serial number or its place cannot be told, or the model declares an error that was measured.
+        If a serial number is unknown, a place has no part, or the model declares an error that was measured.
 
     Examples
     --------
@@ -119,11 +119,10 @@ def mounted_parts(
     for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
         chosen = tuple((places or {}).get(kind, measured.get(kind, ())))
         unknown = [serial for serial in chosen if serial not in measured.get(kind, ())]
-        if unknown:
-            known = ", ".join([*measured.get(kind, ["no such kind"])[:5], "..."])
-            raise InputError(
-                f"place {shown(kind)}: {shown(unknown[0])} is not among the measured parts: {known}; correct it"
-            )
+        if unknown or kind not in KINDS:
+            known = ", ".join([*measured.get(kind, ())[:5], "..."])
+            wrong = shown([*unknown, ""][0])
+            raise InputError(f"place {shown(kind)}: {wrong} is not among the measured parts, {known}; correct it")
         count = counts[KINDS[kind][1]]
         if len(chosen) != count or len(set(chosen)) < count:
             example = ",".join([*measured[kind], "..."][:count])
