@@ -17,7 +17,7 @@ from rverror.base.numbers import count_of
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
-from rverror.matching.mounting import Place, mounted, places_of
+from rverror.matching.mounting import Place, at_first_place, mounted, places_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
 from rverror.model.effects import Model, check_model
@@ -129,6 +129,7 @@ class _PartsAtPlaces:
     parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place but that of the kit
     pools: tuple[int, ...]
     columns: PlacedErrors  #: of these places, then of the grooves
+    before: Mapping[str, int]  #: pitches by which a disc was turned to be as those of the first place that it fits
     rollers: tuple[MeasuredPart, ...]
     kits: Ints  #: (kits, pins): rollers as they come
     notes: tuple[str, ...]
@@ -180,6 +181,8 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
     if not parts:
         raise InputError("parts: there is none; give measured parts of two kinds or more")
     _check_parts(reducer, parts)
+    turned = {part.serial: at_first_place(part, reducer) for part in parts if part.kind == "disc"}
+    parts = [turned[part.serial][0] if part.kind == "disc" else part for part in parts]
     given = {kind: [part for part in parts if part.kind == kind] for kind in KINDS}
     places = [p for kind in KINDS if given[kind] and kind != "roller" for p in places_of(reducer, kind, turns=turns)]
     fits = {p: tuple(part for part in given[p.kind] if part.made_for == p.made_for) for p in places}
@@ -216,7 +219,16 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
                 f"{one.key}: the model declares it, and parts have it as measured; take it out of the model"
             )
     return _PartsAtPlaces(
-        model, reducer, every, tuple(fits[p] for p in places), tuple(pools), columns, rollers, kits, tuple(notes)
+        model,
+        reducer,
+        every,
+        tuple(fits[p] for p in places),
+        tuple(pools),
+        columns,
+        {serial: turn for serial, (_, turn) in turned.items()},
+        rollers,
+        kits,
+        tuple(notes),
     )
 
 
@@ -230,9 +242,9 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
     for part in parts:
         counted = KINDS[part.kind][1]
         errors = part.at(None if counted is None else 0)
-        first = {places_of(reducer, "disc")[n].made_for for n in range(reducer.discs)} if part.kind == "disc" else {0}
-        if part.made_for not in first:
-            raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: give one of {sorted(first)}")
+        most = reducer.discs - 1 if part.kind == "disc" else 0
+        if not 0 <= part.made_for <= most:
+            raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: must be from 0 to {most}")
         try:
             Model(reducer, errors)
         except ValueError as problem:
@@ -437,7 +449,8 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
         for at, place in enumerate(lot.places[: len(lot.parts)]):
             part = lot.parts[at][built.assembly.part[number, at]]
             turn = place.turns[built.assembly.turn[number, at]]
-            parts.append(MountedPart(place.kind, place.number, part.serial, turn))
+            total = (turn + lot.before[part.serial]) % lot.reducer.cranks if place.kind == "disc" else turn
+            parts.append(MountedPart(place.kind, place.number, part.serial, total))
             effects += mounted(part, lot.reducer, place.number, turn)
         for pin, chosen in enumerate([] if grooves is None else grooves[number]):
             parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))
