@@ -33,7 +33,7 @@ TIGHTER = 0.8
 _RANDOM = 30, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _IDLE = 2  # rounds of exchanges at the load that bring nothing
-_KNOWN = 8  # units from whose errors the doubt is told anew
+_KNOWN = 8  # units that suffice to estimate the doubt anew
 _CLASSES = 3
 _SWAPS = 12  # of two rollers of a unit, at the most
 
@@ -276,7 +276,7 @@ class _AtLoad:
         return np.asarray((turns / self.units.allowed).max(axis=1))
 
     def solved(self, what: str, values: Array) -> Array:
-        """True turns of units, told as they are solved."""
+        """True turns of units, with progress."""
         return self.units.solved(values, progress=counted(self.progress, what, len(values)))
 
     def built(self, what: str, assembly: Assembly, rollers: Ints | None = None) -> _Built:
@@ -314,7 +314,7 @@ class _AtLoad:
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""
-        beside = self.beside(waves, built, np.arange(len(built.turns)))
+        residual = self.residual(waves, built, np.arange(len(built.turns)))
         known = dict(zip(built.assembly.names(), self.errors(built.turns).tolist(), strict=True))
         idle = 0  # rounds that brought nothing
         while idle < _IDLE:
@@ -323,7 +323,7 @@ class _AtLoad:
                 old, errors = built.assembly, self.errors(built.turns)
                 if (errors <= 1).all():
                     return built
-                new = waves.assigned(old, (place,), beside=beside, known=known)
+                new = waves.assigned(old, (place,), residual=residual, known=known)
                 changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
                 if not changed.size:
                     continue
@@ -331,7 +331,7 @@ class _AtLoad:
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
                 true = self.errors(turns)[changed]
                 known |= dict(zip(new.of(changed).names(), true.tolist(), strict=True))
-                off = (true - waves.errors(waves.whole(new, beside)[changed]))[np.isfinite(true)]
+                off = (true - waves.errors(waves.whole(new, residual)[changed]))[np.isfinite(true)]
                 if off.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
                     waves = replace(waves, doubt=max(float(off.std()), 1e-3))
                 gain = waves.hard(errors) - waves.hard(self.errors(turns))
@@ -340,12 +340,12 @@ class _AtLoad:
                 kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
                 built = _Built(kept, np.where(better, turns, built.turns))
                 moved = changed[better[changed, 0]]
-                beside[moved] = self.beside(waves, built, moved)
+                residual[moved] = self.residual(waves, built, moved)
                 idle = 0 if moved.size else idle
         return built
 
-    def beside(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
-        """What the true waves of some units have beside the sum of their parts' waves, at their true size."""
+    def residual(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
+        """Difference of the true waves of some units from the sums of their parts' waves, scaled to the true size."""
         some = built.assembly.of(rows)
         whole = waves.whole(some)
         true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
@@ -382,7 +382,7 @@ class _AtLoad:
         """Rollers of each unit in the grooves where its error is least, solved at the load; as they came where not."""
         grooves = np.array([self.lot.groove(n, slope) for n in range(self.lot.reducer.pins)])
         came = self.lot.in_grooves(built.assembly)
-        whole = waves.whole(built.assembly, self.beside(waves, built, np.arange(len(came))))
+        whole = waves.whole(built.assembly, self.residual(waves, built, np.arange(len(came))))
         rollers = np.array([_placed(waves, grooves, row, wave) for row, wave in zip(came, whole, strict=True)])
         found = self.built("units with rollers placed", built.assembly, rollers)
         better = (self.errors(found.turns) < self.errors(built.turns))[:, None]

@@ -163,7 +163,7 @@ def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn
 
 
 def at_first_place(disc: MeasuredPart, reducer: Reducer) -> tuple[MeasuredPart, int]:
-    """A disc as it would be told of the first place whose discs are like it, and by how many pitches it is turned then.
+    """Express a disc's errors at the first place whose discs are like it, and by how many pitches that turns it.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) 
             if isinstance(before := moved[name], int):  # "all" stays
                 moved[name] = (before + by) % count
         return replace(error, indices=moved)
-    if error.key == LOBE_PROFILE:  # told from root to root, on all lobes
+    if error.key == LOBE_PROFILE:  # from root to root, alike on all lobes
         return error
     names = [parameter.name for parameter in source(error.key).parameters]
     waves = int(error.indices.get("harmonic", 1))
