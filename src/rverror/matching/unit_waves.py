@@ -119,7 +119,7 @@ class UnitWaves:
         return found
 
     def cost(self, errors: Array) -> Array:
-        """Cost of units: the chance that each is bad; its error with a far smaller weight, which decides between equals."""
+        """Cost of units: the chance that each is bad, and with far less weight its error, to decide between equals."""
         bad = scipy.special.ndtr((errors - 1) / self.doubt) if self.doubt else (errors > 1) * 1.0
         return np.asarray(bad + np.minimum(errors, _CAP) / (2 * _CAP * self.most), dtype=np.float64)
 
