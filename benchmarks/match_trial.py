@@ -136,12 +136,12 @@ def main() -> None:
         )
         claimed = np.array([unit.turns[forward] for unit in found.units]) / rverror.ARCSEC
         others = judged(chance, torque * 1e3)
-        told = np.mean(found.ways[0].turns[:, forward] <= options.limit * rverror.ARCSEC)
+        stated = np.mean(found.ways[0].turns[:, forward] <= options.limit * rverror.ARCSEC)
         print(
             f"independent solver, {torque:g} N*m forward: {np.mean(sizes <= options.limit):.0%} of those listed are "
-            f"within {options.limit:g} arcsec (largest {sizes.max():.2f}), off from what is told by "
+            f"within {options.limit:g} arcsec (largest {sizes.max():.2f}), off from the list by "
             f"{np.abs(claimed / sizes - 1).max():.2%} at the most; fresh units put together at random: "
-            f"{np.mean(others <= options.limit):.0%}, told {told:.0%}"
+            f"{np.mean(others <= options.limit):.0%}, rverror {stated:.0%}"
         )
 
 

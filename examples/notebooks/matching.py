@@ -13,7 +13,7 @@
 # %% [markdown]
 # # From a measuring machine's file to the list for the assembly shop
 #
-# You will learn how measured parts are read, how those are found that are to be joined, and what that gains beside
+# You will learn how measured parts are read, how those are found that are to be joined, and what that gains over
 # putting them together as they come.
 #
 # All parts here are SIMULATED. How the list holds against an independent solver is on
@@ -139,7 +139,7 @@ found.plot()
 print((folder / "units.csv").read_text().splitlines()[1])
 
 # %% [markdown]
-# Each unit has its model, with the errors of its parts, for all else that can be asked: here the error by the
+# Each unit has its model, with the errors of its parts, for any other calculation: here the error by the
 # equilibrium at other angles than those of the list.
 
 # %%

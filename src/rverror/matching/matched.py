@@ -17,7 +17,7 @@ from rverror.base.numbers import count_of
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
-from rverror.matching.mounting import Place, mounted, places_of
+from rverror.matching.mounting import Place, at_first_place, mounted, places_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
 from rverror.model.effects import Model, check_model
@@ -33,7 +33,7 @@ TIGHTER = 0.8
 _RANDOM = 30, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _IDLE = 2  # rounds of exchanges at the load that bring nothing
-_KNOWN = 8  # units from whose errors the doubt is told anew
+_KNOWN = 8  # units that suffice to estimate the doubt anew
 _CLASSES = 3
 _SWAPS = 12  # of two rollers of a unit, at the most
 
@@ -129,6 +129,7 @@ class _PartsAtPlaces:
     parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place but that of the kit
     pools: tuple[int, ...]
     columns: PlacedErrors  #: of these places, then of the grooves
+    before: Mapping[str, int]  #: pitches by which a disc was turned to be as those of the first place that it fits
     rollers: tuple[MeasuredPart, ...]
     kits: Ints  #: (kits, pins): rollers as they come
     notes: tuple[str, ...]
@@ -180,6 +181,8 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
     if not parts:
         raise InputError("parts: there is none; give measured parts of two kinds or more")
     _check_parts(reducer, parts)
+    turned = {part.serial: at_first_place(part, reducer) for part in parts if part.kind == "disc"}
+    parts = [turned[part.serial][0] if part.kind == "disc" else part for part in parts]
     given = {kind: [part for part in parts if part.kind == kind] for kind in KINDS}
     places = [p for kind in KINDS if given[kind] and kind != "roller" for p in places_of(reducer, kind, turns=turns)]
     fits = {p: tuple(part for part in given[p.kind] if part.made_for == p.made_for) for p in places}
@@ -216,7 +219,16 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
                 f"{one.key}: the model declares it, and parts have it as measured; take it out of the model"
             )
     return _PartsAtPlaces(
-        model, reducer, every, tuple(fits[p] for p in places), tuple(pools), columns, rollers, kits, tuple(notes)
+        model,
+        reducer,
+        every,
+        tuple(fits[p] for p in places),
+        tuple(pools),
+        columns,
+        {serial: turn for serial, (_, turn) in turned.items()},
+        rollers,
+        kits,
+        tuple(notes),
     )
 
 
@@ -230,9 +242,9 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
     for part in parts:
         counted = KINDS[part.kind][1]
         errors = part.at(None if counted is None else 0)
-        first = {places_of(reducer, "disc")[n].made_for for n in range(reducer.discs)} if part.kind == "disc" else {0}
-        if part.made_for not in first:
-            raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: give one of {sorted(first)}")
+        most = reducer.discs - 1 if part.kind == "disc" else 0
+        if not 0 <= part.made_for <= most:
+            raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: must be from 0 to {most}")
         try:
             Model(reducer, errors)
         except ValueError as problem:
@@ -264,7 +276,7 @@ class _AtLoad:
         return np.asarray((turns / self.units.allowed).max(axis=1))
 
     def solved(self, what: str, values: Array) -> Array:
-        """True turns of units, told as they are solved."""
+        """True turns of units, with progress."""
         return self.units.solved(values, progress=counted(self.progress, what, len(values)))
 
     def built(self, what: str, assembly: Assembly, rollers: Ints | None = None) -> _Built:
@@ -302,7 +314,7 @@ class _AtLoad:
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""
-        beside = self.beside(waves, built, np.arange(len(built.turns)))
+        residual = self.residual(waves, built, np.arange(len(built.turns)))
         known = dict(zip(built.assembly.names(), self.errors(built.turns).tolist(), strict=True))
         idle = 0  # rounds that brought nothing
         while idle < _IDLE:
@@ -311,7 +323,7 @@ class _AtLoad:
                 old, errors = built.assembly, self.errors(built.turns)
                 if (errors <= 1).all():
                     return built
-                new = waves.assigned(old, (place,), beside=beside, known=known)
+                new = waves.assigned(old, (place,), residual=residual, known=known)
                 changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
                 if not changed.size:
                     continue
@@ -319,7 +331,7 @@ class _AtLoad:
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
                 true = self.errors(turns)[changed]
                 known |= dict(zip(new.of(changed).names(), true.tolist(), strict=True))
-                off = (true - waves.errors(waves.whole(new, beside)[changed]))[np.isfinite(true)]
+                off = (true - waves.errors(waves.whole(new, residual)[changed]))[np.isfinite(true)]
                 if off.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
                     waves = replace(waves, doubt=max(float(off.std()), 1e-3))
                 gain = waves.hard(errors) - waves.hard(self.errors(turns))
@@ -328,12 +340,12 @@ class _AtLoad:
                 kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
                 built = _Built(kept, np.where(better, turns, built.turns))
                 moved = changed[better[changed, 0]]
-                beside[moved] = self.beside(waves, built, moved)
+                residual[moved] = self.residual(waves, built, moved)
                 idle = 0 if moved.size else idle
         return built
 
-    def beside(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
-        """What the true waves of some units have beside the sum of their parts' waves, at their true size."""
+    def residual(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
+        """Difference of the true waves of some units from the sums of their parts' waves, scaled to the true size."""
         some = built.assembly.of(rows)
         whole = waves.whole(some)
         true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
@@ -370,7 +382,7 @@ class _AtLoad:
         """Rollers of each unit in the grooves where its error is least, solved at the load; as they came where not."""
         grooves = np.array([self.lot.groove(n, slope) for n in range(self.lot.reducer.pins)])
         came = self.lot.in_grooves(built.assembly)
-        whole = waves.whole(built.assembly, self.beside(waves, built, np.arange(len(came))))
+        whole = waves.whole(built.assembly, self.residual(waves, built, np.arange(len(came))))
         rollers = np.array([_placed(waves, grooves, row, wave) for row, wave in zip(came, whole, strict=True)])
         found = self.built("units with rollers placed", built.assembly, rollers)
         better = (self.errors(found.turns) < self.errors(built.turns))[:, None]
@@ -437,7 +449,8 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
         for at, place in enumerate(lot.places[: len(lot.parts)]):
             part = lot.parts[at][built.assembly.part[number, at]]
             turn = place.turns[built.assembly.turn[number, at]]
-            parts.append(MountedPart(place.kind, place.number, part.serial, turn))
+            total = (turn + lot.before[part.serial]) % lot.reducer.cranks if place.kind == "disc" else turn
+            parts.append(MountedPart(place.kind, place.number, part.serial, total))
             effects += mounted(part, lot.reducer, place.number, turn)
         for pin, chosen in enumerate([] if grooves is None else grooves[number]):
             parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))

@@ -162,6 +162,28 @@ def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn
     return tuple(_turned(error, shifts, 2 * math.pi * turn / steps) for error in errors)
 
 
+def at_first_place(disc: MeasuredPart, reducer: Reducer) -> tuple[MeasuredPart, int]:
+    """Express a disc's errors at the first place whose discs are like it, and by how many pitches that turns it.
+
+    Parameters
+    ----------
+    disc : MeasuredPart
+    reducer : Reducer
+
+    Returns
+    -------
+    disc : MeasuredPart
+    turn : int
+    """
+    first = places_of(reducer, "disc")[disc.made_for].made_for
+    turn = disc_turns(reducer, disc.made_for, first)[0]
+    errors = tuple(
+        replace(error, indices={name: value for name, value in error.indices.items() if name != "disc"})
+        for error in mounted(disc, reducer, first, turn)
+    )
+    return replace(disc, errors=errors, made_for=first), turn
+
+
 def _root(reducer: Reducer, disc: int) -> Fraction:
     """Root of a disc from which its lobes are counted, in pitches: as `cycloid.disc_lobe` has it."""
     return -(-disc * reducer.pins // reducer.discs) - Fraction(disc, reducer.discs)
@@ -177,7 +199,7 @@ def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) 
             if isinstance(before := moved[name], int):  # "all" stays
                 moved[name] = (before + by) % count
         return replace(error, indices=moved)
-    if error.key == LOBE_PROFILE:  # told from root to root, on all lobes
+    if error.key == LOBE_PROFILE:  # from root to root, alike on all lobes
         return error
     names = [parameter.name for parameter in source(error.key).parameters]
     waves = int(error.indices.get("harmonic", 1))

@@ -93,7 +93,7 @@ class Matched(Viewed):
     bound : int
         Units within the limits that no assembly of these parts can exceed, by the linear influences.
     ways : tuple of WayToBuild
-        At random, in three classes, matched, and what else was asked for.
+        At random, in three classes, matched, and those that turns and rollers add.
     doubt : float
         Standard deviation of true errors about the linear ones, over the limit.
     notes : tuple of str

@@ -25,7 +25,7 @@ Ints = npt.NDArray[np.intp]
 LISTED = 5_000_000
 
 _STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
-_CHANGE = 0.02  # of a unit, beside one that is known: what brings less is left as it is
+_CHANGE = 0.02  # cost of changing a unit that was solved: smaller gains are not worth it
 _CAP = 4.0  # of limits: worse units are alike
 _SWEEPS = 12  # at the most; the search ends when one brings nothing
 _EXACT = 20_000  # of these, good ones up to which the best set is found outright
@@ -104,10 +104,10 @@ class UnitWaves:
             total += self.parts[place][assembly.turn[:, place], assembly.part[:, place]]
         return total
 
-    def whole(self, assembly: Assembly, beside: Array | None = None) -> Array:
-        """Wave of each unit, shape (units, samples), and what is beside it."""
+    def whole(self, assembly: Assembly, residual: Array | None = None) -> Array:
+        """Wave of each unit, shape (units, samples), with its residual if there is one."""
         total = self.base + self.of(assembly, range(len(self.parts)))
-        return total if beside is None else total + beside
+        return total if residual is None else total + residual
 
     def pairs(self, rows: Array, columns: Array) -> Array:
         """Errors of all sums of a row and a column, shape (rows, columns)."""
@@ -119,7 +119,7 @@ class UnitWaves:
         return found
 
     def cost(self, errors: Array) -> Array:
-        """What a unit costs: the chance that it is bad; far below, its error, to tell equals apart."""
+        """Cost of units: the chance that each is bad, and with far less weight its error, to decide between equals."""
         bad = scipy.special.ndtr((errors - 1) / self.doubt) if self.doubt else (errors > 1) * 1.0
         return np.asarray(bad + np.minimum(errors, _CAP) / (2 * _CAP * self.most), dtype=np.float64)
 
@@ -255,7 +255,7 @@ class UnitWaves:
         assembly: Assembly,
         places: Sequence[int],
         *,
-        beside: Array | None = None,
+        residual: Array | None = None,
         known: Mapping[tuple[int, ...], float] | None = None,
     ) -> Assembly:
         """Give the units the parts of some places anew, all else left as it is, by an exact assignment.
@@ -266,8 +266,8 @@ class UnitWaves:
         places : sequence of int
             One, whose parts come from the units and from what is left of the pool, in any way that they can be turned;
             or several, whose parts stay together as they are.
-        beside : ndarray, shape (units, samples), optional
-            What a unit's wave has beside its parts'; it stays with the other places.
+        residual : ndarray, shape (units, samples), optional
+            True wave of each unit less the sum of its parts' waves; it stays with the other places.
         known : mapping of tuple of int to float, optional
             True errors of units that were solved, by `Assembly.names`.
 
@@ -277,8 +277,8 @@ class UnitWaves:
         """
         one = places[0]
         rows = self.base + self.of(assembly, [p for p in range(len(self.parts)) if p not in places])
-        if beside is not None:
-            rows += beside
+        if residual is not None:
+            rows += residual
         part, turn = assembly.part.copy(), assembly.turn.copy()
         if len(places) > 1:
             options = self.of(assembly, places)[None]
@@ -291,9 +291,9 @@ class UnitWaves:
         way, cost = errors.argmin(axis=0), self.cost(errors.min(axis=0))
         if known is not None:
             cost += _CHANGE
-            told = _by_rest(known, one, len(self.parts))
+            solved = _by_rest(known, one, len(self.parts))
             for number, name in enumerate(assembly.names()):
-                for of, turned, error in told.get(_rest(name, one, len(self.parts)), ()):
+                for of, turned, error in solved.get(_rest(name, one, len(self.parts)), ()):
                     for column in np.flatnonzero(offered == of):
                         as_it_is = (of, turned) == (part[number, one], turn[number, one])
                         if as_it_is or way[number, column] == turned:

@@ -39,7 +39,7 @@ class MeasuredPart:
     origin : str
         File, and row or feature, from which it was read.
     made_for : int
-        Of a disc: the place for which it is made, the first of those whose discs are alike.
+        Of a disc: the place at which its lobes stand so to its bores.
 
     Raises
     ------
