@@ -104,6 +104,10 @@ def test_a_disc_that_is_made_for_another_place(tmp_path: Path) -> None:
         read(tmp_path, trial.LOBES + "place = 0\n", lines)
     with pytest.raises(rverror.InputError, match="place = 2: a unit has discs 0 to 1"):
         read(tmp_path, trial.LOBES + "place = 2\n", lines)
+    (disc,) = read(tmp_path, trial.LOBES, lines).parts
+    rverror.save_parts(tmp_path / "parts.csv", [disc])
+    assert disc.made_for == 1
+    assert rverror.load_parts(tmp_path / "parts.csv", UNIT).parts == (disc,)
 
 
 def test_a_deviation_scan_says_what_a_radius_scan_says(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ class Readings:
 Left = dict[str, tuple[float, str]]
 
 
-def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
-    """Errors that readings of a feature tell, and what is left.
+def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left, int]:
+    """Errors that readings of a feature tell, what is left, and as those of which disc its lobes stand.
 
     Parameters
     ----------
@@ -72,6 +72,8 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
     -------
     list of Effect
     dict of str to (float, str)
+    int
+        0 of what has no lobes.
 
     Raises
     ------
@@ -82,8 +84,8 @@ def feature_errors(feature: Feature, kind: str, readings: Readings, reducer: Red
         if feature.name == "lobes":
             return _lobes(feature, readings, reducer)
         if feature.name == "teeth":
-            return _teeth(feature, kind, readings, reducer)
-        return _places(feature, kind, readings, reducer)
+            return *_teeth(feature, kind, readings, reducer), 0
+        return *_places(feature, kind, readings, reducer), 0
     except fits.UnresolvedError as error:
         raise InputError(f"{readings.where}, [{feature.name}]: {error}") from error
 
@@ -202,7 +204,7 @@ def _teeth(feature: Feature, kind: str, readings: Readings, reducer: Reducer) ->
 # --- lobes ------------------------------------------------------------------------------------------------------------
 
 
-def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left]:
+def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list[Effect], Left, int]:
     columns, angles, radial = readings.columns, readings.columns["angle"], "radius" in readings.columns
     _check_gap(readings.where, angles, 2 * np.pi / reducer.disc_lobes)
     if (feature.place or 0) >= reducer.discs:
@@ -245,4 +247,4 @@ def _lobes(feature: Feature, readings: Readings, reducer: Reducer) -> tuple[list
     else:
         left["displacement of the lobes, taken as that of the setup"] = (abs(found.displacement), "length")
         left["turn of the lobes, taken as that of the setup"] = (abs(found.turn), "angle")
-    return errors, left
+    return errors, left, found.place

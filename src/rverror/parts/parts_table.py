@@ -19,7 +19,7 @@ from rverror.parts.measured import KINDS, MeasuredPart
 
 _INDICES = ("crank", "disc", "pin", "lobe", "harmonic")
 #: Columns of the table; what a source has no index of stays empty.
-COLUMNS = ("kind", "serial", "origin", "key", *_INDICES, "parameter", "value", "uncertainty", "unit")
+COLUMNS = ("kind", "serial", "origin", "made_for", "key", *_INDICES, "parameter", "value", "uncertainty", "unit")
 _ERROR = COLUMNS[: COLUMNS.index("parameter")]
 
 
@@ -36,6 +36,8 @@ class Finding:
     origin : str
         File, and what was measured.
     error : Effect, optional
+    made_for : int
+        As of `MeasuredPart`.
     """
 
     where: str
@@ -43,6 +45,7 @@ class Finding:
     serial: str
     origin: str
     error: Effect | None
+    made_for: int = 0
 
 
 def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[MeasuredPart, ...]:
@@ -77,7 +80,10 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         given[name] = one
     return tuple(
         MeasuredPart(
-            *part, tuple(one.error for one in own.values() if one.error), "; ".join(filter(None, origins[part]))
+            *part,
+            tuple(one.error for one in own.values() if one.error),
+            "; ".join(filter(None, origins[part])),
+            max((one.made_for for one in own.values()), default=0),
         )
         for part, own in parts.items()
     )
@@ -116,13 +122,13 @@ def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_parts(Path(folder, "parts.csv"), [crank])
     ...     print(Path(folder, "parts.csv").read_text().splitlines()[1])
-    crank,C3,,crank.eccentricity,,1,,,,radial,0.002,0.001,mm
+    crank,C3,,,crank.eccentricity,,1,,,,radial,0.002,0.001,mm
     """
     written = io.StringIO()
     table = csv.writer(written, lineterminator="\n")
     table.writerow(COLUMNS)
     for part in parts:
-        head = [part.kind, part.serial, part.origin]
+        head = [part.kind, part.serial, part.origin, part.made_for or ""]
         for error in part.errors:
             indices = [error.indices.get(name, "") for name in _INDICES]
             sigma = "" if error.uncertainty is None else repr(error.uncertainty)
@@ -154,9 +160,10 @@ def read_parts_table(path: PathLike) -> Iterator[Finding]:
     for error, group in groupby(numbered, lambda each: [each[1][name] or "" for name in _ERROR]):
         lines = list(group)
         where = f"{path}, line {lines[0][0]}"
-        kind, serial, origin, key, *_ = error
+        kind, serial, origin, made_for, key, *_ = error
         try:
-            yield Finding(where, kind, serial, origin, _error([row for _, row in lines]) if key else None)
+            found = _error([row for _, row in lines]) if key else None
+            yield Finding(where, kind, serial, origin, found, int(made_for or 0))
         except (TypeError, ValueError) as problem:
             raise InputError(f"{where}: {problem}; correct the row") from problem
 

@@ -174,36 +174,36 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
             lost = f"{count_of(int((~given).sum()), 'row')} left out{what}"
             notes.append(f"{lost}, a cell holds no number: {file.noun} {some(labels[~given])}")
         rows: list[int] = np.flatnonzero(given).tolist()
-        found: Iterable[tuple[int, str, Effect]]
+        found: Iterable[tuple[int, str, Effect, int]]
         if isinstance(group, ErrorColumns):
             nothing, sigma = np.zeros(given.size), max(group.sigmas.values(), default=None)
             names = [parameter.name for parameter in source(group.key).parameters]
             sizes = zip(*(columns.get(name, nothing)[rows].tolist() for name in names), strict=True)
             effects = (Effect(group.key, group.indices, each, sigma) for each in sizes)
-            found = ((row, "", effect) for row, effect in zip(rows, effects, strict=True))
+            found = ((row, "", effect, 0) for row, effect in zip(rows, effects, strict=True))
         else:
             parts: dict[str, list[int]] = {}
             for row in rows:
                 parts.setdefault(serials[row], []).append(row)
             found = _of_feature(group, rules.kind, parts, at, columns, reducer, notes)
-        for row, name, error in found:
+        for row, name, error, place in found:
             _check_size(at(row), error)
-            yield Finding(at(row), rules.kind, serials[row], file_name(file.path) + name, error)
+            yield Finding(at(row), rules.kind, serials[row], file_name(file.path) + name, error, place)
 
 
 def _of_feature(
     feature: Feature, kind: str, rows: Mapping[str, list[int]], at: Callable[[int], str], columns: Mapping[str, Array],
     reducer: Reducer, notes: list[str],
-) -> Iterator[tuple[int, str, Effect]]:  # fmt: skip
+) -> Iterator[tuple[int, str, Effect, int]]:  # fmt: skip
     """Errors of each part with its first row."""
     left: dict[str, list[tuple[float, str]]] = {}
     for serial, own in rows.items():
         where = f"{at(own[0])}, {kind} {shown(serial)}"
         readings = Readings(where, {key: values[own] for key, values in columns.items()}, feature.sigmas)
-        errors, rest = feature_errors(feature, kind, readings, reducer)
+        errors, rest, place = feature_errors(feature, kind, readings, reducer)
         for what, size in rest.items():
             left.setdefault(what, []).append(size)
-        yield from ((own[0], f", {feature.name}", error) for error in errors)
+        yield from ((own[0], f", {feature.name}", error, place) for error in errors)
     notes += [_summary(what, sizes) for what, sizes in left.items()]
 
 
