@@ -89,7 +89,7 @@ def judged(models: Iterable[rverror.Model], torque: float) -> np.ndarray:
 
 def at_random(model: rverror.Model, parts: list, units: int) -> list[rverror.Model]:
     """Units of parts in the order in which they come; discs turned so that their lobes stand right."""
-    from rverror.matching.mounting import mounted, places_of
+    from rverror.parts.mounting import mounted, places_of
 
     found = []
     for unit in range(units):

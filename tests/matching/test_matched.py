@@ -8,8 +8,8 @@ import pytest
 import rverror
 from rverror.base.errors import InputError
 from rverror.matching.matched import match
-from rverror.matching.mounting import mounted
 from rverror.parts.measured import MeasuredPart
+from rverror.parts.mounting import mounted
 
 UNIT = rverror.Reducer(
     sun_teeth=9, planet_teeth=27, module="1.5 mm", pressure_angle="20 deg", disc_lobes=15, pins=16,

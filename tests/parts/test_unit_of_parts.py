@@ -41,6 +41,24 @@ def test_parts_stand_at_their_places() -> None:
     assert rverror.unit_of_parts(bare, DISCS).effects[1].values == (3e-3, 0.0)
 
 
+def test_a_disc_at_the_other_place_is_turned_until_its_lobes_stand_right() -> None:
+    """39 lobes are odd: half a turn takes crests to roots' places, so waves of odd harmonics change their sign."""
+    bore = rverror.effect("cycloid.disc_bore_position", crank=0, radial="2 um")
+    wave = rverror.effect("cycloid.disc_pitch", harmonic=1, cos="3 um", uncertainty="0.1 um")
+    alike = [rverror.MeasuredPart("disc", name, (bore, wave)) for name in ("A", "B")]
+    unit = rverror.unit_of_parts(rverror.Model(rverror.reducer("RV-40E")), alike)
+    told = [(e.key, dict(e.indices), round(e.values[0], 12), e.uncertainty) for e in unit.effects]
+    assert told == [
+        ("cycloid.disc_bore_position", {"disc": 0, "crank": 0}, 2e-3, None),
+        ("cycloid.disc_pitch", {"disc": 0, "harmonic": 1}, 3e-3, 1e-4),
+        ("cycloid.disc_bore_position", {"disc": 1, "crank": 1}, 2e-3, None),
+        ("cycloid.disc_pitch", {"disc": 1, "harmonic": 1}, -3e-3, 1e-4),
+    ]
+    three = rverror.reducer("RV-40E", cranks=3, planet_teeth=27)
+    with pytest.raises(InputError, match="disc B: its lobes stand as those of disc 0, and do not fit at place 1"):
+        rverror.unit_of_parts(rverror.Model(three), alike)
+
+
 @pytest.mark.parametrize(
     ("parts", "places", "told"),
     [

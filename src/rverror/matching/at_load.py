@@ -15,10 +15,10 @@ from rverror.base.threads import each
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueLaw
-from rverror.matching.mounting import Place, mounted
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.parts.measured import MeasuredPart
+from rverror.parts.mounting import Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.specification import Limit

@@ -17,11 +17,11 @@ from rverror.base.numbers import count_of
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
-from rverror.matching.mounting import Place, at_first_place, mounted, places_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
 from rverror.model.effects import Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart
+from rverror.parts.mounting import Place, at_first_place, mounted, places_of
 from rverror.tolerances.loaded_yield import counted
 from rverror.tolerances.specification import Limit, check_limits
 

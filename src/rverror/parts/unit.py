@@ -12,12 +12,13 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each
 from rverror.base.text import describe, shown
 from rverror.base.viewed import OneLine
-from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import rv
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart
+from rverror.parts.mounting import disc_turns, mounted
 
 _DRAWN = 2000
 
@@ -61,7 +62,8 @@ def unit_of_parts(
     Returns
     -------
     Model
-        With the errors of the parts, and their uncertainties, behind its own effects.
+        With the errors of the parts, and their uncertainties, behind its own effects.  A disc at another place than it is
+        made for is turned by pitches of its bores until its lobes stand right, and its errors with it.
 
     Raises
     ------
@@ -90,11 +92,24 @@ def unit_of_parts(
     for kind, serials in mounted_parts(parts, model.mechanism, places).items():
         for place, part in enumerate(found[kind, serial] for serial in serials):
             origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
-            added += [replace(error, origin=origin) for error in part.at(place if KINDS[kind][1] else None)]
+            added += [replace(error, origin=origin) for error in _at_place(part, rv(model.mechanism), place)]
     twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
     if twice:
         raise InputError(f"{twice[0]}: it is measured, and the model declares it too; take it out of the model")
     return model.with_effects(*added)
+
+
+def _at_place(part: MeasuredPart, reducer: Reducer, place: int) -> tuple[Effect, ...]:
+    """Errors of a part where it is mounted; a disc is turned by pitches of its bores until its lobes stand right."""
+    if part.kind != "disc":
+        return part.at(place if KINDS[part.kind][1] else None)
+    turns = disc_turns(reducer, part.made_for, place)
+    if not turns:
+        raise InputError(
+            f"disc {part.serial}: its lobes stand as those of disc {part.made_for}, and do not fit at place {place}; "
+            "choose another, or correct its made_for in the table of parts"
+        )
+    return mounted(part, reducer, place, turns[0])
 
 
 def mounted_parts(
