@@ -47,7 +47,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_MOST_PEAKS", "_BY_NOISE", "_LIKELY", "_PEAKS", "_FITTED", "MOST_LINES",  # of noise and lines
         "_OWN", "_MOST_OWN", "SAME_ORDER", "TOLD_ORDER", "_SAME", "_LEAST_ROWS",  # of what is listed
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",
-        "_DOUBTED", "_BESIDE", "_SLOWEST",  # of what a run and a contact may be
+        "_DOUBTED", "_BESIDE", "_SLOWEST", "_ROUNDED",  # of what a run and a contact may be
         "_NOTHING", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE_FLOOR",  # of rounding
         "_BLOCK", "_KEPT",  # of how it is computed
         "_SAMPLES_A_WAVE", "_DRAG", "_GUESSED", "_LEAST_GUESS", "_LOADS_OF_A_LAW", "_LOADS", "_HARMONICS",  # of a table

@@ -117,9 +117,9 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     shown = page.partition("Some seconds later:\n\n```text\n")[2].partition("```")[0]
     for line in shown.splitlines():
         # times and the last digits may differ from machine to machine
-        words = re.sub(r"[-\d.,\[\]]+", "#", line)
-        assert words in re.sub(r"[-\d.,\[\]]+", "#", printed), line
-    assert "added: crank.eccentricity" in re.sub("Added 1", "added", printed)
+        words, all_words = (" ".join(re.sub(r"[-\d.,\[\]]+", "#", some).split()) for some in (line, printed))
+        assert words in all_words, line
+    assert "the model lacks crank.eccentricity" in printed
     assert rverror.load_model(tmp_path / "with-cause.toml").effects[-1].key == "crank.eccentricity"
     assert rverror.load_model(tmp_path / "measured.toml").effects[0].uncertainty == pytest.approx(5e-4)
     assert (tmp_path / "found.html").stat().st_size > 10_000

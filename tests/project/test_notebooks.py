@@ -399,7 +399,7 @@ def forward_and_reverse(p: Played, says: Prose) -> None:
     assert planet in kinds(alone)
     assert len(kinds(alone)) >= 3
     says("the report asks for a reverse run instead")
-    assert "1. a run in reverse at the same load" in p.printed
+    assert "Measure next, 1: a run in reverse at the same load" in p.printed
     says(
         "Now the kind is certain, the bench was given x 15 um and y 20 um on the planet of crank 0, and the size "
         "is right. Which of the two planets it is stays open"

@@ -55,7 +55,7 @@ demo = files("rverror") / "data" / "demo"
 model = rverror.load_model(demo / "model.toml")
 found = rverror.diagnose(model, [rverror.load_run(demo / name) for name in ("forward.csv", "reverse.csv")])
 assert found.added[0].effect.key == "sensor.encoder_eccentricity"
-assert "explained" in found._repr_html_()
+assert "Explained" in found._repr_html_()
 for call, extra in ((found.plot, "plot"), (lambda: rverror.to_pandas(found), "tables")):
     try:
         call()

@@ -62,8 +62,8 @@ def unit_of_parts(
     Returns
     -------
     Model
-        With the errors of the parts, and their uncertainties, behind its own effects.  A disc at another place than it is
-        made for is turned by pitches of its bores until its lobes stand right, and its errors with it.
+        With the errors of the parts, and their uncertainties, behind its own effects.  A disc that is made for another
+        place is turned by pitches of its bores until its lobes stand right, and its errors with it.
 
     Raises
     ------

@@ -49,6 +49,7 @@ from rverror.views.html import document, escaped, escaped_lines
 from rverror.views.kinds import described
 from rverror.views.life_report import compared_json, trend_json
 from rverror.views.lot_report import lot_json
+from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
 from rverror.views.sheets import has_sheet, sheet
 from rverror.views.variables import NUMBER, columns
@@ -206,9 +207,7 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
 
 
 def _figures(result: Any, options: Mapping[str, Any]) -> Iterable[str]:
-    try:
-        import matplotlib.figure  # noqa: F401
-    except ImportError:
+    if not can_draw():
         return [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
     return figures_of(result, **options)
 

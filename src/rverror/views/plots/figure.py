@@ -121,6 +121,15 @@ def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tup
     return figure, [_shown(ax) for ax in figure.subplots(rows, 1, squeeze=False)[:, 0]]
 
 
+def can_draw() -> bool:
+    """Whether matplotlib is installed."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
 def _figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
