@@ -149,7 +149,7 @@ told(alone)
 alone.plot(kind="candidates")
 
 # %%
-print(rverror.to_text(alone).partition("What to measure next")[2].partition("separates")[0].strip())
+print(next(line for line in rverror.to_text(alone).splitlines() if line.startswith("Measure next")))
 
 # %% [markdown]
 # With the reverse run beside it:
