@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.lots.amplitudes import Amplitudes
@@ -95,9 +95,10 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
 
 def _information(draws: Draws, deviation: Array, units: int) -> Array:
     """Fisher information on the variances of a lot of so many units, shape (processes, processes)."""
+    triangular = scipy.linalg.solve_triangular
     root, white = np.linalg.cholesky(draws.covariance(deviation)), np.empty_like(draws.squares)
     for row, square in zip(white, draws.squares, strict=True):  # one at a time: of two loads all are half a gigabyte
-        row[:] = solve_triangular(root, solve_triangular(root, square, lower=True).T, lower=True)
+        row[:] = triangular(root, triangular(root, square, lower=True).T, lower=True)
     return np.asarray(units / 2 * np.einsum("ai,bi->ab", *[white.reshape(len(white), -1)] * 2, optimize=True))
 
 
