@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,9 @@ def test_limits_add_units_at_the_load() -> None:
     assert found.at_load.shares[0].total[0] > 0.5 > found.at_load.shares[0].total[1]
     assert lost.limit.value is None
     text, content = rverror.to_text(found), rverror.to_json(found)["limits"]
-    assert "transmission error at 412 N*m" in text
+    (row,) = [line for line in text.splitlines() if line.startswith("transmission error at 412 N*m  ")]
+    low, high = (100 * end for end in error.interval)
+    assert re.search(rf" {100 * error.share:.4g} +{low:.4g} to {high:.4g} ", row)
     assert [one["quantity"] for one in content] == ["transmission_error", "lost_motion"]
     assert [one["torque"] for one in content] == ["412 N*m", "12.36 N*m"]
     assert [one["limit"] for one in content] == ["20 arcsec", None]

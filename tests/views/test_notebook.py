@@ -282,12 +282,17 @@ def test_a_budget_has_the_largest_share_first() -> None:
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) == pytest.approx(100, abs=0.1)
         assert rows[0][:3] == ["crank.eccentricity", "5", "um"]
+    found = every_kind()["ErrorBudget"][0].indices
+    at = [entry.label for entry in every_kind()["ErrorBudget"][0].closed.contributions].index("crank.eccentricity")
+    half = (found.total_high[at] - found.total_low[at]) / 2
+    assert rows[0][-1] == f"{found.total[at]:.2f} ± {half:.2f}"
 
 
 def test_sizes_of_virtual_units_with_their_intervals() -> None:
     result = every_kind()["ErrorBudget"][0]
     (row,) = [row for row in read(result).rows("size, arcsec") if row[0] == "peak-to-peak"]
     p95 = result.units.quantile(0.95)
+    assert float(row[1]) == pytest.approx(result.closed.nominal_peak_to_peak / ARCSEC, rel=1e-3)
     assert float(row[4]) == pytest.approx(p95.value / ARCSEC, rel=1e-3)
     low, high = map(float, row[5].split(" to "))
     assert (low, high) == pytest.approx((p95.low / ARCSEC, p95.high / ARCSEC), rel=1e-3)
@@ -303,5 +308,8 @@ def test_an_allocation_before_and_after() -> None:
     assert float(cost[1]) == pytest.approx(result.cost_before, rel=1e-3)
     assert float(cost[2]) == pytest.approx(result.cost, rel=1e-3)
     assert any(HOSTILE in row[-1] for row in found.rows("tolerance"))
+    times = [float(row[4]) for row in found.rows("tolerance")]
+    pairs = zip(result.widths, result.widths_before, strict=True)
+    assert times == pytest.approx([after / before for after, before in pairs], rel=1e-3)
     assert f"the gap is {100 * result.gap:.2g} % of the cost" in found.text
     assert "gap is" not in read(replace(result, gap=None)).text
