@@ -14,9 +14,6 @@ from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json
 from rverror.views.envelope import InputFile, enveloped
 
-_WIDTH = 720
-_MOST_PICTURES = 4
-
 
 def compensation_json(
     made: Compensation, *, files: Sequence[InputFile] = (), table: WrittenTable | None = None
