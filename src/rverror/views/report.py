@@ -62,8 +62,8 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     Parameters
     ----------
     result
-        A Diagnosis, Lot, Compensation, Budget, ErrorBudget, VirtualUnits, Allocation, Comparison,
-        Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure, Wear, Modes, SpeedResponse,
+        A Diagnosis, Lot, DriveLot, Trend, RunsCompared, Matched, Compensation, Budget, ErrorBudget, VirtualUnits,
+        Allocation, Comparison, Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure, Wear, Modes, SpeedResponse,
         RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
         Tolerance, FrontPoint or Efficiency.
     files : sequence of InputFile, optional
