@@ -63,9 +63,9 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     ----------
     result
         A Diagnosis, Lot, DriveLot, Trend, RunsCompared, Matched, Compensation, Budget, ErrorBudget, VirtualUnits,
-        Allocation, Comparison, Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure, Wear, Modes, SpeedResponse,
-        RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or Tolerance; a list or tuple of Effect,
-        Tolerance, FrontPoint or Efficiency.
+        Allocation, Comparison, Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure,
+        Wear, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or
+        Tolerance; a list or tuple of Effect, Tolerance, FrontPoint or Efficiency.
     files : sequence of InputFile, optional
         What it was made from: see `input_files`.
     **options
