@@ -330,6 +330,24 @@ def disc_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     return ErrorWaves(contact="pin", phase=phase, harmonic=harmonic, direction=direction, at=(here,))
 
 
+def first_root(reducer: Reducer, disc: int) -> float:
+    """Root from which the lobes of a disc are counted, in pitches from the disc's bore 0.
+
+    It is the root into which the eccentric points at theta = 0, or the next one where it points into none: at
+    2 pi k/n_d the eccentric lies z_p times its angle from the root ahead of it on the disc.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    disc : int
+
+    Returns
+    -------
+    float
+    """
+    return -(-disc * reducer.pins // reducer.discs) - disc / reducer.discs
+
+
 def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     """Local defect of a disc: one lobe worn or raised along its normal, most at its crest, nothing at its roots.
 
@@ -353,8 +371,7 @@ def disc_lobe(contacts: Contacts, *, disc: int, lobe: int) -> ErrorVector:
     shows at all multiples of that order.  No source has it; 001 and 002 describe errors of the profile as waves.
     """
     unit = contacts.reducer
-    # a root is where the eccentric, at 2 pi k/n_d, lies z_p times its angle from the root ahead of it on the disc
-    lobes, root = unit.disc_lobes, -(-disc * unit.pins // unit.discs) - disc / unit.discs
+    lobes, root = unit.disc_lobes, first_root(unit, disc)
     psi, normal = contacts.pin_angle[only(disc)], contacts.pin_normal[only(disc)]
     crest = 2 * np.pi * (root + lobe + 0.5) / lobes
     away = psi - crest

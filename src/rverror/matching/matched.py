@@ -240,8 +240,7 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
         more = f", and {len(twice) - 1} more" if len(twice) > 1 else ""
         raise InputError(f"{' '.join(twice[0])}: this serial number comes twice, in {where}{more}; keep one")
     for part in parts:
-        counted = KINDS[part.kind][1]
-        errors = part.at(None if counted is None else 0)
+        errors = part.at(places_of(reducer, part.kind)[0].number)
         most = reducer.discs - 1 if part.kind == "disc" else 0
         if not 0 <= part.made_for <= most:
             raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: must be from 0 to {most}")

@@ -269,7 +269,7 @@ class UnitWaves:
         residual : ndarray, shape (units, samples), optional
             True wave of each unit less the sum of its parts' waves; it stays with the other places.
         known : mapping of tuple of int to float, optional
-            True errors of units that were solved, by `Assembly.names`.
+            True errors of units that were solved, by `Assembly.names`; for one place only.
 
         Returns
         -------

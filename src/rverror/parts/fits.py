@@ -11,7 +11,7 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.geartrain.cycloid import loaded_share, profile
+from rverror.geartrain.cycloid import first_root, loaded_share, profile
 from rverror.geartrain.mechanism import Reducer
 
 #: Points of a plane, x + 1j y.
@@ -374,18 +374,13 @@ def fit_lobes(
     )
 
 
-def _first_root(reducer: Reducer, place: int) -> float:
-    """Where the lobes of a disc are counted from, in lobes from its bore 0, as `cycloid.disc_lobe` does."""
-    return -(-place * reducer.pins // reducer.discs) - place / reducer.discs
-
-
 def _place(reducer: Reducer, points: Points) -> int:
     """Disc whose roots are nearest to those of the points."""
     angle, lobes = np.angle(points), reducer.disc_lobes
     rows = [wave(h * angle) for h in (1, lobes) for wave in (np.cos, np.sin)]
     found = np.linalg.lstsq(np.stack([*rows, np.ones(angle.size)], axis=1), abs(points), rcond=None)[0]
     root = np.angle(complex(found[2], found[3])) / (2 * np.pi) - 0.5  # half a lobe before the crest
-    away = [(root - _first_root(reducer, place) + 0.5) % 1 - 0.5 for place in range(reducer.discs)]
+    away = [(root - first_root(reducer, place) + 0.5) % 1 - 0.5 for place in range(reducer.discs)]
     return int(np.argmin(np.abs(away)))
 
 
@@ -393,7 +388,7 @@ def _feet(reducer: Reducer, points: Points, place: int, *, steps: int = 3) -> _F
     """Feet of points, at the same polar angle first and then by steps along the profile."""
     rolls = np.linspace(0, 2 * np.pi, _POINTS)
     curve = _complex(profile(reducer, rolls))
-    lobes, root = reducer.disc_lobes, _first_root(reducer, place)
+    lobes, root = reducer.disc_lobes, first_root(reducer, place)
     along = np.angle(points) * lobes / (2 * np.pi) - root
     lobe = np.floor(along)
     here = points * np.exp(-2j * np.pi * (root + lobe) / lobes)

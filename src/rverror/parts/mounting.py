@@ -6,10 +6,9 @@ import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
 
 from rverror.base.errors import InputError
-from rverror.geartrain.cycloid import LOBE_PROFILE
+from rverror.geartrain.cycloid import LOBE_PROFILE, first_root
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
@@ -157,8 +156,9 @@ def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn
             raise InputError(
                 f"disc {part.serial}: no disc fits at place {place}, turned by {turn} pitches of its bores"
             )
-        lobes = _root(reducer, fits[0]) - _root(reducer, place) + Fraction(reducer.disc_lobes * turn, steps)
-        shifts = {"crank": (turn, steps), "lobe": (int(lobes), reducer.disc_lobes)}
+        # a whole number, as the disc fits
+        lobes = first_root(reducer, fits[0]) - first_root(reducer, place) + reducer.disc_lobes * turn / steps
+        shifts = {"crank": (turn, steps), "lobe": (round(lobes), reducer.disc_lobes)}
     return tuple(_turned(error, shifts, 2 * math.pi * turn / steps) for error in errors)
 
 
@@ -182,11 +182,6 @@ def at_first_place(disc: MeasuredPart, reducer: Reducer) -> tuple[MeasuredPart, 
         for error in mounted(disc, reducer, first, turn)
     )
     return replace(disc, errors=errors, made_for=first), turn
-
-
-def _root(reducer: Reducer, disc: int) -> Fraction:
-    """Root of a disc from which its lobes are counted, in pitches: as `cycloid.disc_lobe` has it."""
-    return -(-disc * reducer.pins // reducer.discs) - Fraction(disc, reducer.discs)
 
 
 def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) -> Effect:

@@ -18,7 +18,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart
-from rverror.parts.mounting import disc_turns, mounted
+from rverror.parts.mounting import disc_turns, mounted, places_of
 
 _DRAWN = 2000
 
@@ -90,19 +90,21 @@ def unit_of_parts(
     declared = {describe(effect.key, effect.indices) for effect in model.effects}
     added: list[Effect] = []
     for kind, serials in mounted_parts(parts, model.mechanism, places).items():
-        for place, part in enumerate(found[kind, serial] for serial in serials):
+        reducer = rv(model.mechanism)
+        for place, serial in zip(places_of(reducer, kind), serials, strict=True):
+            part = found[kind, serial]
             origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
-            added += [replace(error, origin=origin) for error in _at_place(part, rv(model.mechanism), place)]
+            added += [replace(error, origin=origin) for error in _at_place(part, reducer, place.number)]
     twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
     if twice:
         raise InputError(f"{twice[0]}: it is measured, and the model declares it too; take it out of the model")
     return model.with_effects(*added)
 
 
-def _at_place(part: MeasuredPart, reducer: Reducer, place: int) -> tuple[Effect, ...]:
+def _at_place(part: MeasuredPart, reducer: Reducer, place: int | None) -> tuple[Effect, ...]:
     """Errors of a part where it is mounted; a disc is turned by pitches of its bores until its lobes stand right."""
-    if part.kind != "disc":
-        return part.at(place if KINDS[part.kind][1] else None)
+    if part.kind != "disc" or place is None:
+        return part.at(place)
     turns = disc_turns(reducer, part.made_for, place)
     if not turns:
         raise InputError(
@@ -128,7 +130,6 @@ def mounted_parts(
         If a kind or a serial number is unknown, a part has two places, or a place has no part.
     """
     reducer = rv(mechanism)
-    counts = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins, None: 1}
     measured = {kind: [part.serial for part in parts if part.kind == kind] for kind in KINDS}
     mounted = {}
     for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
@@ -138,7 +139,7 @@ def mounted_parts(
             known = ", ".join([*measured.get(kind, ())[:5], "..."])
             wrong = shown([*unknown, ""][0])
             raise InputError(f"place {shown(kind)}: {wrong} is not among the measured parts, {known}; correct it")
-        count = counts[KINDS[kind][1]]
+        count = len(places_of(reducer, kind))
         if len(chosen) != count or len(set(chosen)) < count:
             example = ",".join([*measured[kind], "..."][:count])
             raise InputError(f"{len(chosen)} parts of kind {kind} for {count} in a unit; say which, each once, in the "
