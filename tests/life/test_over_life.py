@@ -191,3 +191,24 @@ def test_runs_that_tell_no_trend_are_refused(life: tuple[Path, dict[str, Any]]) 
         rverror.trend(model, apart, limit=rverror.limit("lost_motion", "90 arcsec"))
     with pytest.raises(rverror.InputError, match="before: no run"):
         rverror.compare_runs([], runs[:2])
+
+
+def test_two_measurements_of_one_state_differ_as_rarely_as_stated() -> None:
+    """1 % of pairs are told an order: two of 30 or fewer, but for a chance of 1 in 300.
+
+    A wave that comes anew with 16 times the mean power of a difference is told: 10.4 times is what chance leaves.
+    """
+    theta, noise, rng = np.linspace(0, 2 * np.pi, 180, endpoint=False), 2e-6, np.random.default_rng(17)
+    wave = np.sqrt(16 * 2 * 4 * noise**2 / theta.size) * np.cos(7 * theta)
+    told, found = 0, 0
+    for _ in range(30):
+        one, same, other = (
+            rverror.run_from_arrays(
+                output_angle=theta, te=3e-4 * np.cos(3 * theta) + new + noise * rng.standard_normal(theta.size)
+            )
+            for new in (0.0, 0.0, wave)
+        )
+        told += bool(rverror.compare_runs([one], [same]).orders)
+        found += any(order.order == 7 for order in rverror.compare_runs([one], [other]).orders)
+    assert told <= 2
+    assert found >= 22

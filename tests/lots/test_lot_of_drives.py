@@ -32,12 +32,12 @@ def waves(count: int, seed: int) -> np.ndarray:
     return np.asarray((normal[0] + 1j * normal[1]) * 100 * ARCSEC / np.arange(1, ORDERS + 1))
 
 
-def units(given: np.ndarray, *, zero: float = 0.0, noise: float = 0.5 * ARCSEC) -> list[LotUnit]:
+def units(given: np.ndarray, *, zero: float = 0.0, noise: float = 0.5 * ARCSEC, seed: int = 9) -> list[LotUnit]:
     theta = np.arange(180) * TURN / 180
     found = []
     for number, own in enumerate(given):
         te = (own * np.exp(1j * np.outer(theta, np.arange(1, own.size + 1)))).real.sum(axis=1)
-        te = te + noise * np.random.default_rng([9, number]).standard_normal(theta.size)
+        te = te + noise * np.random.default_rng([seed, number]).standard_normal(theta.size)
         run = rverror.run_from_arrays(input_angle=7.0 * (theta + zero), te=te, direction="forward")
         found.append(LotUnit(f"u{number}", (run,)))
     return found
@@ -139,6 +139,20 @@ def test_lots_are_told_only_what_they_have() -> None:
         held += any(one.order == SHARED[0] and SHARED[1] in one.mean for one in found.orders)
     assert max(own, pairs, more) <= 5
     assert held >= 25  # of 95 %
+
+
+def test_noise_alone_has_no_orders_and_a_weak_wave_has_its_own() -> None:
+    """5 % of lots of noise are told an order: more than five of 30 is a chance of 1 in 300.
+
+    A wave whose power in all units together is 2.5 times that of noise is told as it should: of 24 degrees of freedom
+    chance leaves a power of 2.2 times in an order of 90, and such a wave has 3.5 +/- 0.7 with the noise in it.
+    """
+    noise = 0.5 * ARCSEC
+    given = np.zeros((12, ORDERS), dtype=complex)
+    assert sum(bool(lot_of_drives(MODEL, units(given, noise=noise, seed=seed)).orders) for seed in range(30)) <= 5
+    given[:, 6] = math.sqrt(2.5 * 4 * noise**2 / 180) * np.exp(1j * np.arange(12))
+    found = [lot_of_drives(MODEL, units(given, noise=noise, seed=seed)).orders for seed in range(30)]
+    assert sum(any(one.order == 7 for one in orders) for orders in found) >= 25
 
 
 def test_copies_are_pairs_and_nothing_breaks() -> None:

@@ -7,9 +7,11 @@ import pytest
 
 import rverror
 from rverror.base.errors import InputError
+from rverror.matching.at_load import UnitsAtLoad, columns_of
 from rverror.matching.matched import match
 from rverror.parts.measured import MeasuredPart
-from rverror.parts.mounting import mounted
+from rverror.parts.mounting import mounted, places_of
+from rverror.tolerances.specification import check_limits
 
 UNIT = rverror.Reducer(
     sun_teeth=9, planet_teeth=27, module="1.5 mm", pressure_angle="20 deg", disc_lobes=15, pins=16,
@@ -96,6 +98,30 @@ def test_units_solved_anew(found):
         ]
         assert np.abs(play[0] - play[1]).max() == pytest.approx(unit.turns[1], rel=0.02)
         assert {str(effect) for effect in model.effects} == {str(effect) for effect in unit.model.effects}
+
+
+def test_waves_are_those_of_the_equilibrium_at_their_load():
+    """Largest section of each wave against the poses that `equilibrium` finds; a lost motion is above zero."""
+    cams = cranks(np.random.default_rng(5), 2)
+    columns = columns_of(UNIT, [(place, cams) for place in places_of(UNIT, "crank")])
+    units = UnitsAtLoad(MODEL, columns.components, check_limits(LIMITS, UNIT))
+    values = sum(columns.values(place, np.array([place]), np.array([0])) for place in (0, 1))
+    (wave,), slope = units.waves(values, slopes=True)
+    model = rverror.Model(UNIT, (*MODEL.effects, *(e for n in (0, 1) for e in cams[n].at(n))))
+    for quantity, (at, span), allowed in zip(units.quantities, units.sections, units.allowed, strict=True):
+        theta = 2 * np.pi * np.arange(at.stop - at.start) / (at.stop - at.start)
+        senses = (quantity.direction,) if span else (-1.0, 1.0)
+        torque = "150 N*m" if span else "5 N*m"
+        error = [
+            rverror.equilibrium(model, theta, torque=torque, direction=sense).transmission_error for sense in senses
+        ]
+        expected = error[0] - np.mean(error[0]) if span else error[0] - error[1]
+        found = wave[at] * allowed - (np.mean(wave[at]) * allowed if span else 0)
+        assert found == pytest.approx(expected, abs=0.01 * np.ptp(expected) + 0.01 * np.abs(expected).max())
+    larger = 1e-3  # share by which all errors of the cams grow: what their waves say, by the poses before and after
+    grown = (units.waves((1 + larger) * values)[0][0] - wave) / larger
+    parts = sum(columns.waves(place, slope)[0, place] for place in (0, 1))
+    assert parts == pytest.approx(grown, abs=0.02 * np.abs(grown).max())
 
 
 def test_parts_are_used_once_and_none_is_lost(found):
