@@ -14,11 +14,15 @@ import pytest
 import rverror
 from pages import ROOT
 from rverror.app.command_line import main
+from rverror.base.units import ARCSEC
 from rverror.life.courses import Course
 from rverror.life.growth import Cause
 from rverror.life.over_life import remaining
+from rverror.life.result import Remaining, Trend
 from rverror.life.sessions import history_of, sessions_of
 from rverror.life.unit_state import unit_state
+from rverror.lots.result import Interval
+from rverror.views.life_words import remaining_words
 
 sys.path.append(str(ROOT))
 
@@ -212,3 +216,16 @@ def test_two_measurements_of_one_state_differ_as_rarely_as_stated() -> None:
         found += any(order.order == 7 for order in rverror.compare_runs([one], [other]).orders)
     assert told <= 2
     assert found >= 22
+
+
+def test_a_time_beyond_what_was_measured_says_so() -> None:
+    """100 hours from the first session to the last; the limit is reached after 400 at least, then after 40."""
+    empty = np.empty((3, 0))
+    sentences = []
+    for low in (400.0, 40.0):
+        left = Remaining("transmission_error", 90 * ARCSEC, 30 * ARCSEC, Interval(2 * low, low, 67579.4))
+        trend = Trend("a unit", "hour", np.array([0.0, 30.0, 100.0]), (), (), left, empty, empty, empty)
+        sentences.append(remaining_words(trend))
+    assert "some 800 hours" in sentences[0]
+    assert sentences[0].endswith("(95 %: 400 to 67600); that is 4 times as long as was measured, or more")
+    assert sentences[1].endswith("(95 %: 40 to 67600)")

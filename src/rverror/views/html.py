@@ -27,7 +27,7 @@ li { margin: .35rem 0; }
 table { width: max-content; border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums;
   overflow-wrap: normal; }
 th, td { text-align: left; padding: .3rem .9rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-td { max-width: 22rem; }
+td { max-width: 22rem; overflow-wrap: break-word; }
 thead th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 td.n, th.n { text-align: right; }
 td.n { white-space: nowrap; } th.n { max-width: 8em; }

@@ -59,8 +59,9 @@ def remaining_words(trend: Trend) -> str:
     what = f"{name} {brief(now, 3)} arcsec now, limit {brief(most, 3)}"
     if left.time is None:
         return f"{what}: nothing that grows is known to reach it, so the time that remains is not to be told"
-    high = "no end" if math.isinf(left.time.high) else brief(left.time.high, 3)
-    middle = "" if math.isinf(left.time.value) else f"some {brief(left.time.value, 3)} "
-    return (
-        f"{what}: reached in {middle}{trend.unit}s from the last session on (95 %: {brief(left.time.low, 3)} to {high})"
-    )
+    times = left.time.low, left.time.value, left.time.high
+    low, middle, high = ("no end" if math.isinf(t) else brief(float(f"{t:.3g}"), 3) for t in times)
+    some = "" if math.isinf(left.time.value) else f"some {middle} "
+    longer = left.time.low / (trend.at.max() - trend.at.min())
+    beyond = f"; that is {brief(longer, 2)} times as long as was measured, or more" if longer > 1 else ""
+    return f"{what}: reached in {some}{trend.unit}s from the last session on (95 %: {low} to {high}){beyond}"
