@@ -113,7 +113,7 @@ def contact_angle(t, pin, k, i, ex, ey, ct, st):
 def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
     """Rows and errors of all contacts at one angle.
 
-    pin (nd, zp, 4): n_x, n_y, l, e; flank (nc, 2, 3): n_x, n_y, e less half the backlash; eps (nd, 2) and radial
+    pin (nd, zp, 4): n_x, n_y, l, e; flank (nc, 2, 4): n_x, n_y, l, e less half the backlash; eps (nd, 2) and radial
     (nc, 2): unit vectors of the eccentric directions and of the cranks; cam (nc, nd, 2), bore (nc, 2): errors d.
     """
     ct, st = np.cos(theta), np.sin(theta)
@@ -171,13 +171,13 @@ def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
         for side in range(2):
             s = 1.0 - 2 * side
             nx, ny = -s * ca * ry + sa * rx, s * ca * rx + sa * ry
-            flank[j, side, 0], flank[j, side, 1] = nx, ny
-            flank[j, side, 2] = (
+            flank[j, side, 0], flank[j, side, 1], flank[j, side, 2] = nx, ny, -s * t.planet_base
+            flank[j, side, 3] = (
                 nx * dx + ny * dy + s * (t.sun_base * u.input_turn[0] - t.planet_base * u.crank_lead[j])
                 - 0.5 * (t.backlash + ca * u.thinning[j])
             )  # fmt: skip
             if u.spline[j] > 0.0:
-                flank[j, side, 2] -= t.planet_base * u.spline[j] / (2 * t.spline_radius)
+                flank[j, side, 3] -= t.planet_base * u.spline[j] / (2 * t.spline_radius)
         for k in range(t.discs):
             ex, ey, c, b = eps[k, 0], eps[k, 1], u.cams[j, k], u.bores[k, j]
             cam[j, k, 0] = ex * c[0] - ey * c[1] - rx * b[0] + ry * b[1]

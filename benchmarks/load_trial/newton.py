@@ -87,8 +87,8 @@ def assemble(t, x, pin, flank, eps, radial, cam, bore, clearance, load, g, block
             t.k_bore, clearance[1], d0, d1, t0, t1, 0.0, 0.0, carrier, o, g, blocks[nd + 1], coupling[nd + 1], crank, j
         )
         for side in range(2):
-            n0, n1, n2 = flank[j, side, 0], flank[j, side, 1], (2 * side - 1) * t.planet_base
-            p = flank[j, side, 2] + n0 * (x[sun] - y0) + n1 * (x[sun + 1] - y1) - n2 * y2
+            n0, n1, n2 = flank[j, side, 0], flank[j, side, 1], flank[j, side, 2]
+            p = flank[j, side, 3] + n0 * (x[sun] - y0) + n1 * (x[sun + 1] - y1) - n2 * y2
             if p > 0.0:
                 f, s, q = t.k_mesh * p, t.k_mesh, 3 * j
                 g[sun] += f * n0
@@ -189,8 +189,8 @@ def along(t, x, pin, flank, eps, radial, cam, bore, v, closing, rate):
     for j in range(nc):
         o = first + 3 * j
         for side in range(2):
-            n0, n1, n2 = flank[j, side, 0], flank[j, side, 1], (2 * side - 1) * t.planet_base
-            closing[at] = flank[j, side, 2] + n0 * (x[sun] - x[o]) + n1 * (x[sun + 1] - x[o + 1]) - n2 * x[o + 2]
+            n0, n1, n2 = flank[j, side, 0], flank[j, side, 1], flank[j, side, 2]
+            closing[at] = flank[j, side, 3] + n0 * (x[sun] - x[o]) + n1 * (x[sun + 1] - x[o + 1]) - n2 * x[o + 2]
             rate[at] = n0 * (v[sun] - v[o]) + n1 * (v[sun + 1] - v[o + 1]) - n2 * v[o + 2]
             at += 1
     for j in range(nc):

@@ -79,7 +79,7 @@ def over_angles(t, u, thetas, loads, reference, start, known, poses, steps):
     added to the neighbour's pose; start (n, unknowns): where each angle starts if ``known``.
     """
     nd, nc, n = t.discs, t.cranks, 3 * t.discs + 5 + 3 * t.cranks
-    pin, flank = np.zeros((nd, t.pins, 4)), np.zeros((nc, 2, 3))
+    pin, flank = np.zeros((nd, t.pins, 4)), np.zeros((nc, 2, 4))
     eps, radial = np.zeros((nd, 2)), np.zeros((nc, 2))
     cam, bore = np.zeros((nc, nd, 2)), np.zeros((nc, 2))
     g, v, x = np.zeros(n), np.zeros(n), np.zeros(n)

@@ -6,8 +6,7 @@ and the contacts are taken anew, until the output rests:
 
 - a pin meets the curve that an errorless pin draws on its disc at the foot of the perpendicular to it;
 - bearings of discs, cranks and carrier turn with their parts, bores and cams with their errors as arms;
-- sun and planets mesh as involutes at the distance and direction of their centres; their own errors stay of the first
-  order, which leaves out 0.02 arcsec where they are 20 um.
+- sun and planets mesh as involutes at the distance and direction of the centres of their toothings.
 
     train = train_of(rverror.load_model("model.toml").mechanism)
     solve(train, build(train, errors), theta, 60e3).output   # forward at 60 N m, rad
@@ -20,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from benchmarks.load_trial import newton, planar
-from benchmarks.load_trial.kernel import Train, Unit, add_bearing, closings, compiled
+from benchmarks.load_trial.kernel import Train, Unit, add_bearing, compiled
 from benchmarks.load_trial.newton import BALANCE, STEPS, newton_step
 from benchmarks.load_trial.planar import Array, Solved, unknowns
 
@@ -31,7 +30,7 @@ CLOSE = 1e-4  # mm, of anything else: a contact bends by that squared over some 
 
 
 class Law(NamedTuple):
-    """Force of a pin that is pressed in by p: reference (stiffness p / reference)^exponent."""
+    """Force of a pin or a flank that is pressed in by p: reference (stiffness p / reference)^exponent."""
 
     exponent: float = 1.0
     reference: float = 100.0  # N, at which the stiffness is what it is said to be
@@ -41,10 +40,10 @@ LINEAR = Law()
 
 
 class Contacts(NamedTuple):
-    """All contacts, linear in the pose; the first six as `kernel.closings` has them, of which two count here."""
+    """All contacts, linear in the pose; the first six as `kernel.closings` has them, of which two are filled here."""
 
     pin: Array  # (nd, zp, 4)
-    flank: Array  # (nc, 2, 3)
+    flank: Array  # (nc, 2, 4)
     eps: Array
     radial: Array
     cam: Array
@@ -67,16 +66,15 @@ class Work(NamedTuple):
     rate: Array
     x: Array
     before: Array  # the pose before the last round
-    straight: Array  # flanks of the first order
 
 
 class Springs(NamedTuple):
-    """The train; what of it `newton` takes as it stands, all but the bearings; it without pins; the law of the pins."""
+    """The train; what of it `newton` takes as it stands, which are its linear contacts; the laws of the others."""
 
     train: Train
     rest: Train
-    pinless: Train
-    law: Law
+    law: Law  # of the pins
+    flank_law: Law
     open: Array  # (2,): a clearance that nothing crosses
 
 
@@ -233,37 +231,67 @@ def take_bearings(t: Any, u: Any, theta: float, x: Array, c: Any) -> None:
 
 
 @compiled
-def take_flanks(t: Any, theta: float, x: Array, straight: Array, c: Any) -> None:
-    """Rows and closings of both flanks of each mesh at a pose; ``straight`` those of the first order.
-
-    Involutes of base radii b1, b2 with centres at the distance d in the direction delta, alpha = acos((b1 + b2) / d):
-    the planet's turn phi closes them by b2 phi - (b1 + b2) delta, forward, and by the opposite on the other flank; both
-    open by (b1 + b2) inv(alpha).
-    """
-    base = t.sun_base + t.planet_base
-    sun, first, distance = 3 * t.discs, 3 * t.discs + 5, base / np.cos(t.pressure_angle)
-    for j in range(t.cranks):
-        at, place = first + 3 * j, unit_vector(theta + 2 * np.pi * j / t.cranks)
-        moved = complex(x[at] - x[sun], x[at + 1] - x[sun + 1])
-        line = 1 + moved * place.conjugate() / distance
-        size = np.sqrt(dot(line, line))
-        delta, alpha = np.arctan2(line.imag, line.real), np.arccos(base / (distance * size))
-        slack = base * (np.tan(alpha) - alpha - np.tan(t.pressure_angle) + t.pressure_angle)
-        away = place * line / size
-        for side in range(2):
-            s = 1.0 - 2 * side
-            n = base / (distance * size) * (s * 1j + np.tan(alpha)) * away
-            c.flank[j, side, 0], c.flank[j, side, 1] = n.real, n.imag
-            c.flank[j, side, 2] = straight[j, side, 2] - s * base * delta - slack + dot(n, moved)
-
-
-@compiled
 def pressed(law: Any, stiffness: float, p: float) -> tuple[float, float]:
-    """Force of a pin and its derivative."""
+    """Force of a pin or a flank and its derivative."""
     if p <= 0.0:
         return 0.0, 0.0
     k = stiffness * (stiffness * p / law.reference) ** (law.exponent - 1)
     return k * p, law.exponent * k
+
+
+@compiled
+def lead(t: Any, u: Any, j: int, sun: float, planet: float) -> float:
+    """Way by which teeth are ahead in mesh j, which sun and planet j see in these directions."""
+    total = 0.0
+    for w in range(u.sun_waves.shape[0]):
+        chi = u.sun_waves[w, 0] * sun
+        total += u.sun_waves[w, 1] * np.cos(chi) + u.sun_waves[w, 2] * np.sin(chi)
+    for w in range(u.planet_waves.shape[0]):
+        if int(u.planet_waves[w, 0]) == j:
+            chi = u.planet_waves[w, 1] * planet
+            total += u.planet_waves[w, 2] * np.cos(chi) + u.planet_waves[w, 3] * np.sin(chi)
+    return total
+
+
+@compiled
+def take_flanks(t: Any, law: Any, u: Any, theta: float, x: Array, c: Any) -> float:
+    """Rows and closings of both flanks of each mesh at a pose; moment that they put on the carrier there.
+
+    Involutes of base radii b1, b2 with centres at the distance d in the direction delta, alpha = acos((b1 + b2) / d):
+    the planet's turn phi closes them by b2 phi - (b1 + b2) delta, forward, and by the opposite on the other flank; both
+    open by (b1 + b2) inv(alpha).  Of the carrier they take hold by the errors of the planets' axes alone.
+    """
+    moment = 0.0
+    base, cosine = t.sun_base + t.planet_base, np.cos(t.pressure_angle)
+    sun, carrier, first, distance = 3 * t.discs, 3 * t.discs + 2, 3 * t.discs + 5, base / cosine
+    sun_angle = t.ratio * theta + u.input_turn[0]
+    toothing = complex(u.sun_eccentricity[0], u.sun_eccentricity[1]) * unit_vector(sun_angle)
+    toothing += complex(u.sun_offset[0], u.sun_offset[1])
+    for j in range(t.cranks):
+        at, beta = first + 3 * j, theta + 2 * np.pi * j / t.cranks
+        place, planet_turn = unit_vector(beta), x[at + 2] - u.crank_lead[j]
+        planet_angle = planet_turn - t.lobes * theta
+        on_planet = complex(u.planet_eccentricity[j, 0], u.planet_eccentricity[j, 1]) * unit_vector(planet_angle)
+        on_carrier = complex(u.centre_distance[j, 0], u.centre_distance[j, 1]) * place * small_turn(x[carrier + 2])
+        apart = complex(x[at] - x[sun], x[at + 1] - x[sun + 1])
+        line = 1 + (apart + on_carrier + on_planet - toothing) * place.conjugate() / distance
+        size = np.sqrt(dot(line, line))
+        delta, alpha = np.arctan2(line.imag, line.real), np.arccos(base / (distance * size))
+        slack = base * (np.tan(alpha) - alpha - np.tan(t.pressure_angle) + t.pressure_angle)
+        slack += 0.5 * (t.backlash + cosine * u.thinning[j])
+        if u.spline[j] > 0.0:
+            slack += t.planet_base * u.spline[j] / (2 * t.spline_radius)
+        teeth = lead(t, u, j, beta + delta - sun_angle, beta + delta + np.pi - planet_angle)
+        ahead = t.sun_base * u.input_turn[0] + t.planet_base * planet_turn - base * delta + cosine * teeth
+        away = place * line / size
+        for side in range(2):
+            s = 1.0 - 2 * side
+            n = base / (distance * size) * (s * 1j + np.tan(alpha)) * away
+            n2 = dot(n, 1j * on_planet) - s * t.planet_base
+            c.flank[j, side, 0], c.flank[j, side, 1], c.flank[j, side, 2] = n.real, n.imag, n2
+            c.flank[j, side, 3] = s * ahead - slack + dot(n, apart) + n2 * x[at + 2]
+            moment += pressed(law, t.k_mesh, s * ahead - slack)[0] * dot(n, 1j * on_carrier)
+    return moment
 
 
 @compiled
@@ -281,6 +309,28 @@ def add_pins(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
 
 
 @compiled
+def add_flanks(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
+    """Add flanks of a power law to gradient and matrices."""
+    sun, first, block, coupling = 3 * t.discs, 3 * t.discs + 5, w.blocks[t.discs], w.coupling[t.discs]
+    for j in range(t.cranks):
+        o, q = first + 3 * j, 3 * j
+        for side in range(2):
+            n = c.flank[j, side]
+            p = n[3] + n[0] * (x[sun] - x[o]) + n[1] * (x[sun + 1] - x[o + 1]) - n[2] * x[o + 2]
+            force, stiffness = pressed(law, t.k_mesh, p)
+            for r in range(3):
+                w.g[o + r] -= force * n[r]
+                for s in range(r, 3):
+                    w.crank[q + r, q + s] += stiffness * n[r] * n[s]
+            for r in range(2):
+                w.g[sun + r] += force * n[r]
+                for s in range(r, 2):
+                    block[r, s] += stiffness * n[r] * n[s]
+                for s in range(3):
+                    coupling[r, q + s] -= stiffness * n[r] * n[s]
+
+
+@compiled
 def assemble(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: Any) -> None:
     """Gradient and second derivative of the energy at x."""
     t, nd = springs.train, springs.train.discs
@@ -290,6 +340,8 @@ def assemble(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: A
     )  # fmt: skip
     if springs.law.exponent != 1.0:
         add_pins(t, springs.law, x, c, w)
+    if springs.flank_law.exponent != 1.0:
+        add_flanks(t, springs.flank_law, x, c, w)
     for j in range(t.cranks):
         o = 3 * nd + 5 + 3 * j
         for k in range(nd + 1):
@@ -321,11 +373,14 @@ def along(t: Any, x: Array, c: Any, w: Any) -> None:
 @compiled
 def slope(springs: Any, x: Array, load: float, clearance: Array, w: Any, s: float) -> float:
     """Slope of the energy along the step at s of it, N mm."""
-    t, law = springs.train, springs.law
+    t, law, flank_law, pins = springs.train, springs.law, springs.flank_law, springs.train.discs * springs.train.pins
     total: float = newton.slope(springs.rest, x, w.v, load, clearance, w.closing, w.rate, s)
     if law.exponent != 1.0:
-        for i in range(t.discs * t.pins):
+        for i in range(pins):
             total += pressed(law, t.k_pin, w.closing[i] + s * w.rate[i])[0] * w.rate[i]
+    if flank_law.exponent != 1.0:
+        for i in range(pins, pins + 2 * t.cranks):
+            total += pressed(flank_law, t.k_mesh, w.closing[i] + s * w.rate[i])[0] * w.rate[i]
     return total
 
 
@@ -391,10 +446,10 @@ def rest(springs: Any, u: Any, theta: float, load: float, x: Array, c: Any, w: A
     for turn in range(ROUNDS):
         take_pins(t, u, theta, x, c, 1 if turn else 2)
         take_bearings(t, u, theta, x, c)
-        take_flanks(t, theta, x, w.straight, c)
+        moment = take_flanks(t, springs.flank_law, u, theta, x, c)
         for i in range(x.size):  # loops, as numba compiles them faster than slices
             before[i] = x[i]
-        if not settle(springs, x, load, u.clearance, c, w):
+        if not settle(springs, x, load + moment, u.clearance, c, w):
             return -1
         for i in range(x.size):
             before[i] -= x[i]
@@ -410,7 +465,6 @@ def over_angles(
     """Solve at each angle; ``near``, the poses of the first order, show how the pose goes on from the neighbour's."""
     t, x = springs.train, w.x
     for m in range(thetas.size):
-        closings(springs.pinless, u, thetas[m], c.pin, w.straight, c.eps, c.radial, c.cam, c.bore)
         start_feet(t, thetas[m], c)
         warm = m > 0 and rounds[m - 1] > 0
         for q in range(x.size):
@@ -420,15 +474,17 @@ def over_angles(
             poses[m, q] = x[q]
 
 
-def solve(train: Train, unit: Unit, theta: Array, load: float | Array, law: Law = LINEAR) -> Solved:
+def solve(
+    train: Train, unit: Unit, theta: Array, load: float | Array, law: Law = LINEAR, flank_law: Law = LINEAR
+) -> Solved:
     """Solve the statics at the angles theta, rad, with the input held at its nominal angle.
 
     Parameters
     ----------
     load : float or ndarray
         Torque on the output that resists forward motion, N mm; below 0 for reverse; one, or one for each angle.
-    law : Law
-        Of the pins.
+    law, flank_law : Law
+        Of the pins, and of the flanks of the gears.
 
     Returns
     -------
@@ -439,7 +495,7 @@ def solve(train: Train, unit: Unit, theta: Array, load: float | Array, law: Law 
     near = planar.solve(train, unit, theta, load)
     contacts = Contacts(
         pin=np.zeros((nd, zp, 4)),
-        flank=np.zeros((nc, 2, 3)),
+        flank=np.zeros((nc, 2, 4)),
         eps=np.zeros((nd, 2)),
         radial=np.zeros((nc, 2)),
         cam=np.zeros((nc, nd, 2)),
@@ -460,10 +516,11 @@ def solve(train: Train, unit: Unit, theta: Array, load: float | Array, law: Law 
         rate=np.zeros(count),
         x=np.zeros(n),
         before=np.zeros(n),
-        straight=np.zeros((nc, 2, 3)),
     )
-    bare = train if law.exponent == 1 else train._replace(k_pin=0.0)
-    springs = Springs(train, bare, train._replace(pins=0), law, np.full(2, np.inf))
+    bare = train._replace(
+        k_pin=train.k_pin if law.exponent == 1 else 0.0, k_mesh=train.k_mesh if flank_law.exponent == 1 else 0.0
+    )
+    springs = Springs(train, bare, law, flank_law, np.full(2, np.inf))
     poses, rounds = np.zeros((theta.size, n)), np.zeros(theta.size, dtype=np.int64)
     over_angles(
         springs,

@@ -17,6 +17,7 @@ import numpy as np
 
 import rverror
 
+from . import compiled
 from .simulator import Law, PartErrors, Reality, Springs, put_effect, transmission_error
 
 ARCSEC = math.pi / 648000
@@ -562,10 +563,14 @@ def sizes_of(effect: Effect) -> dict[str, float]:
 
 
 class Simulated:
-    """Noise-free transmission error of a unit, rad, with the poses of the last call to start from."""
+    """Noise-free transmission error of a unit, rad.
 
-    def __init__(self, unit: Unit) -> None:
-        self.unit, self.reducer = unit, unit.reducer
+    `slow` takes the poses of the oracle's bench alone, those of its last call to start from.  Else they are those of
+    the compiled simulator, but for units of the first order and where it finds none.
+    """
+
+    def __init__(self, unit: Unit, *, slow: bool = False) -> None:
+        self.unit, self.reducer, self.slow = unit, unit.reducer, slow or unit.first_order
         factors = unit.factors or dict.fromkeys(STIFFNESS, 1.0)
         k = {name: value * factors[name] for name, value in STIFFNESS.items()}
         springs = Springs(
@@ -587,25 +592,44 @@ class Simulated:
 
     def gear_train(self, run: Recording, effects: list[Effect]) -> np.ndarray:
         """Error of the gear train in the order of the run's samples."""
-        errors = PartErrors(self.reducer)
-        for effect in effects:
-            if not effect["key"].startswith("sensor.") and effect["key"] != OUTSIDE:
-                indices = {name: effect[name] for name in INDICES if name in effect}
-                put_effect(errors, self.reducer, effect["key"], indices, sizes_of(effect))
+        own = [
+            (effect["key"], {name: effect[name] for name in INDICES if name in effect}, sizes_of(effect))
+            for effect in effects
+            if not effect["key"].startswith("sensor.") and effect["key"] != OUTSIDE
+        ]
         theta = run.theta + (self.unit.marks or 0.0)
         if self.reducer.planet_teeth * self.reducer.pins % self.reducer.sun_teeth == 0 or not any(
             effect["key"] in SUN for effect in effects
         ):
             theta = np.mod(theta, TURN)
         angles, back = np.unique(np.round(theta, 11), return_inverse=True)
+        if not self.slow:
+            error, lost = compiled.transmission_error(
+                self.reducer, angles, own, self.reality, sense=run.direction, torque=run.torque * 1e3
+            )
+            if lost.any():
+                error[lost], _ = self._slowly(run, own, angles[lost], None)
+            return error[back]
         name = (run.direction, run.torque)
         start = self._poses.get(name)
         if start is not None and len(start) != angles.size:
             start = None
-        error, self._poses[name] = transmission_error(
+        error, self._poses[name] = self._slowly(run, own, angles, start)
+        return error[back]
+
+    def _slowly(
+        self,
+        run: Recording,
+        effects: list[tuple[str, dict[str, Any], dict[str, float]]],
+        angles: np.ndarray,
+        start: np.ndarray | None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        errors = PartErrors(self.reducer)
+        for key, indices, sizes in effects:
+            put_effect(errors, self.reducer, key, indices, sizes)
+        return transmission_error(
             self.reducer, angles, errors, self.reality, sense=run.direction, torque=run.torque * 1e3, start=start
         )
-        return error[back]
 
     def readings(self, run: Recording, effects: list[Effect]) -> np.ndarray:
         """Error of gear train and measuring chain."""

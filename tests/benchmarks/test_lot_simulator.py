@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,23 @@ UNITS: list[tuple[dict[str, float], list[Error]]] = [
             Error("crank.bearing_clearance", {}, (0.004,)),
         ],
     ),
+    (
+        {"involute.planet_eccentricity": 40, "involute.center_distance": 50},
+        [
+            Error("involute.sun_eccentricity", {}, (0.05, -0.03)),
+            Error("involute.sun_offset", {}, (-0.04, 0.06)),
+            Error("involute.sun_pitch", {"harmonic": 2}, (0.02, 0.03)),
+            Error("involute.planet_pitch", {"crank": 1, "harmonic": 3}, (0.03, -0.02)),
+            Error("involute.tooth_thinning", {"member": "sun"}, (0.01,)),
+            Error("crank.index", {"crank": 0}, (1e-4,)),
+        ],
+    ),
 ]
+#: Laws of pins and flanks by unit, and torques, N mm.
+LAWS = [(exact.LINEAR, exact.LINEAR)] * 2 + [
+    (exact.Law(10 / 9, 300.0), flanks) for flanks in (exact.LINEAR, exact.Law(1.2, 40.0))
+]
+TORQUES = [60e3, 60e3, 60e3, 200e3]
 
 
 def drawn(number: int) -> list[Error]:
@@ -53,25 +70,30 @@ def drawn(number: int) -> list[Error]:
     return errors + [
         Error(key, at, tuple(rng.normal(size=len(KINDS[key].parameters)) * size * UM))
         for key, size in deviations.items()
-        for at in make.instances(key, TRAIN)
+        for at in places(key)
     ]
 
 
-def by_the_bench(errors: list[Error], sense: int, torque: float, law: exact.Law) -> Any:
+def places(key: str) -> Iterator[dict[str, int]]:
+    return make.instances(key, TRAIN) if key in make.CLASSES else ({"crank": j} for j in range(TRAIN.cranks))
+
+
+def by_the_bench(errors: list[Error], sense: int, torque: float, laws: tuple[exact.Law, exact.Law]) -> Any:
     put = PartErrors(UNIT)
     for key, indices, values in errors:
         put_effect(put, UNIT, key, dict(indices), dict(zip(KINDS[key].parameters, values, strict=True)))
-    reality = Reality(springs=SPRINGS, backlash=TRAIN.backlash, pin_law=Law(**law._asdict()))
+    pins, flanks = (Law(**law._asdict()) for law in laws)
+    reality = Reality(springs=SPRINGS, backlash=TRAIN.backlash, pin_law=pins, flank_law=flanks)
     return Bench(UNIT, ANGLES, put, reality, sense=sense, torque=torque).poses()[:, 2]
 
 
 @pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("number", range(len(UNITS)))
 def test_poses_are_those_of_the_exact_bench(number: int, sense: int) -> None:
-    errors, law = drawn(number), exact.LINEAR if number < 2 else exact.Law(10 / 9, 300.0)
-    own = exact.solve(TRAIN, build(TRAIN, errors), ANGLES, sense * 60e3, law)
+    errors, laws, torque = drawn(number), LAWS[number], TORQUES[number]
+    own = exact.solve(TRAIN, build(TRAIN, errors), ANGLES, sense * torque, *laws)
     assert own.settled.all()
-    assert abs(own.output - by_the_bench(errors, sense, 60e3, law)).max() < 0.003 * ARCSEC
+    assert abs(own.output - by_the_bench(errors, sense, torque, laws)).max() < 0.003 * ARCSEC
 
 
 def test_runs_are_the_pose_the_encoder_an_offset_and_noise(tmp_path: Path) -> None:

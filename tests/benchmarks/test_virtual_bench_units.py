@@ -60,6 +60,35 @@ def test_the_mechanism_is_simulated_as_the_run_went() -> None:
     np.testing.assert_allclose(both, 3 * units.ARCSEC * np.cos(theta), atol=1e-12)
 
 
+def test_the_compiled_bench_moves_as_the_oracle_does() -> None:
+    """Also where a ratio is no whole number, laws are not linear and bearings have clearance."""
+    unit = units.Unit(seed=0, family="plain", random=np.random.default_rng(3), parameters=units.REDUCERS[0])
+    units.wrong_stiffness(unit)
+    units.power_law(unit)
+    for key in ("crank.bearing_clearance", "involute.sun_eccentricity", "cycloid.pin_circle", "cycloid.disc_lobe"):
+        unit.undeclared.append(units.draw_effect(unit, key))
+    units.both_ways(unit, np.linspace(1, 11, 40), torques=(30.0,))
+    for run in unit.runs:
+        slow = units.Simulated(unit, slow=True).readings(run, unit.undeclared)
+        fast = units.Simulated(unit).readings(run, unit.undeclared)
+        assert 0 < abs(fast - slow).max() < 0.01 * units.ARCSEC
+
+
+def test_where_the_compiled_bench_finds_no_pose_the_oracle_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    unit = units.draw(3, "plain")
+    run = units.Recording(1, np.linspace(0, 1, 6))
+    expected = units.Simulated(unit).readings(run, unit.true)
+
+    def half(reducer: Any, angles: np.ndarray, *_: Any, **__: Any) -> Any:
+        found = np.array([np.nan, 1.0, np.nan, 1.0, np.nan, 1.0])
+        return found, np.isnan(found)
+
+    monkeypatch.setattr(units.compiled, "transmission_error", half)
+    got = units.Simulated(unit).readings(run, unit.true)
+    np.testing.assert_allclose(got[::2], expected[::2], atol=0.01 * units.ARCSEC)
+    np.testing.assert_array_equal(got[1::2], 1.0)
+
+
 def answer(*keys: str, verdict: str = "explained", held_out: float = 0.5, lines: tuple[float, ...] = ()) -> Any:
     added = []
     for names in keys:
