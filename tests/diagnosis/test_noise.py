@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from gear_runs import red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.noise import RunNoise, Whitening, burg, noise_of, walking
+from rverror.diagnosis.noise import RunNoise, Whitening, averaged, burg, noise_of, walking
 
 FLOOR = 1e-3 * ARCSEC
 
@@ -242,3 +242,22 @@ def test_what_was_fitted_is_not_counted_twice() -> None:
         left = white - basis @ (basis.T @ white)
         size.append(noise_of(left, np.ones(n, dtype=np.bool_), 100.0, floor=1e-6).rms)
     assert np.mean(size) == pytest.approx(1, abs=0.02)
+
+
+@given(st.lists(st.floats(-0.6, 0.8), min_size=0, max_size=3), st.integers(1, 8))
+@settings(max_examples=30, deadline=None)
+def test_means_of_samples_have_the_covariance_that_follows_from_the_samples(roots: list[float], together: int) -> None:
+    """That of samples, summed over all pairs of two means: of the first lags, which a filter of some lags can have."""
+    noise = RunNoise(-np.poly(roots)[1:] if roots else np.zeros(0), 0.7)
+    count = 5
+    means = np.kron(np.eye(count), np.full((1, together), 1 / together))
+    expected = means @ covariance(noise, count * together) @ means.T
+    found = covariance(averaged(noise, together), count)
+    assert found == pytest.approx(expected, abs=2e-3 * expected[0, 0])
+
+
+def test_means_of_a_random_walk_wander_by_as_much() -> None:
+    """Its waves turn by so many times the angle from one mean to the next."""
+    noise = RunNoise(np.array([0.3]), 0.7, walk=0.02)
+    slow = np.array([0.001, 0.003])
+    assert averaged(noise, 4).spectrum(4 * slow) == pytest.approx(noise.spectrum(slow) / 4, rel=1e-2)

@@ -17,6 +17,7 @@ from rverror.base.arrays import Array
 Flags = npt.NDArray[np.bool_]
 
 _MOST_LAGS = 32
+_LEAST_LAGS = 4  # of means of samples: those of noise of one lag have more than one
 _TABLE = 8192  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
@@ -139,6 +140,20 @@ def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
         if gain > most:
             most, found = gain, float(walk)
     return replace(noise, walk=found * math.pi / white.size)
+
+
+def averaged(noise: RunNoise, together: int) -> RunNoise:
+    """Noise of means over so many samples, one after another.
+
+    Their correlation is r'[k] = sum over i, j of r[q k + i - j] / q^2, i and j from 0 to q - 1, from the correlation r
+    of the samples: the Fourier transform of their spectrum.
+    """
+    plain = np.fft.irfft(replace(noise, walk=0.0).spectrum(np.linspace(0, np.pi, _TABLE + 1)))
+    lags = max(min(_MOST_LAGS, noise.coefficients.size), _LEAST_LAGS)
+    shift = np.arange(1 - together, together)
+    weight = (together - np.abs(shift)) / together**2
+    correlation = np.array([weight @ plain[np.abs(together * k + shift)] for k in range(lags + 1)])
+    return replace(_autoregressive(correlation, lags, 0.0), walk=noise.walk * together)
 
 
 def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:

@@ -119,8 +119,8 @@ class Policy:
     # --- reducers: how long it is searched ----------------------------------------------------------------------------
 
     #: Solutions of the equilibrium after which no other set is looked at, and how often the search goes on once the
-    #: noise is known better.  Three causes took up to 6000; a solution takes a thread some 5 ms.
-    budget: int = 6000
+    #: noise is known better.  A solution takes a thread 5 to 20 ms, so that is half a minute on two cores.
+    budget: int = 3000
     looks: int = 3
     #: Angles a turn of the crank at which unknown marks are tried, with every candidate, since what is missing may turn
     #: the match.  Chosen for time.

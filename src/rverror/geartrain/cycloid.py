@@ -17,6 +17,7 @@ from rverror.geartrain.source import (
     DISC,
     EITHER_WAY,
     PIN,
+    IndexValue,
     Indices,
     Source,
     around,
@@ -606,7 +607,11 @@ def _mesh_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     return (fundamental_orders(rv(mechanism))["cycloid mesh"],)
 
 
-_LOBE = every("lobe", lambda unit: range(unit.disc_lobes))
+def _lobes_beside(mechanism: Mechanism, value: IndexValue) -> list[tuple[IndexValue, float]]:
+    return [((int(value) + step) % rv(mechanism).disc_lobes, 1.0) for step in (1, -1)]
+
+
+_LOBE = every("lobe", lambda unit: range(unit.disc_lobes), _lobes_beside)
 _PIN_OR_ALL = every("pin", lambda unit: [*range(unit.pins), "all"], PIN.equivalents)
 
 SOURCES = (

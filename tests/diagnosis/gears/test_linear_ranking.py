@@ -67,7 +67,7 @@ def near(far: Fit) -> Fit:
 
 def blocks_of(fit: Fit, keys: Sequence[str] = KEYS) -> list[Columns]:
     search = search_of(fit, keys)
-    return search.blocks(fit)
+    return search.moves.blocks(fit)
 
 
 class Linear:

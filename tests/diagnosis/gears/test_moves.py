@@ -12,10 +12,12 @@ import pytest
 import rverror
 from gear_runs import BARE, CAM, LIGHT, TURN, UNIT, begin, runs_of
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.fit import Fit, evaluated
-from rverror.diagnosis.gears.moves import Trial, distinct, equivalents, marked, started, with_offer
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
+from rverror.diagnosis.gears.moves import equivalents, marked, started, with_offer
 from rverror.diagnosis.gears.ranking import Offer
-from rverror.diagnosis.gears.score import identity, named
+from rverror.diagnosis.gears.score import Score, identity, named
+from rverror.diagnosis.gears.trial import Trial, distinct
+from rverror.diagnosis.policy import POLICY
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 
@@ -104,8 +106,9 @@ def first() -> Fit:
     return begin(BARE, runs_of(BARE, LIGHT, points=256), points=256)
 
 
-def trial(first: Fit, *added: Effect, prospect: float = 0.0) -> Trial:
-    return Trial(evaluated(first.bench, Model(UNIT, added), BARE), prospect)
+def trial(first: Fit, *added: Effect, declared: Model = BARE, score: float = 0.0) -> Trial:
+    origin = Score([], POLICY).of(evaluated(first.bench, declared, declared)).slim
+    return Trial(declared.with_effects(*added), score, origin)
 
 
 def test_of_one_set_two_ways_are_followed_at_most(first: Fit) -> None:
@@ -126,7 +129,29 @@ def test_sets_are_apart_by_their_causes_and_by_where_the_marks_are(first: Fit) -
     one, turned, two = trial(first, CAM, PROFILE), trial(first, PROFILE, CAM), trial(first, CAM, other)
     assert distinct([one, turned, two], 3) == [one, two]
     marks = Model(UNIT).with_effects(rverror.effect("sensor.index_offset", offset="0 rad"))
-    here, near, there = (
-        Trial(evaluated(first.bench, marked(marks.with_effects(CAM), angle), marks), 0.0) for angle in (0.0, 0.01, 0.3)
-    )
+    here, near, there = (trial(first, CAM, declared=marked(marks, angle)) for angle in (0.0, 0.01, 0.3))
     assert distinct([here, near, there], 3) == [here, there]
+
+
+def test_a_trial_is_solved_then_stepped_until_it_settles_at_the_score_of_its_fit(first: Fit) -> None:
+    """What few angles make of the set that it was made from is taken off, so the score is that over every sample."""
+    true = begin(BARE, runs_of(Model(UNIT, (CAM,)), LIGHT, points=2048), points=2048)
+    score = Score([(CAM.key, dict(CAM.indices))], POLICY)
+    one: Trial | None = Trial(BARE.with_effects(replace(CAM, values=(1e-4, 1e-4))), 0.0, score.of(true).slim)
+    taken = []
+    while one is not None and not one.settled:
+        one = one.further(score)
+        assert one is not None
+        taken.append(one.score)
+    assert one is not None
+    assert one.added[0].values == pytest.approx(CAM.values, abs=3e-4)
+    end = score.of(fitted(evaluated(true.bench, one.model, BARE))).score
+    unseen = true.bench.freedom - true.bench.few.freedom  # values of which nothing is known but their number
+    assert taken[-1] == pytest.approx(end, abs=3 * math.sqrt(2 * unseen))
+    assert taken[-1] < score.of(true).score - 100
+
+
+def test_a_state_without_an_equilibrium_is_no_trial(first: Fit) -> None:
+    """A bearing that is stiffer by more than its declared compliance is none."""
+    nothing = rverror.effect("crank.bearing_compliance", crank=0, disc=0, compliance="-4 um/kN")  # of 3.3
+    assert trial(first, nothing).further(Score([], POLICY)) is None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,13 @@ from rverror.diagnosis.gears.account import half_widths
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
 from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import marked
+from rverror.diagnosis.gears.ranking import Offer, singles
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.score import Hypothesis, identity, inexact, named, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
+from rverror.diagnosis.gears.trial import Trial
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
@@ -47,6 +49,32 @@ WAVE = rverror.effect(
 )  # fmt: skip
 
 
+def linear_offers(search: Search, fit: Fit) -> list[Offer]:
+    """Single causes by a linear step over every sample."""
+    return singles(fit, search.moves.blocks(fit), search.score.cost)
+
+
+def moved(search: Search, one: Hypothesis) -> list[Hypothesis]:
+    """The set with its causes moved, and begun anew."""
+    return raced(search, search.moves.moved(one.slim))
+
+
+def rivals(search: Search, one: Hypothesis, number: int = 0) -> list[Hypothesis]:
+    """Other causes in one's place, once the set has stood beside all that comes near it."""
+    stood(search, one)
+    return search.rivals(one, number)
+
+
+def stood(search: Search, one: Hypothesis) -> list[Hypothesis]:
+    """Sets that were fitted to stand beside one."""
+    before = {*search.known, one.names}
+    search.keep([one])
+    search.expand(one.slim, search.challengers)
+    while search.compare(one):
+        pass
+    return sorted((h for names, h in search.known.items() if names not in before), key=lambda h: h.score)
+
+
 def complete_ones(search: Search, found: Sequence[Hypothesis]) -> list[Hypothesis]:
     return [one for one in found if search.complete(one)]
 
@@ -65,13 +93,23 @@ THETA = np.asarray(TURN * np.arange(1024) / 512)
 
 
 class Watched(Search):
-    """A search that writes down which sets it expands, of how many causes, and how wide its beam is."""
+    """A search that writes down which sets it expands, by which kind of move."""
 
-    expanded: list[tuple[frozenset[object], int, int]]
+    expanded: list[tuple[frozenset[object], str]]
 
-    def expand(self, one: Hypothesis, width: int) -> None:
-        self.expanded.append((one.names, len(one.fit.added), width))
-        super().expand(one, width)
+    def expand(self, one: Hypothesis, kind: Any) -> bool:
+        made = super().expand(one, kind)
+        if made:
+            self.expanded.append((one.names, kind.__name__))
+        return made
+
+
+def raced(search: Search, trials: Iterable[Trial]) -> list[Hypothesis]:
+    """Sets that a race of trials adds to those that are known, the best first."""
+    before = dict(search.known)
+    search.race(list(trials))
+    found = [one for names, one in search.known.items() if before.get(names) is not one]
+    return sorted(found, key=lambda one: one.score)
 
 
 def read(*true: Effect, more: Array | float = 0.0, **rules: Any) -> Watched:
@@ -100,7 +138,8 @@ def test_three_causes_are_found_and_no_set_is_expanded_twice() -> None:
 def test_where_nothing_is_missing_nothing_is_expanded() -> None:
     search = read()
     best, done = search.best()
-    assert (best.fit.added, done, search.expanded) == ((), True, [])
+    assert (best.fit.added, done) == ((), True)
+    assert {kind for _, kind in search.expanded} <= {"challengers"}
 
 
 @pytest.mark.parametrize("most", [0, 1, 2])
@@ -112,23 +151,14 @@ def test_no_more_causes_are_looked_for_than_are_named(most: int) -> None:
     assert len(best.fit.added) <= most
 
 
-def test_where_no_set_is_complete_the_beam_widens_until_all_were_expanded() -> None:
-    """A wave of the crank's order, which no candidate makes and which is no line of its own.
-
-    A wider beam begins with few causes again: a wrong one with a second may beat the right one alone.
-    """
+def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
+    """A wave of the crank's order, which no candidate makes and which is no line of its own."""
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)
     best, done = search.best()
-    widths = list(dict.fromkeys(width for _, _, width in search.expanded))
     assert not done
     assert best.names == {named(HEAD)}
-    assert {after / before for before, after in pairwise(widths)} == {2.0}
     assert len(search.expanded) == len(set(search.expanded))
-    wide = {names for names, _, width in search.expanded if width > 1}
-    assert {one.names for one in search.known.values() if len(one.fit.added) <= 1} <= wide
-    counts = [count for _, count, width in search.expanded if width == widths[1]]
-    assert counts[0] == 0
-    assert counts == sorted(counts)
+    assert {kind for _, kind in search.expanded} > {"singly", "begun_anywhere"}  # the latter of a wide beam alone
 
 
 def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
@@ -139,7 +169,8 @@ def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
         assert not done
         assert best.score == min(one.score for one in search.known.values())
         expanded.append(len(search.expanded))
-    assert expanded[:2] == [0, 1]
+    assert expanded[0] == 0
+    assert expanded[1] == 1
     assert expanded[2] > 2
 
 
@@ -194,26 +225,27 @@ def test_a_line_that_chance_makes_now_and_then_overthrows_no_cause(right: Fit, a
     assert search.complete(search.score.of(fit)) == complete
 
 
-def test_what_a_linear_step_promises_too_little_is_fitted_before_nothing_is_said_to_be_left(
+def test_what_a_linear_step_promises_too_little_of_is_fitted_before_nothing_is_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A pin that is pushed in takes load from others: fitted it lowers the objective by more than a step promises."""
     pin = rverror.effect("cycloid.pin_position", pin=5, radial="0.6 um")
     fit = settled(Model(OTHER, (pin,)), conditions=(*USUAL, (1.0, 150e3)), points=1024)
-    (step,) = [o for o in search_of(fit, [pin.key]).leading(fit) if dict(o.names[0][1]) == dict(pin.indices)]
+    (step,) = [o for o in linear_offers(search_of(fit, [pin.key]), fit) if dict(o.names[0][1]) == dict(pin.indices)]
     search = search_of(fit, [pin.key])
     promised = fit.objective - step.score
     fallen = search.score.of(fit).score - search.score.of(beside(fit, pin)).score
     assert fallen > promised + 4
-    for share, complete in ((-0.5, False), (0.5, False), (1.5, True)):  # below the promise, between, above the fall
+    for share, added in ((-0.5, True), (0.5, True), (3.0, False)):  # below the promise, between, far above the fall
         asked = promised + share * (fallen - promised) - inexact(fit)
-        for gains in (not complete, False):
+        for gains in (True, False):
             with monkeypatch.context() as patch:
                 if not gains:  # as where only a jump has moved
                     patch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: 0.0)
                 asking = search_of(fit, [pin.key], false_alarm=math.exp(-asked / 2))
-                now = asking.complete(asking.score.of(fit))
-            assert now == (not gains if share > 0 else complete)
+                assert asking.complete(asking.score.of(fit)) == (share > 0)
+                best, _ = asking.best(asking.score.of(fit))
+                assert bool(best.fit.added) == (added and gains)
 
 
 def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_larger() -> None:
@@ -329,22 +361,10 @@ def test_what_fits_only_by_straining_gives_way() -> None:
 
 def test_from_what_is_declared_a_linear_step_finds_what_is_missing() -> None:
     search = search_of(settled(Model(OTHER, (CAM,)), CAM))
-    best = min(search.added_linearly(search.root), key=lambda one: one.score)
+    best = raced(search, search.moves.singly(search.root))[0]
     assert search.complete(best)
     assert {e.key for e in best.fit.added} == {CAM.key}
     assert best.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
-
-
-def test_what_leads_over_every_sample_is_fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A micron of one pin, lost in noise: the first three candidates are enough, no race is run."""
-    pin = replace(PIN, values=(-1e-3, 0.0))
-    search = search_of(settled(Model(OTHER, (pin,)), pin, points=1024))
-    monkeypatch.delattr(search.__class__, "_raced")
-    assert search.root.fit.data < search.root.fit.bound
-    found = search.added_linearly(search.root)
-    assert len(found) <= 3
-    assert complete_ones(search, found)
-    assert {e.indices["pin"] for one in found for e in one.fit.added} & {5, 13}  # it, or the one half a turn on
 
 
 def test_a_damaged_lobe_that_declared_sizes_hide_is_found() -> None:
@@ -379,8 +399,10 @@ def test_a_clearance_is_found_though_a_linear_step_makes_less_than_nothing_of_it
     stated = Model(UNIT, declared)
     first = begin(stated, runs_of(Model(OTHER, (*made, PLAY)), LIGHT, points=512), points=512)
     search = search_of(fitted(renoised(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
-    assert all(offer.names[0][0] != PLAY.key for offer in search.leading(evaluated(first.bench, stated, stated)))
-    found = complete_ones(search, search.added_from_starts(search.root, everywhere=False))
+    assert all(offer.names[0][0] != PLAY.key for offer in linear_offers(search, evaluated(first.bench, stated, stated)))
+    found = complete_ones(
+        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun_at_pins(search.root)])
+    )
     assert [e.key for e in found[0].fit.added] == [PLAY.key]
     assert found[0].fit.added[0].values[0] == pytest.approx(7e-3, abs=3e-4)
 
@@ -389,8 +411,12 @@ def test_a_wave_of_the_pins_is_found_from_its_starts() -> None:
     """A linear step from nothing ranks it behind waves of other orders, and steps from there end elsewhere."""
     fit = settled(Model(OTHER, (WAVE,)), WAVE, conditions=LIGHT)
     search = search_of(fit, [WAVE.key, "cycloid.disc_profile"])
-    assert not complete_ones(search, search.added_linearly(search.root))
-    (found,) = complete_ones(search, search.added_from_starts(search.root, everywhere=False))[:1]
+    assert not complete_ones(
+        search, raced(search, [t for t in search.moves.singly(search.root) if t.added[0].key != WAVE.key])
+    )
+    (found,) = complete_ones(
+        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun_at_pins(search.root)])
+    )[:1]
     assert found.names == {named(WAVE)}
     assert sizes(found, WAVE) == pytest.approx(WAVE.values, abs=5e-4)
 
@@ -421,13 +447,13 @@ def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_t
     search = search_of(fit, [profile.key, pin.key])
     both, alone = frozenset(map(named, (profile, pin))), search.score.of(beside(fit, profile))
     assert alone.fit.objective > (search.root.fit.objective + fit.objective) / 2
-    best = min(search.added_linearly(alone), key=lambda one: one.score)
+    best = raced(search, search.moves.singly(alone))[0]
     assert search.complete(best)
     assert best.names == both
     assert sizes(best, pin) == pytest.approx(pin.values, abs=5e-4)
-    for everywhere in (False, True):
-        found = search.added_from_starts(search.root, everywhere=everywhere)
-        assert any(one.names == both for one in found) is everywhere
+    search = search_of(fit, [profile.key, pin.key])
+    assert both not in [one.names for one in raced(search, search.moves.begun_at_pins(search.root))]
+    assert both in [one.names for one in raced(search, search.moves.begun_anywhere(search.root))]
 
 
 def test_a_profile_is_named_without_its_twins() -> None:
@@ -439,17 +465,6 @@ def test_a_profile_is_named_without_its_twins() -> None:
     assert done
     assert best.names == {named(PROFILE)}
     assert sizes(best, PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
-
-
-def test_states_without_an_equilibrium_are_passed_over() -> None:
-    """A bearing that is stiffer by more than its declared compliance is none."""
-    search = search_of(settled(Model(OTHER, (CAM,)), CAM))
-    nothing = rverror.effect("crank.bearing_compliance", crank=0, disc=0, compliance="-4 um/kN")  # of 3.3
-    models = [Model(UNIT, (effect,)) for effect in (nothing, CAM, nothing)]
-    before = search.spent
-    (trial,) = search._solved(search.root.fit, [*models, models[1]])
-    assert trial.fit.model.effects == (CAM,)
-    assert search.spent == before + 2  # each state once
 
 
 # --- a new source -----------------------------------------------------------------------------------------------------
@@ -481,7 +496,7 @@ def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_
             fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
             search = search_of(fit, keys, budget=1000)
             assert search.complete(search.score.of(fit))
-            (linear,) = [o for o in search.leading(search.root.fit) if o.names[0][0] == true.key]
+            (linear,) = [o for o in linear_offers(search, search.root.whole.fit) if o.names[0][0] == true.key]
             assert search.root.fit.objective - linear.objective < 10
             found[len(starts)] = *search.best(), true
     best, done, true = found[6]
@@ -499,7 +514,7 @@ def test_a_pin_that_stands_for_the_one_beside_it_gives_way() -> None:
     fit = settled(Model(OTHER, (PIN,)), PIN, conditions=LIGHT)
     search = search_of(fit)
     wrong = search.score.of(beside(fit, Effect(PIN.key, {"pin": 4}, (0.0, 2e-3))))
-    (found,) = [one for one in search.moved(wrong) if one.names == {named(PIN)}]
+    (found,) = [one for one in moved(search, wrong) if one.names == {named(PIN)}]
     assert search.complete(found)
     assert search.score.better(found, wrong)
     best, done = search.best(wrong)
@@ -515,7 +530,7 @@ def test_what_bends_is_begun_anew_where_its_fit_ended_elsewhere() -> None:
     search = search_of(fit)
     wrong = search.score.of(beside(fit, replace(PROFILE, values=(-5e-3, 5e-3))))
     assert not search.complete(wrong)
-    (found,) = complete_ones(search, search.moved(wrong))[:1]
+    (found,) = complete_ones(search, moved(search, wrong))[:1]
     assert found.names == {named(PROFILE)}
     assert found.fit.added[0].values == pytest.approx(PROFILE.values, abs=1e-3)
 
@@ -539,10 +554,10 @@ def test_causes_that_hold_one_another_in_a_wrong_place_change_it_together() -> N
     wrong = search.score.of(beside(fit, *(replace(e, values=tuple(-value for value in e.values)) for e in there)))
     assert wrong.fit.data < 2 * wrong.fit.bound
     assert not search.complete(wrong)
-    found = min(complete_ones(search, search.moved(wrong)), key=lambda one: one.score)
+    found = min(complete_ones(search, moved(search, wrong)), key=lambda one: one.score)
     assert [e.key for e in found.fit.added] == [e.key for e in here]
     assert found.fit.added[0].values == pytest.approx(here[0].values, abs=1e-3)
-    assert all(one.score > found.score + 100 for one in (wrong, *search.rivals(wrong, 0), *search.rivals(wrong, 1)))
+    assert wrong.score > found.score + 100
 
 
 def test_no_move_puts_a_cause_into_a_set_twice() -> None:
@@ -550,15 +565,7 @@ def test_no_move_puts_a_cause_into_a_set_twice() -> None:
     waves = [rverror.effect("cycloid.disc_pitch", disc=d, harmonic=2, cos=f"{1 + d} um") for d in (0, 1)]
     fit = settled(Model(OTHER, tuple(waves)), *waves, conditions=LIGHT)
     search = search_of(fit, ["cycloid.disc_pitch"])
-    seen: list[tuple[Effect, ...]] = []
-    solved = search._solved
-
-    def watched(fit: Fit, models: Sequence[Model]) -> Any:
-        seen.extend(model.effects for model in models)
-        return solved(fit, models)
-
-    search._solved = watched  # type: ignore[method-assign]
-    search.moved(search.score.of(fit))
+    seen = [trial.added for trial in search.moves.moved(search.score.of(fit))]
     assert len(seen) > 10
     assert all(len(set(map(named, effects))) == len(effects) for effects in seen)
 
@@ -590,14 +597,12 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     free[2] = False  # the marks, after the cam's two
     fit = fitted(wrong, free=free, steps=40)
     offsets = tuple(np.arange(POLICY.offsets) * period / POLICY.offsets)
-    search, nowhere = (search_of(fit, [true.key], offsets=angles) for angles in (offsets, ()))
+    search = search_of(fit, [true.key], offsets=offsets)
     one = search.score.of(fit)
     assert not search.complete(one)
-    (found,) = complete_ones(search, search.moved(one))[:1]
+    (found,) = complete_ones(search, moved(search, one))[:1]
     assert {e.key for e in found.fit.added} == {true.key}
     assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
-    if true.key == WAVE.key:
-        assert not complete_ones(nowhere, nowhere.moved(one))
 
 
 # --- what fits as well ------------------------------------------------------------------------------------------------
@@ -607,12 +612,12 @@ def test_rivals_hold_the_exact_twin_at_another_place(right: Fit) -> None:
     """Half a turn on, crank 1 stands as crank 0 did and disc 1 as disc 0: no run tells the two apart."""
     search = search_of(right)
     one = search.score.of(right)
-    twin = next(r for r in search.rivals(one, 0) if dict(r.fit.added[0].indices) == {"crank": 1, "disc": 1})
+    twin = next(r for r in rivals(search, one) if dict(r.fit.added[0].indices) == {"crank": 1, "disc": 1})
     assert twin.fit.added[0].key == CAM.key
     assert twin.fit.objective == pytest.approx(right.objective, abs=0.2)
     assert twin.fit.added[0].values == pytest.approx(right.added[0].values, abs=1e-5)
     assert (CAM.key, {"crank": 1, "disc": 1}) in search.as_good(one, 0)
-    assert all(rival.fit.bench is right.bench for rival in search.rivals(one, 0))
+    assert all(rival.fit.bench is right.bench for rival in rivals(search, one))
 
 
 @pytest.mark.parametrize("alike", [1e-30, 0.01, 0.9])
@@ -621,7 +626,7 @@ def test_what_fits_as_well_is_what_comes_near_by_score_or_by_objective(right: Fi
     one = search.score.of(right)
     near = {
         rival.names
-        for rival in search.rivals(one, 0)
+        for rival in rivals(search, one)
         if min(rival.score - one.score, rival.fit.objective - right.objective) < -2 * math.log(alike)
     }
     assert {frozenset([named(Effect(key, indices, ()))]) for key, indices in search.as_good(one, 0)} == near
@@ -631,9 +636,9 @@ def test_rivals_hold_the_exact_twin_of_another_key() -> None:
     """A disc ground smaller all around is pins that are all larger."""
     fit = settled(Model(UNIT, (PINS, CAM)), PINS, declared=Model(UNIT, (CAM,)), rms=0.1)
     search = search_of(fit)
-    rivals = {rival.fit.added[0].key: rival for rival in search.rivals(search.score.of(fit), 0)}
-    assert PROFILE.key in rivals, sorted(rivals)
-    assert rivals[PROFILE.key].fit.objective == pytest.approx(fit.objective, abs=1.0)
+    found = {rival.fit.added[0].key: rival for rival in rivals(search, search.score.of(fit))}
+    assert PROFILE.key in found, sorted(found)
+    assert found[PROFILE.key].fit.objective == pytest.approx(fit.objective, abs=1.0)
 
 
 def test_a_profile_is_among_the_rivals_of_pins_that_stand_for_it() -> None:
@@ -642,12 +647,10 @@ def test_a_profile_is_among_the_rivals_of_pins_that_stand_for_it() -> None:
     fit = settled(Model(OTHER, (cam, PROFILE)), PROFILE, declared=Model(UNIT, (cam,)), conditions=LIGHT, points=1024)
     search = search_of(fit)
     one = search.score.of(beside(fit, PINS))
-    rivals = search.rivals(one, 0)
-    keys = [rival.names for rival in rivals]
-    assert len(keys) == len(set(keys))
-    assert one.names not in keys
-    assert rivals[0].names == {named(PROFILE)}
-    assert sizes(rivals[0], PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
+    found = rivals(search, one)
+    assert one.names not in [rival.names for rival in found]
+    assert found[0].names == {named(PROFILE)}
+    assert sizes(found[0], PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
 
 
 def test_a_complete_set_gives_way_to_a_better_one_with_another_cause_in_one_s_place() -> None:
@@ -667,9 +670,9 @@ def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
     fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)
     search = search_of(fit)
     wave = search.score.of(beside(fit, Effect("cycloid.disc_pitch", {"disc": 1, "harmonic": 2}, (-5e-4, -4e-4))))
-    (linear,) = [o for o in search.leading(search.root.fit) if o.names[0][0] == RUNOUT.key]
+    (linear,) = [o for o in linear_offers(search, search.root.whole.fit) if o.names[0][0] == RUNOUT.key]
     assert search.root.fit.objective - linear.objective < 10
-    (rival,) = [one for one in search.rivals(wave, 0) if one.names == {named(RUNOUT)}]
+    (rival,) = [one for one in rivals(search, wave) if one.names == {named(RUNOUT)}]
     assert search.complete(rival)
     assert sizes(rival, RUNOUT) == pytest.approx(RUNOUT.values, abs=3e-4)
     opposites = search.opposites(search.score.of(fit))
@@ -686,6 +689,7 @@ def test_a_runout_is_a_rival_of_a_bore_that_stands_for_it() -> None:
     search = search_of(fit)
     one = search.score.of(beside(fit, bore))
     assert search.complete(one)
+    stood(search, one)
     assert named(RUNOUT) in map(identity, search.as_good(one, 0))
 
 
@@ -698,14 +702,11 @@ def test_one_cause_that_shows_by_its_square_replaces_two_that_stand_for_it() -> 
         for disc in (0, 1)
     ]
     two = search.score.of(beside(fit, *bores))
-    found = {other.names: other for other in search.replaced(two)}
+    found = {other.names: other for other in stood(search, two)}
     (other,) = [found[names] for names in found if names == {named(RUNOUT)}]
     assert search.complete(other)
     assert other.score < two.score
     assert sizes(other, RUNOUT) == pytest.approx(RUNOUT.values, abs=3e-4)
-    spent = search.spent
-    assert search.replaced(search.score.of(beside(fit, bores[0]))) == []
-    assert search.spent == spent
 
 
 def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared() -> None:
@@ -715,9 +716,11 @@ def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared(
     fit = settled(Model(OTHER, (cam, ground)), ground, declared=Model(UNIT, (cam,)), turns=0.25)
     search = search_of(fit)
     assert search.complete(search.root)
-    assert [one.names for one in search.hidden(search.root)] == [{named(PROFILE)}]
+    assert {named(PROFILE)} in [one.names for one in stood(search, search.root)]
+    search = search_of(fit)
     best, done = search.best()
     assert done
     assert best.names == {named(PROFILE)}
     assert best.score < search.score.of(fit).score + 1
-    assert search_of(fit, most_effects=0).hidden(search.root) == []
+    none = search_of(fit, most_effects=0)
+    assert stood(none, none.root) == []

@@ -14,7 +14,7 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.sight import EverySample
+from rverror.diagnosis.gears.sight import EverySample, MeanSamples
 from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
@@ -83,3 +83,49 @@ def test_only_a_sun_is_added_by_its_influence_and_only_where_it_must() -> None:
         assert bench.apart("involute.sun_pitch") is apart
         assert bench.around(Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
         assert not any(bench.apart(effect.key) for effect in effects[1:])
+
+
+@pytest.mark.parametrize("breaks", [(), (1.0, 3.0)])
+@pytest.mark.parametrize("period", [TURN, TURN / 16])
+def test_means_are_those_of_the_samples_that_count_and_begin_anew_after_gaps(
+    period: float, breaks: tuple[float, ...]
+) -> None:
+    """Of readings and predictions alike; what is left at the end of a series joins its last mean."""
+    theta = np.linspace(0, TURN, 403, endpoint=False)
+    kept = np.ones(theta.size, dtype=np.bool_)
+    kept[[7, 20, 21, 22, 23]] = False
+    record = record_of(np.random.default_rng(3).normal(size=theta.size), theta)
+    record = replace(record, kept=kept, starts=(0, 202), noise=RunNoise(np.array([0.5]), ARCSEC))
+    every, means = EverySample(record), MeanSamples(record, 4)
+    series = [*range(0, 200, 4), *range(202, 402, 4)]
+    ends = [*series[1:50], 202, *series[51:], 403]
+
+    def averaged(row: Array) -> Array:
+        used = [
+            np.arange(a, b)[kept[a:b]] if kept[a:b].any() else np.arange(a, b)
+            for a, b in zip(series, ends, strict=True)
+        ]
+        return np.array([row[at].mean() for at in used])
+
+    grid = replace(whole(0.1, period, 256), breaks=breaks)
+    rows = np.random.default_rng(4).normal(size=(2, grid.points))
+    assert means.width == len(series) == means.constant.size
+    assert means.measured == pytest.approx(averaged(every.measured))
+    for offset in (0.0, 0.21):
+        read = every.of_grid(grid, rows, offset)
+        assert means.of_grid(grid, rows, offset) == pytest.approx(np.array([averaged(row) for row in read]), abs=1e-9)
+    assert means.freedom == len(series) - 1 - 2 * means.whitening.noise.coefficients.size  # one has no sample left
+
+
+def test_means_say_of_a_wave_what_the_samples_say_but_for_the_noise_that_folds_onto_it() -> None:
+    """Of white noise that leaves the share by which means keep the power of a wave, in closed form."""
+    theta = np.arange(6144) * TURN / 2048
+    record = replace(record_of(np.zeros(theta.size), theta), slow=True, noise=RunNoise(np.zeros(0), ARCSEC))
+    orders = np.array([1, 40, 100, 156])
+    rows = ARCSEC * np.cos(np.outer(orders, theta))
+    every, means = EverySample(record), MeanSamples(record, 4)
+    told, few = (np.sum(one**2, axis=1) for one in (every.whiten(rows), means.whiten(means.averaged(rows))))
+    half = orders * TURN / 2048 / 2
+    kept = (np.sin(4 * half) / (4 * np.sin(half))) ** 2
+    assert few / told == pytest.approx(kept, rel=0.01)
+    assert kept == pytest.approx([1, 0.98, 0.89, 0.74], abs=0.01)

@@ -77,7 +77,7 @@ def account(
     lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
-    ranked = _candidates(root, search)
+    ranked = _candidates(search)
     added = tuple(_addition(search, best, at, ranked, halves) for at in range(len(fit.added)))
     for one in added:
         search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
@@ -313,9 +313,9 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
     return tuple(sorted(result, key=lambda line: -line.amplitude))
 
 
-def _candidates(node: Hypothesis, search: Search) -> tuple[Candidate, ...]:
-    ranked = sorted(search.leading(node.fit), key=lambda offer: offer.objective)[:20]
-    return tuple(Candidate(*offer.names[0], node.fit.objective - offer.objective) for offer in ranked)
+def _candidates(search: Search) -> tuple[Candidate, ...]:
+    ranked = sorted(search.moves.leading, key=lambda offer: offer.objective)[:20]
+    return tuple(Candidate(*offer.names[0], offer.without - offer.objective) for offer in ranked)
 
 
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:

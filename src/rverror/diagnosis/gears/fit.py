@@ -20,7 +20,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.diagnosis.gears.record import Record, conditions_of
-from rverror.diagnosis.gears.sight import EverySample, Sight
+from rverror.diagnosis.gears.sight import EverySample, MeanSamples, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
@@ -37,6 +37,9 @@ R = TypeVar("R")
 
 Flags = npt.NDArray[np.bool_]
 
+#: Angles a turn on which sets are compared before they are fitted to every sample, and means of samples: half of those
+#: of the fit, and of what order 156 says three quarters.
+_ANGLES, _MEANS = 1024, 512
 #: Share of the promised fall from which longer steps are trusted; below one less it, shorter ones.
 _TRUE = 0.75
 #: Of each value's own entry: what holds values that nothing tells apart.
@@ -62,6 +65,8 @@ class RunSet:
         Whether the gear's marks may be at any angle.
     prior : SizePrior
         How large added sizes are taken to be.
+    together : tuple of int
+        How many samples of each record are averaged; all are looked at where it is empty.
     sampled : bool
         Whether the records are samples, which may hold lines that no one has named.
     """
@@ -74,6 +79,7 @@ class RunSet:
     soft: Flags
     anywhere: bool = False
     prior: SizePrior = WORKSHOP
+    together: tuple[int, ...] = ()
     sampled: ClassVar[bool] = True
 
     @staticmethod
@@ -105,6 +111,18 @@ class RunSet:
         turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
 
+    @cached_property
+    def few(self) -> RunSet:
+        """The same on fewer angles and through means of samples: near enough to choose what is fitted to all.
+
+        What is a table's is few already.
+        """
+        if not self.sampled:
+            return self
+        # of a short run no fewer, or a fit to them has more sizes than they are
+        together = [max(int(r.theta.size / max(r.turns, 1.0)) // _MEANS, 1) for r in self.records]
+        return replace(self.coarser(_ANGLES), together=tuple(together))
+
     def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
         """Standard deviation of each parameter of a source at a place, before the runs are seen."""
         return self.prior.deviation(key, indices, self.policy.workshop)
@@ -112,7 +130,14 @@ class RunSet:
     @cached_property
     def freedom(self) -> int:
         """Independent values of all runs."""
-        return sum(r.whiten.freedom for r in self.records)
+        return sum(sight.freedom for sight in self.sights)
+
+    @cached_property
+    def allowance(self) -> float:
+        """Squares beyond their number that noise alone hardly makes; of means that of the samples, so that what is
+        left beyond noise is the same."""
+        values = sum(r.whiten.freedom for r in self.records) if self.together else self.freedom
+        return self.policy.by_chance * math.sqrt(2 * values)
 
     @cached_property
     def soft_sigmas(self) -> list[float]:
@@ -168,7 +193,11 @@ class RunSet:
     @cached_property
     def sights(self) -> tuple[Sight, ...]:
         """How each record is looked at."""
-        return tuple(EverySample(r) for r in self.records)
+        together = self.together or (1,) * len(self.records)
+        return tuple(
+            MeanSamples(r, count) if count > 1 else EverySample(r)
+            for r, count in zip(self.records, together, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +271,7 @@ class Fit:
     @property
     def bound(self) -> float:
         """Squares that noise alone hardly exceeds."""
-        n = self.bench.freedom
-        return n + self.bench.policy.by_chance * math.sqrt(2 * n)
+        return self.bench.freedom + self.bench.allowance
 
     @property
     def scale(self) -> float:
@@ -463,6 +491,12 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
         elif damping > 1e3:
             break
     return replace(fit, converged=False)
+
+
+def settled(fit: Fit) -> Fit:
+    """The fit to every sample, by way of few."""
+    few = fitted(onto(fit.bench.few, fit))
+    return fitted(evaluated(fit.bench, few.model, fit.declared))
 
 
 def bounds(fit: Fit) -> tuple[Array, Array]:

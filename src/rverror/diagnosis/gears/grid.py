@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,6 +116,17 @@ class Readout:
             return np.asarray(rows[:, self.at])
         assert self.values is not None
         return self._by_side(self.values, rows)
+
+    def averaged(self, means: scipy.sparse.csr_array) -> Callable[[Array], Array]:
+        """The way to means of samples, (m, n), as one sparse product where no break of the grid forbids it."""
+        if self.at is not None:
+            ones = np.ones(self.at.size), self.at, np.arange(self.at.size + 1)
+            both = means @ scipy.sparse.csr_array(ones, shape=(self.at.size, self.grid.points))
+            return lambda rows: np.asarray((both @ rows.T).T)
+        if self.grid.breaks:
+            return lambda rows: np.asarray((means @ self(rows).T).T)
+        both = means @ self.values
+        return lambda rows: np.asarray((both @ self._coefficients(rows).T).T)
 
     def change(self, row: Array) -> Array:
         """Change of a row (points,) with the angle, at the samples (n,)."""

@@ -1,32 +1,42 @@
-"""States from which a set of causes is fitted: at an offer's sizes, in equivalent places, from declared starts."""
+"""Moves from a set of causes: one more, others in its place, the same elsewhere.
+
+Page ``theory/search.md``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
-from rverror.diagnosis.gears.fit import Fit, RunSet
-from rverror.diagnosis.gears.ranking import Offer
-from rverror.diagnosis.gears.score import named
-from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, lifted, onto
+from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
+from rverror.diagnosis.gears.score import Hypothesis, Score, identity, named
+from rverror.diagnosis.gears.trial import Trial
+from rverror.diagnosis.gears.twins import Gaps
+from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import Indices, Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
 
+T = TypeVar("T")
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A state on few angles, and the score that a fit of everything may reach from there."""
-
-    fit: Fit
-    prospect: float
+_OFFERED = 30  # trials of each kind that a set offers
+_STARTS = 512  # angles a turn on which starts are solved
+_FEW_PLACES = 12  # of a source, whose starts are offered first: harmonics of two discs, not single pins or lobes
+_NEARLY = 2.0  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
+_PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
+_MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
 
 
 def with_offer(model: Model, offer: Offer) -> Model:
@@ -62,6 +72,23 @@ def started(effect: Effect) -> list[Effect]:
         replace(effect, values=tuple(float(s * p) for s, p in zip(start, plausible, strict=True)))
         for start in source(effect.key).starts
     ]
+
+
+class Once:
+    """What is made of an object, once; it is kept, so that its identity stays its own.  Of a fit that is its Gram
+    matrix, which it has without its rows too."""
+
+    def __init__(self) -> None:
+        """Nothing is made yet."""
+        self._made = dict[object, tuple[object, object]]()
+
+    def __call__(self, what: object, about: object, make: Callable[[], T]) -> T:
+        """What was made, or is."""
+        about = about.gram if isinstance(about, Fit) else about
+        name = what, id(about)
+        if name not in self._made:
+            self._made[name] = about, make()
+        return self._made[name][1]  # type: ignore[return-value]
 
 
 class Starts:
@@ -105,21 +132,364 @@ def marked(model: Model, offset: float) -> Model:
     return replace(model, effects=effects)
 
 
-def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
-    """So many at most, in order, of each set no more than two, whose last cause points elsewhere."""
-    ahead: dict[object, list[Array]] = {}
-    kept: list[Trial] = []
-    for trial in trials:
-        added = trial.fit.added
-        sizes = np.concatenate([np.array(e.values) / [p.plausible for p in source(e.key).parameters] for e in added])
-        way = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
-        name = frozenset(map(named, added)), round(trial.fit.model.index_offset / 0.1)
-        others = ahead.setdefault(name, [])
-        order = np.argsort([str(named(e)) for e in added])
-        way = np.concatenate([np.split(way, np.cumsum([len(e.values) for e in added])[:-1])[i] for i in order])
-        if len(others) < 2 and all(way @ other < 0.5 for other in others):
-            others.append(way)
-            kept.append(trial)
-        if len(kept) == most:
-            break
-    return kept
+class Moves:
+    """What sets of causes offer: trials of sets that differ from them.
+
+    Parameters
+    ----------
+    root : Hypothesis
+        What is declared.
+    candidates : sequence of Named
+    score : Score
+    offsets : sequence of float
+        Where the gear's marks may be, where that is not known, the likeliest first, rad.
+    starts : Starts
+
+    Attributes
+    ----------
+    spent : int
+        Solutions of the equilibrium.
+    """
+
+    def __init__(
+        self, root: Hypothesis, candidates: Sequence[Named], score: Score, offsets: Sequence[float], starts: Starts
+    ) -> None:
+        """Nothing is offered yet."""
+        self.root, self.candidates, self.score = root, tuple(candidates), score
+        self.offsets, self.starts = tuple(offsets), starts
+        self.spent = 0
+        self._leading: list[Offer] = []
+        self._last = dict[str, tuple[Array, tuple[Fit, list[Columns]]]]()
+        self._once = Once()
+
+    def anew(self, root: Hypothesis) -> Moves:
+        """Moves under other noise; starts that were solved are solved, and what leads beside what is declared leads."""
+        other = Moves(root, self.candidates, self.score, self.offsets, self.starts)
+        other.spent, other._leading = self.spent, self._leading
+        return other
+
+    # --- one cause more, or two ---------------------------------------------------------------------------------------
+
+    def singly(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more, by linear steps and from starts.
+
+        Linear steps begin at the sizes as declared: fitted ones have moved to make up for what is missing; at the
+        fitted ones; and with all others held.
+        """
+        (plain, linear), cost = self._plain(one), self.score.cost
+        offers = singles(plain, linear, cost)
+        self._leading = self._leading or offers
+        yield from self._offered(one, plain.model, offers)
+        if self.nearly(one):
+            coarse, blocks = self.influences(one)
+            yield from self._offered(one, coarse.model, singles(coarse, blocks, cost))
+        yield from self._offered(one, plain.model, singles(plain, linear, cost, hold=True))
+        yield from self._begun(one, self.starting(_is_quick, most=_FEW_PLACES))
+        if not one.fit.added:
+            yield from self._at_other_marks(one, plain, self.blocks)
+
+    def doubly(self, one: Hypothesis) -> Iterator[Trial]:
+        """Two causes more at once."""
+        if self._room(one) > 1:
+            plain, linear = self._plain(one)
+            both = linear + self._starts(plain, self.starting(_is_quick, most=_FEW_PLACES))
+            yield from self._offered(one, plain.model, pairs(plain, both, self.score.cost, most=_OFFERED))
+
+    def begun_at_pins(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more, or two, from the starts of the other sources of few places."""
+        names = self.starting(_is_slow, most=_FEW_PLACES)
+        yield from self._begun(one, names, in_pairs=True)
+
+    def begun_anywhere(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more, or two, from the starts of sources with many places, each of which is improbable.
+
+        Beside what opens no contact the best starts of every source are followed to their end, since a few steps drop
+        what is about to fit, and so are causes that show only beside what lets all contacts go.
+        """
+        patient = all(source(e.key).at_output for e in one.fit.added)
+        yield from self._begun(one, self.starting(), in_pairs=True, patient=patient)
+        if self._room(one) > 1 and patient:
+            yield from self._behind(one, self._plain(one)[0])
+
+    def _begun(
+        self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False, patient: bool = False
+    ) -> Iterator[Trial]:
+        """One cause more, or two, of which one at least begins at a start of some candidates."""
+        if not names:
+            return
+        (plain, linear), cost = self._plain(one), self.score.cost
+        starts = self._starts(plain, names)
+        ranked = singles(plain, starts, cost)
+        yield from self._offered(one, plain.model, _of_each(ranked) if patient else ranked, patient=patient)
+        if in_pairs and self._room(one) > 1:
+            both = pairs(plain, linear + starts, cost, most=_OFFERED)
+            yield from self._offered(one, plain.model, both, patient=patient)
+        if not one.fit.added:
+            yield from self._at_other_marks(one, plain, partial(self._starts, names=names))
+
+    def _behind(self, one: Hypothesis, fit: Fit) -> Iterator[Trial]:
+        """Single causes by a linear step beside the starts of what is the same everywhere."""
+        effects = self._begun_alone(fit)
+
+        def beside(effect: Effect) -> list[Trial]:
+            try:
+                state = evaluated(fit.bench, fit.model.with_effects(effect), fit.declared, fit.waves)
+            except NotConvergedError:
+                return []
+            offers = singles(state, self.blocks(state), self.score.cost)[:_PATIENT]
+            return self._offered(one, state.model, offers, patient=True)
+
+        self.spent += len(effects)
+        found = [trial for trials in each(beside, effects) for trial in trials]
+        yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
+
+    def _at_other_marks(self, one: Hypothesis, fit: Fit, blocks: Callable[[Fit], list[Columns]]) -> Iterator[Trial]:
+        """Single causes with the marks elsewhere: what is missing decides where they are too."""
+
+        def at(offset: float) -> list[Trial]:
+            state = evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
+            offers = singles(state, blocks(state), self.score.cost)[:2]
+            away = state.objective - fit.objective
+            return [replace(t, score=t.score + away) for t in self._offered(one, state.model, offers)]
+
+        found = [trial for trials in each(at, self.offsets[: self.score.policy.offsets]) for trial in trials]
+        yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
+
+    # --- others in place of what is there -----------------------------------------------------------------------------
+
+    def moved(self, one: Hypothesis) -> Iterator[Trial]:
+        """A set with its causes in equivalent places, begun anew from their starts, or with the marks elsewhere."""
+        fit = as_declared(one.few)
+        declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.bench.unit
+        free = {identity(name) for name in self.free(fit)} | {named(e) for e in added}
+        places = [[e, *(p for p in equivalents(e, unit) if named(p) in free)] for e in added]
+        sets = list(product(*places))
+        sets.sort(key=lambda s: sum(a is not b for a, b in zip(s, added, strict=True)))
+        sets = sets[1 : 1 + _MOST_MOVES]
+        sets += [
+            (*added[:at], begun, *added[at + 1 :])
+            for at in range(len(added)) for place in places[at] for begun in started(place)
+        ]  # fmt: skip
+        models = [
+            replace(fit.model, effects=(*declared, *one_set))
+            for one_set in sets
+            if len(set(map(named, one_set))) == len(one_set)
+        ]
+        yield from (Trial(model, one.score, one.slim) for model in models)
+        yield from self.turned(one)
+
+    def turned(self, one: Hypothesis) -> Iterator[Trial]:
+        """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
+        fit = one.few
+        first, free = len(fit.declared.effects), {identity(name) for name in self.free(fit)}
+        models = [fit.model] + [
+            replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
+            for at, effect in enumerate(fit.added)
+            for other in equivalents(effect, fit.bench.unit)
+            if named(other) in free
+        ]
+        for offset in self.offsets[: self.score.policy.offsets]:
+            for model in models:
+                yield Trial(marked(model, offset), one.score, one.slim)
+
+    def rivals(self, one: Hypothesis) -> Iterator[Trial]:
+        """What a complete set must stand beside: others in the place of each cause, one more that its declared sizes
+        hide, and one alone."""
+        (coarse, blocks), (plain, linear), cost = self.influences(one), self._plain(one), self.score.cost
+        unit, declared = coarse.bench.unit, coarse.model.effects[: len(coarse.declared.effects)]
+        bare = replace(coarse, model=replace(coarse.model, effects=declared))
+        starts = {
+            quick: self._starts(bare, self.starting(which, most=_FEW_PLACES))
+            if quick or not all(_is_quick(unit, source(e.key), e.indices) for e in coarse.added)
+            else []
+            for quick, which in ((True, _is_quick), (False, _is_slow))
+        }
+        if self._room(one):
+            for fit, some in ((coarse, blocks), (plain, linear), (plain, self._others(one, starts[True]))):
+                yield from self._offered(one, fit.model, [o for o in singles(fit, some, cost) if o.score < o.without])
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit))
+        free = self.free(coarse)
+        for number, effect in enumerate(coarse.added):
+            rest, own = lifted(coarse, number), columns_of(coarse, [(effect.key, effect.indices)])
+            others = gaps.twins(effect, free) + gaps.near(effect, free)
+            others += [
+                e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, [*free, own[0].name])
+            ]
+            yield from (Trial(rest.model.with_effects(e), one.score, one.slim) for e in others)
+            begun = self._others(one, starts[_is_quick(unit, source(effect.key), effect.indices)])
+            for hold, some in ((False, blocks), (True, blocks), (False, begun)):
+                offers = singles(rest, [*some, *own], cost, hold=hold)
+                mine = next((o.score for o in offers if o.names[0] == own[0].name), math.inf)
+                yield from self._offered(one, rest.model, [o for o in offers if o.names[0] != own[0].name], mine)
+
+    def alone(self, one: Hypothesis) -> Iterator[Trial]:
+        """A source of one place from all its starts, in the place of a cause of its frame, and of two causes or more.
+
+        Its wave grows with the square of its size, so no linear step tells that it may stand for them.
+        """
+        fit = one.few
+        for number, effect in enumerate(fit.added):
+            at = len(fit.declared.effects) + number
+            rest = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
+            for begun in self._begun_alone(fit):
+                if source(begun.key).frame == source(effect.key).frame:
+                    yield Trial(rest.with_effects(begun), one.score, one.slim)
+        if len(fit.added) > 1:
+            root = self.root.few
+            for begun in self._begun_alone(root):
+                yield Trial(root.model.with_effects(begun), one.score, self.root, patient=True)
+
+    # --- what offers are made of --------------------------------------------------------------------------------------
+
+    def _offered(
+        self,
+        one: Hypothesis,
+        model: Model,
+        offers: Sequence[Offer],
+        mine: float | None = None,
+        *,
+        patient: bool = False,
+    ) -> list[Trial]:
+        """Trials of the best offers beside a set, by what they promise to be better than what is there without them, or
+        than a score of its own by the same step."""
+        return [
+            Trial(
+                with_offer(model, offer),
+                round(one.score + offer.score - (offer.without if mine is None else mine), 6),
+                one.slim,
+                patient=patient,
+            )
+            for offer in offers[:_OFFERED]
+        ]
+
+    @staticmethod
+    def nearly(one: Hypothesis) -> bool:
+        """Tell whether a set fits so well that it may only have a cause in a wrong place."""
+        return one.fit.data <= _NEARLY * one.fit.bound
+
+    def _room(self, one: Hypothesis) -> int:
+        return self.score.policy.most_effects - len(one.fit.added)
+
+    def influences(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
+        """A set on few angles, and every candidate's influence there."""
+
+        def made() -> tuple[Fit, list[Columns]]:
+            fit = onto(one.fit.bench.few, one.fit)
+            return fit, self.blocks(fit)
+
+        return self._lately("fitted", one, made)
+
+    def _plain(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
+        """The same with all declared sizes as declared."""
+
+        def made() -> tuple[Fit, list[Columns]]:
+            plain = as_declared(onto(one.fit.bench.few, one.fit))
+            return plain, self.blocks(plain)
+
+        return self._lately("declared", one, made)
+
+    def _lately(
+        self, what: str, one: Hypothesis, make: Callable[[], tuple[Fit, list[Columns]]]
+    ) -> tuple[Fit, list[Columns]]:
+        """What is made of a set, kept until it is made of another: influences are large."""
+        kept = self._last.get(what)
+        if kept is None or kept[0] is not one.fit.gram:
+            kept = self._last[what] = one.fit.gram, make()
+        return kept[1]
+
+    def free(self, fit: Fit) -> list[Named]:
+        """Candidates that a model does not have."""
+        taken = {named(e) for e in fit.model.effects}
+        return [c for c in self.candidates if identity(c) not in taken]
+
+    def blocks(self, fit: Fit) -> list[Columns]:
+        """The influence of every candidate at a state."""
+        return columns_of(fit, self.free(fit))
+
+    @staticmethod
+    def _others(one: Hypothesis, some: Sequence[Columns]) -> list[Columns]:
+        """Columns of what a set has not."""
+        return [columns for columns in some if identity(columns.name) not in one.names]
+
+    @property
+    def leading(self) -> list[Offer]:
+        """Candidates beside what is declared by a linear step, the best first."""
+        if not self._leading:
+            self._leading = singles(*self._plain(self.root), self.score.cost)
+        return self._leading
+
+    def starting(
+        self, which: Callable[[Mechanism, Source, Indices], bool] = lambda *_: True, *, most: int = 10**6
+    ) -> tuple[Named, ...]:
+        """Candidates with starts, such as are wanted, of sources with so many places at most."""
+        unit, places = self.root.fit.bench.unit, self.score.places
+        return tuple(
+            (key, indices)
+            for key, indices in self.candidates
+            if (entry := source(key)).starts and places[key] <= most and which(unit, entry, indices)
+        )
+
+    def _begun_alone(self, fit: Fit) -> list[Effect]:
+        """Candidates of sources with one place, at each of their starts."""
+        names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
+        return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
+
+    def _starts(self, fit: Fit, names: tuple[Named, ...]) -> list[Columns]:
+        """The change that each start of some candidates makes beside what is declared, if a model has them not."""
+        taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
+        which = tuple(map(identity, names))
+        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(bench, names))
+
+        def read() -> list[Array]:
+            return bench.of_each(partial(self._read, bench, offset, plain, [waves for _, waves in made]))
+
+        at_root = self.root.fit.model.index_offset == offset
+        rows = self._once(("rows", which), bench, read) if at_root else read()
+        return [
+            Columns((e.key, e.indices), np.array([e.values]), tuple(own[at][None] for own in rows), start=True)
+            for at, (e, _) in enumerate(made)
+            if named(e) not in taken
+        ]
+
+    def _started(
+        self, bench: RunSet, names: Sequence[Named]
+    ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
+        """Waveforms of the declared model, and with each start."""
+        effects = [
+            effect
+            for key, indices in names
+            for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
+        ]  # fmt: skip
+        plain, made, new = self.starts.of(bench.coarser(_STARTS), effects)
+        self.spent += new
+        return plain, [(e, waves) for e, waves in zip(effects, made, strict=True) if waves]
+
+    @staticmethod
+    def _read(
+        bench: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
+    ) -> Array:
+        """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
+        sight, which = bench.sights[number], bench.which[number]
+        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
+        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
+
+
+def _is_slow(unit: Mechanism, entry: Source, indices: Indices) -> bool:
+    """Tell whether what a source makes is solved over a whole turn."""
+    return not _is_quick(unit, entry, indices)
+
+
+def _is_quick(unit: Mechanism, entry: Source, indices: Indices) -> bool:
+    """Tell whether what a source makes is solved over a turn of the crank alone."""
+    return entry.repeats_with_crank(unit, indices)
+
+
+def _of_each(offers: Sequence[Offer]) -> list[Offer]:
+    """The best few offers of each source, in order."""
+    counts = Counter[str]()
+    found = []
+    for offer in offers:
+        counts[offer.names[0][0]] += 1
+        if counts[offer.names[0][0]] <= _PATIENT:
+            found.append(offer)
+    return found

@@ -117,9 +117,13 @@ class Record:
     def whiten(self) -> Whitening:
         """Whitening under its noise."""
         assert self.noise is not None
+        return Whitening(self.noise, self.kept, self.starts, self.nuisance, self.doubtful)
+
+    @property
+    def doubtful(self) -> Array | None:
+        """One standard deviation of the windup by mean and first waves of the torque, where its windup is in doubt."""
         waves = self.theta * np.arange(_DOUBTED)[:, None]
-        doubtful = self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
-        return Whitening(self.noise, self.kept, self.starts, self.nuisance, doubtful)
+        return self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
 
     def pose(self, unit: Reducer) -> Pose:
         """Motion at the samples."""

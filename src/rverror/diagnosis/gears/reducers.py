@@ -19,6 +19,7 @@ from rverror.diagnosis.gears.fit import (
     fitted,
     onto,
     renoised,
+    settled,
     under,
     walked,
 )
@@ -85,7 +86,7 @@ def diagnose_reducer(
     notes += bench.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
-    search = Search(fitted(renoised(fitted(first))), candidates, policy, journal, offsets)
+    search = Search(fitted(renoised(settled(first))), candidates, policy, journal, offsets)
     best, done = search.best(swap=False)
     for _ in range(policy.looks):
         fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if anywhere else best.fit

@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +57,17 @@ class Hypothesis:
     @property
     def slim(self) -> Hypothesis:
         """The same with a fit without its rows."""
-        return replace(self, fit=self.fit.slim)
+        return replace(self, fit=self.fit.slim) if self.fit.rows else self
+
+    @property
+    def whole(self) -> Hypothesis:
+        """The same with the rows of its fit."""
+        return replace(self, fit=onto(self.fit.bench, self.fit))
+
+    @cached_property
+    def few(self) -> Fit:
+        """Its state on few angles, without rows."""
+        return onto(self.fit.bench.few, self.fit).slim
 
     @property
     def names(self) -> frozenset[object]:

@@ -1,4 +1,4 @@
-"""The search for what a model lacks: sets of causes, moves between them, and one score.
+"""The search for what a model lacks: best first among sets of causes, under one score.
 
 Page ``theory/search.md``.
 """
@@ -6,72 +6,36 @@ Page ``theory/search.md``.
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial, wraps
-from itertools import product
-from typing import Concatenate, ParamSpec, TypeVar
+from functools import partial
 
 import numpy as np
 
-from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.base.threads import each
-from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, fitted, lifted, onto
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto
 from rverror.diagnosis.gears.late_faults import nearly_noise
-from rverror.diagnosis.gears.moves import (
-    Starts,
-    Trial,
-    distinct,
-    equivalents,
-    marked,
-    started,
-    with_offer,
-)
-from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
+from rverror.diagnosis.gears.moves import Moves, Once, Starts, equivalents
+from rverror.diagnosis.gears.ranking import singles
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.score import Hypothesis, Score, identity, inexact, named, outlook, strained
+from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, named, outlook, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
-from rverror.diagnosis.gears.twins import Gaps
-from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.gears.trial import Trial, distinct
+from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
-from rverror.model.catalogue import source
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Model
 from rverror.statics.loaded_state import NotConvergedError
 
-T = TypeVar("T")
-P = ParamSpec("P")
-
-_SOLVED = 20  # singles, and pairs, at the load: of 52 units the answers were the same with half as many again
-_REFITTED = 3  # of these to their end
-_DIRECT = 3  # that lead over every sample and are fitted there, where what is left is no more than noise
-_CLOSE = 60.0  # objective within which fits on few angles are compared on all: few angles often cost some 50
-_RIVALS = 16  # that are solved in the place of a cause; half of them are fitted to every sample
-_COARSE = 1024  # angles a turn on which sets are raced: half of those of the fit
-_STARTS = 512  # angles a turn at which starts are solved, to be ranked
-_FEW_PLACES = 12  # of a source, whose starts are tried first: harmonics of two discs, not single pins or lobes
-_NARROW, _WIDEST = 2, 8  # beam: up to which starts of few places are tried, in a race; and at most
-_RACE = ((1, 3), (2, 2), (12, 1))  # steps of each round, and how many times those that end it are in it
-_PATIENCE = 12  # steps of all before any is dropped
-_PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
-_NEARLY = 2  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
-_MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
-
-
-def _made_once(
-    moves: Callable[Concatenate[Search, Hypothesis, P], list[Hypothesis]],
-) -> Callable[Concatenate[Search, Hypothesis, P], list[Hypothesis]]:
-    """Moves that are made once from every fit; the sets that they gave are kept without their rows."""
-
-    @wraps(moves)
-    def made(self: Search, one: Hypothesis, /, *args: P.args, **options: P.kwargs) -> list[Hypothesis]:
-        name = moves.__name__, args, *options.items()
-        return self._once(name, one.fit, lambda: [found.slim for found in moves(self, one, *args, **options)])
-
-    return made
+_TOGETHER = 8  # trials of each number of causes that are raced
+_TO_THE_END = 3  # trials of a race
+_LOOKED_AT = 40  # more that are solved once, where those did not complete a set
+_ROUNDS = 4  # of a beam of one set; more of a wider one
+_NARROW, _WIDEST = 2, 8  # beams: up to which starts of few places are offered, and at most
+_DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
+_CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
 
 class Search:
@@ -92,51 +56,46 @@ class Search:
     root : Hypothesis
     known : dict
         The best fit of every set, by its names.
-    spent : int
-        Solutions of the equilibrium under all conditions.
+    moves : Moves
     """
 
     def __init__(
         self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
     ) -> None:
         """Begin with what is declared."""
-        self.candidates, self.policy, self.journal, self.offsets = tuple(candidates), policy, journal, tuple(offsets)
+        self.candidates, self.policy, self.journal = tuple(candidates), policy, journal
         self.score = Score(candidates, policy)
         self.known: dict[frozenset[object], Hypothesis] = {}
-        self.spent, self._width = 0, 1
-        self._expanded = set[tuple[frozenset[object], bool]]()
-        self._last: tuple[Array, tuple[Fit, Fit, list[Columns]]] | None = None
-        self._made = dict[object, tuple[object, object]]()
-        self.root, self.starts = self.score.of(root), Starts(root.declared)
+        self.root = self.score.of(root).slim
+        self.moves = Moves(self.root, candidates, self.score, offsets, Starts(root.declared))
+        self._width, self._rounds, self._solved = 1, 0, 0
+        self._queue: list[Trial] = []
+        self._expanded = set[tuple[frozenset[object], str]]()
+        self._once = Once()
+        self.keep([self.root])
 
     def anew(self, root: Fit) -> Search:
         """A search from what is declared under other noise, which knows no set yet."""
-        other = self.__class__(root, self.candidates, self.policy, self.journal, self.offsets)
-        other.spent, other.starts = self.spent, self.starts
+        other = self.__class__(root, self.candidates, self.policy, self.journal, self.moves.offsets)
+        other.moves = self.moves.anew(other.root)
+        other._solved = self._solved
         return other
 
-    def _once(self, what: object, about: object, make: Callable[[], T]) -> T:
-        """What is made of an object, once; it is kept, so that its identity stays its own.  Of a fit that is its Gram
-        matrix, which it has without its rows too."""
-        about = about.gram if isinstance(about, Fit) else about
-        name = what, id(about)
-        if name not in self._made:
-            self._made[name] = about, make()
-        return self._made[name][1]  # type: ignore[return-value]
+    @property
+    def spent(self) -> int:
+        """Solutions of the equilibrium under all conditions."""
+        return self._solved + self.moves.spent
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
     def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
         """Search from what is declared, and from other sets.
 
-        Of the best sets of each size, as many as the beam is wide, the most promising is expanded.  Where all were,
-        the beam doubles.
-
         Parameters
         ----------
         *also : Hypothesis
         swap : bool
-            Whether a complete set must be better than those with another cause in one's place.
+            Whether a complete set must be better than all that come near it.
 
         Returns
         -------
@@ -145,54 +104,109 @@ class Search:
         complete : bool
             Whether nothing is left beside it.
         """
-        self.keep((self.root, *also))
+        self.keep(also)
         while self.spent <= self.policy.budget and self._width <= _WIDEST:
             best = self.pruned(self._leader)
             if self.complete(best):
-                best = self._whole(best)
                 if not swap:
-                    return best, True
-                leader = self._leader
-                self.keep(rival for number in range(len(best.fit.added)) for rival in self.rivals(best, number))
-                self.keep(self.replaced(best))
-                self.keep(self.hidden(best))
-                for part in self.parts(best):  # one that nearly fits may have ended in a false minimum
-                    if part.fit.data <= _NEARLY * part.fit.bound:
-                        self.keep(self.moved(part))
-                # fits that have settled differ by less
-                if self._leader.score > leader.score - 1 and self.pruned(best).names == best.names:
-                    return best, True
-                continue
-            if nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
-                return self._whole(best), False
-            beam = [one for one in self._beam() if not self._was_expanded(one, self._width)]
-            if beam:
-                # a wider beam begins at the bottom again: a wrong cause with a second beats the right one alone
-                self.expand(
-                    min(beam, key=lambda one: (len(one.fit.added) * (self._width > 1), outlook(one))), self._width
-                )
+                    return best.whole, True
+                if not (self.expand(best, self.challengers) or self.compare(best)):
+                    return best.whole, True
+            elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
+                return best.whole, False
             else:
-                self._width *= 2
-        best = self._whole(self.pruned(self._leader))
-        return best, self.complete(best)
+                going, self._rounds = self.expand_beam() | self.race_each(), self._rounds + 1
+                if not going or self._rounds == _ROUNDS * self._width:
+                    self._width, self._rounds = 2 * self._width, 0
+        best = self.pruned(self._leader)
+        return best.whole, self.complete(best)
+
+    def compare(self, best: Hypothesis) -> bool:
+        """Take each trial that may come near a complete set a step further; false where there is none."""
+        limit = best.score + self.near
+        trials = [trial for trial in self._queue if self._may_reach(trial, limit)]
+        self._queue = [trial for trial in self._queue if not self._may_reach(trial, limit)]
+        further = self._all_further(distinct(trials, len(trials)))
+        ends = [trial for trial in further if trial.settled]
+        self._queue += [trial for trial in further if not trial.settled]
+        self._fit_all([trial for trial in ends if trial.score < limit])
+        return bool(trials)
+
+    def race_each(self) -> bool:
+        """Race the most promising trials of each number of causes that may be the best of that number; false where
+        there is none."""
+        raced = False
+        for size in range(1, self.policy.most_effects + 1):
+            fitted_ones = [one.score for one in self.known.values() if len(one.fit.added) == size]
+            limit = min(fitted_ones, default=math.inf) + _CLOSE * (self._width - 1)
+            same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: (not t.patient, t.score))
+            trials = distinct([t for t in same if t.patient or t.score <= limit], _TOGETHER)
+            if (
+                self._rounds or self._width > 1
+            ):  # a linear step promises too little of what bends: solved once, it tells
+                chosen = set(map(id, trials))
+                trials += distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
+            if trials:
+                raced, chosen = True, set(map(id, trials))
+                self._queue = [trial for trial in self._queue if id(trial) not in chosen]
+                self._queue += self.race(trials)
+                if self.complete(self._leader):
+                    break
+        return raced
+
+    def race(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Take trials further, twelve once they are solved and half of them each time; the last are followed to their
+        end and fitted to every sample.  Those that fell behind are given back."""
+        ends, behind, kept = list[Trial](), list[Trial](), 3 * _TOGETHER
+        while trials:
+            further = sorted(self._all_further(trials), key=lambda trial: trial.score)
+            ends += [trial for trial in further if trial.settled]
+            going = [trial for trial in further if not trial.settled and not trial.patient]
+            kept = max(_TO_THE_END, kept // 2)
+            behind += going[kept:]
+            trials = [*(trial for trial in further if trial.patient and not trial.settled), *going[:kept]]
+        ends.sort(key=lambda trial: trial.score)
+        near = [trial for trial in ends if trial.score < ends[0].score + _CLOSE]
+        self._fit_all(near[:1])
+        if not self.complete(self._leader):
+            self._fit_all(near[1:])
+        return behind
 
     @staticmethod
-    def _whole(one: Hypothesis) -> Hypothesis:
-        """A set with the rows of its fit."""
-        return replace(one, fit=onto(one.fit.bench, one.fit))
+    def _may_reach(trial: Trial, limit: float) -> bool:
+        """Tell whether a trial may come to a score: the fewer steps it took, the less its promise says."""
+        return trial.patient or trial.score < limit + _CLOSE * _DOUBT[min(trial.taken, len(_DOUBT) - 1)]
+
+    @property
+    def near(self) -> float:
+        """Score within which sets are compared: what counts as alike, and as much for a linear step's error."""
+        return -4 * math.log(self.policy.alike)
+
+    def _fit_all(self, trials: Sequence[Trial]) -> None:
+        """Fit trials to every sample."""
+
+        def fit(trial: Trial) -> Hypothesis:
+            assert trial.fit is not None
+            end = fitted(onto(trial.origin.fit.bench, trial.fit), steps=30, enough=0.3)
+            return self.score.of(end, trial.origin.lines, trial.origin.slow)
+
+        self._solved += 8 * len(trials)
+        self.keep(each(fit, trials))
+
+    def _all_further(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Trials solved, or a few steps further, those that have an equilibrium."""
+        if trials:
+            leading = ", ".join(describe(e.key, e.indices) for e in self._leader.fit.added) or "what was declared"
+            self.journal.tell(
+                f"{self.spent} of {self.policy.budget} solutions, {len(self.known)} sets; the best: {leading}"
+            )
+        further = [one for one in each(partial(Trial.further, score=self.score), trials) if one is not None]
+        self._solved += sum(one.spent for one in further)
+        return further
 
     @property
     def _leader(self) -> Hypothesis:
         return min(self.known.values(), key=lambda one: one.score)
-
-    def _beam(self) -> Iterable[Hypothesis]:
-        """The best sets of each size."""
-        for size in range(self.policy.most_effects + 1):
-            alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
-            yield from alike[: self._width]
-
-    def _was_expanded(self, one: Hypothesis, width: int) -> bool:
-        return (one.names, True) in self._expanded or (width <= _NARROW and (one.names, False) in self._expanded)
 
     def keep(self, found: Iterable[Hypothesis]) -> None:
         """Keep the best fit of each set."""
@@ -200,50 +214,6 @@ class Search:
             before = self.known.get(one.names)
             if before is None or one.score < before.score - 1:  # fits that have settled differ by less
                 self.known[one.names] = one.slim
-
-    def expand(self, one: Hypothesis, width: int) -> None:
-        """Make all moves from a set, until one of them is complete."""
-        self._expanded.add((one.names, width > _NARROW))
-        leading = ", ".join(describe(e.key, e.indices) for e in self._leader.fit.added) or "what was declared"
-        self.journal.tell(
-            f"{self.spent} of {self.policy.budget} solutions, {len(self.known)} sets; the best: {leading}"
-        )
-        self.journal.round += 1
-        if one.fit.data <= _NEARLY * one.fit.bound and not self.complete(one):
-            self.keep(self.moved(one))
-            one = self.known[one.names]
-        one = self._whole(one)
-        for moves in (self.added_linearly, self.regular, partial(self.added_from_starts, everywhere=width > _NARROW)):
-            found = moves(one)
-            self.keep(found)
-            if self._ends(one, found):
-                return
-
-    def _ends(self, one: Hypothesis, found: Sequence[Hypothesis]) -> bool:
-        """Tell whether one of the sets that were found beside another is complete and better."""
-        better = [more for more in found if self.score.better(more, one, exact=True)]
-        return any(self.complete(more) for more in sorted(better, key=lambda more: more.score))
-
-    def parts(self, one: Hypothesis) -> list[Hypothesis]:
-        """The best fits of a set without each of what it has."""
-        found = self.dropped(one)
-        self.keep(found)
-        return [self.known[part.names] for part in found]
-
-    def pruned(self, one: Hypothesis) -> Hypothesis:
-        """A set without what others have made needless; one that is complete gives way to complete ones only.
-
-        Of what is left beside a set that is not complete, the model's own error is no reason.
-        """
-        while True:
-            needless = [
-                part
-                for part in self.parts(one)
-                if not self.score.better(one, part, exact=self.complete(one) and not self.complete(part))
-            ]
-            if not needless:
-                return one
-            one = min(needless, key=lambda part: part.score)
 
     # --- complete -----------------------------------------------------------------------------------------------------
 
@@ -256,16 +226,13 @@ class Search:
         return self._once("nothing left", one.fit, lambda: self._nothing_left(one))
 
     def _nothing_left(self, one: Hypothesis) -> bool:
-        one = self._whole(one)
-        fit = one.fit
-        if strained(fit) or self._line_left(fit) or self._settles(one):
+        if strained(one.fit):
             return False
-        enough = fit.objective - inexact(fit)
-        near = [offer for offer in self.leading(fit)[:_DIRECT] if offer.score < fit.objective]
-        if any(offer.score < enough - self.score.sure for offer in near):
+        one = one.whole
+        if self._line_left(one.fit) or self._settles(one):
             return False
-        # a linear step promises too little where sizes have moved to make up for a cause
-        return not any(self.score.better(more, one) for more in self._fitted_with(one, near))
+        offers = singles(*self.moves.influences(one), self.score.cost)
+        return not any(o.score < o.without - self.score.sure - inexact(one.fit) for o in offers[:1])
 
     def _line_left(self, fit: Fit) -> bool:
         """Tell whether a line is left that noise hardly ever makes; what it makes in one of a thousand runs is told."""
@@ -282,13 +249,112 @@ class Search:
             explained(records, one.fit.residual, slow)[0] > self.score.regular(one.fit, (), slow=True) + self.score.sure
         )
 
-    # --- moves: what is added -----------------------------------------------------------------------------------------
+    def pruned(self, one: Hypothesis) -> Hypothesis:
+        """A set without what others have made needless; one that is complete gives way to complete ones only.
+
+        Of what is left beside a set that is not complete, the model's own error is no reason.
+        """
+        while True:
+            needless = [
+                part
+                for part in self.parts(one)
+                if not self.score.better(one, part, exact=self.complete(one) and not self.complete(part))
+            ]
+            if not needless:
+                return one
+            one = min(needless, key=lambda part: part.score)
+
+    def parts(self, one: Hypothesis) -> list[Hypothesis]:
+        """The best fits of a set without each of what it has."""
+        found = self._once("parts", one.fit, lambda: self.dropped(one))
+        self.keep(found)
+        return [self.known[part.names] for part in found]
+
+    def dropped(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set without each of its causes, lines, or drift, refitted."""
+        found = each(partial(self._without, one), range(len(one.fit.added)))
+        self._solved += 4 * len(found)
+        records = one.fit.bench.records
+        for order in one.lines:
+            kept = tuple(o for o in one.lines if o != order)
+            lined = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in records]
+            found.append(self._with_records(one, lined, kept, slow=one.slow))
+        if one.slow:
+            found.append(self._with_records(one, [replace(r, slow=False) for r in records], one.lines, slow=False))
+        return [part.slim for part in found]
+
+    def _without(self, one: Hypothesis, number: int) -> Hypothesis:
+        """The set without one cause; a few steps tell where not even a linear one promises enough."""
+        effects, at = one.fit.model.effects, len(one.fit.declared.effects) + number
+        if one.names == {named(effects[at])}:
+            return self.root
+        model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
+        base = one.few
+        few = fitted(evaluated(base.bench, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
+        fit = evaluated(one.fit.bench, few.model, one.fit.declared)
+        if fit.objective < one.fit.objective + 5 * _CLOSE:
+            fit = fitted(fit)
+        return self.score.of(fit, one.lines, one.slow)
+
+    # --- what a set offers --------------------------------------------------------------------------------------------
+
+    def expand_beam(self) -> bool:
+        """Expand the best sets of each number of causes, as many as the beam is wide, by the next kind of move; false
+        where all were made."""
+        found = False
+        for size in range(self.policy.most_effects + 1):
+            alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
+            for one in alike[: self._width]:
+                found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
+        return found
+
+    def _kinds(self, one: Hypothesis) -> list[Callable[[Hypothesis], Iterator[Trial]]]:
+        """Moves from a set, in their order."""
+        moves, full = self.moves, len(one.fit.added) == self.policy.most_effects
+        misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
+        more = [] if full else [moves.singly, self._doubly, moves.begun_at_pins]
+        anywhere = [moves.begun_anywhere] if self._width > _NARROW and not full else []
+        return [*misplaced, *more, self._lined, *anywhere]
+
+    def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
+        """Put moves from a set into the queue, once."""
+        name = one.names, kind.__name__
+        if name in self._expanded:
+            return False
+        self._expanded.add(name)
+        self.journal.round += 1
+        self._queue += kind(one)
+        return True
+
+    def _elsewhere(self, one: Hypothesis) -> Iterator[Trial]:
+        """A set that nearly fits, with its causes in equivalent places or begun anew."""
+        yield from self.race(list(self.moves.moved(one)))
+
+    def _doubly(self, one: Hypothesis) -> Iterator[Trial]:
+        """Two causes more; and what is regular, if nothing is left then."""
+        self.keep(found for found in self.regular(one) if self.complete(found))
+        yield from self.moves.doubly(one)
+
+    def _lined(self, one: Hypothesis) -> Iterator[Trial]:
+        """What is regular and no part's, late: a wave of the pins has side orders that look like lines."""
+        self.keep(self.regular(one))
+        yield from ()
+
+    def challengers(self, one: Hypothesis) -> Iterator[Trial]:
+        """What a complete set must stand beside; a part that nearly fits may have ended in a false minimum."""
+        yield from self.moves.rivals(one)
+        yield from self.race(list(self.moves.alone(one)))
+        yield from self.race(list(self.moves.turned(one)))
+        for part in self.parts(one):
+            if part.fit.added and self.moves.nearly(part):
+                yield from self.race(list(self.moves.moved(part)))
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's: the strongest free line, or runs that drift and settle."""
         found, records = list[Hypothesis](), one.fit.bench.records
         if not one.fit.bench.sampled:  # a table names all its lines
             return found
+        one = one.whole
         if self._settles(one):
             found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
         for line in best_lines(one.fit, self.policy, outside=True)[:1]:
@@ -301,385 +367,49 @@ class Search:
     ) -> Hypothesis:
         return self.score.of(fitted(onto(one.fit.bench.with_records(records), one.fit)), lines, slow)
 
-    def added_linearly(self, one: Hypothesis) -> list[Hypothesis]:
-        """A set with one cause more, or two at once, that linear steps propose.
-
-        They are made from the sizes as declared: fitted ones have moved to make up for what is missing.  Where a set
-        fits, and hides what is missing by that, steps are also made from the fitted sizes, and with all others held.
-        """
-        room = self.policy.most_effects - len(one.fit.added)
-        if room < 1:
-            return []
-        found: list[Hypothesis] = []
-        fits = one.fit.data <= one.fit.bound
-        if fits:  # few angles are too few
-            found = self._fitted_with(one, self.leading(one.fit)[:_DIRECT])
-            if self._ends(one, found):
-                return found
-        fit, plain, linear = self._beside(one)
-        cost, most = self.score.cost, _SOLVED
-        offers = [(plain.model, offer) for offer in singles(plain, linear, cost)[:most]]
-        if fits:
-            offers += [(plain.model, offer) for offer in singles(fit, self.blocks(fit), cost)[: most // 2]]
-            offers += [(plain.model, offer) for offer in singles(plain, linear, cost, hold=True)[: most // 2]]
-        if room > 1:
-            offers += [(plain.model, offer) for offer in pairs(plain, linear, cost, most=most)]
-        if not one.fit.added:
-            offers += self._at_other_marks(plain, self.blocks)
-        return found + self._raced(one, plain, [with_offer(model, offer) for model, offer in offers])
-
-    def _at_other_marks(self, fit: Fit, blocks: Callable[[Fit], list[Columns]]) -> list[tuple[Model, Offer]]:
-        """Single causes with the marks elsewhere, the best first.
-
-        What is missing decides where the marks are as much as what was declared.
-        """
-
-        def at(offset: float) -> list[tuple[Model, Offer]]:
-            state = evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
-            return [(state.model, offer) for offer in singles(state, blocks(state), self.score.cost)[:2]]
-
-        found = [both for offers in each(at, self.offsets[: self.policy.offsets]) for both in offers]
-        return sorted(found, key=lambda both: round(both[1].score, 6))[:_SOLVED]
-
-    def added_from_starts(self, one: Hypothesis, *, everywhere: bool) -> list[Hypothesis]:
-        """A set with one cause more, or two at once, of what no linear step tells the size of.
-
-        Of sources with many places, each of which is improbable, only where they are wanted `everywhere`.  Then, beside
-        what opens no contact, the best starts of every source are followed to their end, since a few steps drop what is
-        about to fit, and so are causes that show only beside what lets all contacts go.
-        """
-        room = self.policy.most_effects - len(one.fit.added)
-        if room < 1:
-            return []
-        (_, plain, linear), cost, most = self._beside(one), self.score.cost, _SOLVED
-        names = self._begun(everywhere=everywhere)
-        starts = self._starts(plain, names)
-        ranked = singles(plain, starts, cost)
-        patient = everywhere and all(source(e.key).at_output for e in one.fit.added)
-        offers = [(plain.model, offer) for offer in (_of_each(ranked, _PATIENT) if patient else ranked[: 2 * most])]
-        if room > 1:
-            offers += [(plain.model, offer) for offer in pairs(plain, linear + starts, cost, most=most)]
-        if room > 1 and patient:
-            offers += self._behind(plain)
-        if not one.fit.added:
-            offers += self._at_other_marks(plain, partial(self._starts, names=names))
-        return self._raced(one, plain, [with_offer(model, offer) for model, offer in offers], patient=patient)
-
-    def _behind(self, fit: Fit) -> list[tuple[Model, Offer]]:
-        """Single causes by a linear step beside the starts of what is the same everywhere."""
-        effects = self._begun_alone(fit)
-
-        def beside(effect: Effect) -> list[tuple[Model, Offer]]:
-            try:
-                state = evaluated(fit.bench, fit.model.with_effects(effect), fit.declared, fit.waves)
-            except NotConvergedError:
-                return []
-            return [(state.model, offer) for offer in singles(state, self.blocks(state), self.score.cost)[:_PATIENT]]
-
-        self.spent += len(effects)
-        found = [both for offers in each(beside, effects) for both in offers]
-        return sorted(found, key=lambda both: round(both[1].score, 6))[:_SOLVED]
-
-    def _beside(self, one: Hypothesis) -> tuple[Fit, Fit, list[Columns]]:
-        """A set on few angles, the same with all declared sizes as declared, and every candidate's influence there."""
-        if self._last is None or self._last[0] is not one.fit.gram:  # of one set only: influences are large
-            fit = onto(self.coarse(one), one.fit)
-            plain = as_declared(fit)
-            self._last = one.fit.gram, (fit, plain, self.blocks(plain))
-        return self._last[1]
-
-    def coarse(self, one: Hypothesis) -> RunSet:
-        """The runs on few angles: near enough to choose what to refit.  Numbers of a table are few already."""
-        bench = one.fit.bench
-        return self._once("coarse", bench, lambda: bench.coarser(_COARSE)) if bench.sampled else bench
-
-    def free(self, fit: Fit) -> list[Named]:
-        """Candidates that a model does not have."""
-        taken = {named(e) for e in fit.model.effects}
-        return [c for c in self.candidates if identity(c) not in taken]
-
-    def blocks(self, fit: Fit) -> list[Columns]:
-        """The influence of every candidate at a state."""
-        return columns_of(fit, self.free(fit))
-
-    def _repeats(self, name: Named) -> bool:
-        """Tell whether what a candidate makes repeats with the crank."""
-        unit = self.root.fit.bench.unit
-        return source(name[0]).repeats_with_crank(unit, name[1])
-
-    def leading(self, fit: Fit) -> list[Offer]:
-        """Candidates by a linear step over every sample, made once."""
-        return self._once("leading", fit, lambda: singles(fit, self.blocks(fit), self.score.cost))
-
-    def _begun(self, *, everywhere: bool) -> tuple[Named, ...]:
-        """Candidates with starts, of sources with few places or of all."""
-        places = self.score.places
-        return tuple(
-            name
-            for name in self.candidates
-            if source(name[0]).starts and (everywhere or places[name[0]] <= _FEW_PLACES)
-        )
-
-    def _starts(self, fit: Fit, names: tuple[Named, ...]) -> list[Columns]:
-        """The change that each start of some candidates makes beside what is declared, if a model has them not."""
-        taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
-        which = tuple(map(identity, names))
-        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(bench, names))
-
-        def read() -> list[Array]:
-            return bench.of_each(partial(self._read, bench, offset, plain, [waves for _, waves in made]))
-
-        at_root = self.root.fit.model.index_offset == offset
-        rows = self._once(("rows", which), bench, read) if at_root else read()
-        return [
-            Columns((e.key, e.indices), np.array([e.values]), tuple(own[at][None] for own in rows), start=True)
-            for at, (e, _) in enumerate(made)
-            if named(e) not in taken
-        ]
-
-    def _started(
-        self, bench: RunSet, names: Sequence[Named]
-    ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
-        """Waveforms of the declared model, and with each start."""
-        effects = [
-            effect
-            for key, indices in names
-            for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
-        ]  # fmt: skip
-        plain, made, new = self.starts.of(bench.coarser(_STARTS), effects)
-        self.spent += new
-        return plain, [(e, waves) for e, waves in zip(effects, made, strict=True) if waves]
-
-    @staticmethod
-    def _read(
-        bench: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
-    ) -> Array:
-        """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        sight, which = bench.sights[number], bench.which[number]
-        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
-        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
-
-    # --- moves: what is replaced, and dropped -------------------------------------------------------------------------
-
-    @_made_once
-    def moved(self, one: Hypothesis) -> list[Hypothesis]:
-        """A set with its causes in equivalent places, begun anew from their starts, or with the marks elsewhere."""
-        if not one.fit.added:
-            return []
-        fit = self._beside(one)[1]
-        declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.bench.unit
-        free = {identity(name) for name in self.free(fit)} | {named(e) for e in added}
-        places = [[e, *(p for p in equivalents(e, unit) if named(p) in free)] for e in added]
-        sets = list(product(*places))
-        sets.sort(key=lambda s: sum(a is not b for a, b in zip(s, added, strict=True)))
-        sets = sets[1 : 1 + _MOST_MOVES]
-        sets += [
-            (*added[:at], begun, *added[at + 1 :])
-            for at in range(len(added)) for place in places[at] for begun in started(place)
-        ]  # fmt: skip
-        sets = [s for s in sets if len({named(e) for e in s}) == len(s)]
-        models = [replace(fit.model, effects=(*declared, *one_set)) for one_set in sets]
-        models += [marked(fit.model, offset) for offset in self.offsets[: self.policy.offsets]]
-        return self._raced(one, fit, models)
-
-    @_made_once
-    def dropped(self, one: Hypothesis) -> list[Hypothesis]:
-        """A set without each of its causes, lines, or drift, refitted."""
-        found = each(partial(self._without, one), range(len(one.fit.added)))
-        self.spent += 12 * len(found)
-        records = one.fit.bench.records
-        for order in one.lines:
-            kept = tuple(o for o in one.lines if o != order)
-            lined = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in records]
-            found.append(self._with_records(one, lined, kept, slow=one.slow))
-        if one.slow:
-            found.append(self._with_records(one, [replace(r, slow=False) for r in records], one.lines, slow=False))
-        return found
-
-    def _without(self, one: Hypothesis, number: int) -> Hypothesis:
-        """The set without one cause; a few steps tell where not even a linear one promises enough."""
-        effects, at = one.fit.model.effects, len(one.fit.declared.effects) + number
-        model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
-        fit = fitted(evaluated(one.fit.bench, model, one.fit.declared, one.fit.waves), steps=4)
-        if fit.objective - fit.proposal[1] < one.fit.objective + 5 * _CLOSE:
-            fit = fitted(fit)
-        return self.score.of(fit, one.lines, one.slow)
-
-    # --- the race -----------------------------------------------------------------------------------------------------
-
-    def _raced(
-        self, one: Hypothesis, fit: Fit, models: Sequence[Model], *, patient: bool = False, below: float = math.inf
-    ) -> list[Hypothesis]:
-        """Models solved at the load, the most promising refitted further and further; the best over every sample, and
-        such as promise a lower score than some."""
-        trials = self._solved(fit, models)
-        if patient:
-            trials = self._stepped(trials, _PATIENCE)
-        for steps, times in _RACE:
-            trials = distinct(sorted(trials, key=lambda t: t.prospect), times * _REFITTED)
-            trials = self._stepped(trials, steps)
-        trials.sort(key=lambda t: t.prospect)
-        most = min(below, min((trial.prospect for trial in trials), default=0.0) + _CLOSE)
-        near = [trial.fit for trial in trials if trial.prospect < most]
-        first = self._refitted(one, near[:1])
-        return first if self._ends(one, first) else first + self._refitted(one, near[1:])
-
-    def _solved(self, fit: Fit, models: Sequence[Model]) -> list[Trial]:
-        """Each model once, where there is an equilibrium."""
-        different = list({tuple((named(e), e.values) for e in model.effects): model for model in models}.values())
-        self.spent += len(different)
-
-        def solve(model: Model) -> Trial | None:
-            try:
-                return self._trial(evaluated(fit.bench, model, fit.declared, fit.waves))
-            except NotConvergedError:
-                return None
-
-        return [trial for trial in each(solve, different) if trial]
-
-    def _trial(self, fit: Fit) -> Trial:
-        return Trial(fit.slim, round(self.score.of(fit).score - fit.proposal[1], 6))
-
-    def _stepped(self, trials: Sequence[Trial], steps: int) -> list[Trial]:
-        self.spent += steps * len(trials)
-        return each(lambda trial: self._trial(fitted(trial.fit, steps=steps, enough=0.5)), trials)
-
-    def _fitted_with(self, one: Hypothesis, offers: Sequence[Offer]) -> list[Hypothesis]:
-        """A set with each of some offers, fitted over every sample."""
-        trials = self._solved(one.fit, [with_offer(one.fit.model, offer) for offer in offers])
-        return self._refitted(one, [trial.fit for trial in trials])
-
-    def _refitted(self, one: Hypothesis, fits: Sequence[Fit]) -> list[Hypothesis]:
-        """Fits over every sample of a set's runs."""
-        bench, steps = one.fit.bench, 30
-        self.spent += steps * len(fits)
-        ends = each(lambda fit: fitted(onto(bench, fit), steps=steps, enough=0.3), fits)
-        return [self.score.of(end, one.lines, one.slow) for end in ends]
-
     # --- what fits as well --------------------------------------------------------------------------------------------
+
+    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
+        """Sets that were fitted with another cause in one's place, the best first."""
+        rest = one.names - {named(one.fit.added[number])}
+        found = [
+            other
+            for other in self.known.values()
+            if rest < other.names and len(other.names) == len(one.names) and other.names != one.names
+            and len(other.fit.added) == len(one.fit.added)
+        ]  # fmt: skip
+        return sorted(found, key=lambda other: other.score)
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
         """Other causes that fit as well in one's place, by score or by objective."""
-        behind = -2 * math.log(self.policy.alike)
+        behind, own = -2 * math.log(self.policy.alike), {named(e) for e in one.fit.added}
         return tuple(
-            (rival.fit.added[-1].key, dict(rival.fit.added[-1].indices))
+            next((e.key, dict(e.indices)) for e in rival.fit.added if named(e) not in own)
             for rival in self.rivals(one, number)
             if min(rival.score - one.score, rival.fit.objective - one.fit.objective) < behind
         )
-
-    @_made_once
-    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
-        """A set with other causes in one's place that come near: such as close the same gaps, equivalent places, and
-        what a linear step or a start puts there.
-
-        Sources of one place in its frame, whose orders it shares, are begun at all their starts: another cause of the
-        frame may stand for a runout of which no linear step tells.
-        """
-        coarse = onto(self.coarse(one), one.fit)
-        rest, effect = lifted(coarse, number), coarse.added[number]
-        free = self.free(coarse)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit))
-        others = gaps.twins(effect, free) + gaps.near(effect, free)
-        others += [e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, free)]
-        blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]
-        # what does not repeat with the crank is none for what does
-        starts = self._starts(coarse, self._begun_like((effect.key, effect.indices)))
-        near = self._near(one, coarse, rest, others, self._offers(rest, blocks, starts, _RIVALS))
-        alone = [e for e in self._begun_alone(coarse) if source(e.key).frame == source(effect.key).frame]
-        models, below = [rest.model.with_effects(e) for e in alone], self._trial(coarse).prospect + _CLOSE
-        near += self._raced(one, rest, models, below=below)
-        found = dict[object, Hypothesis]()
-        for rival in sorted(near, key=lambda h: h.score):
-            if rival.names != one.names:
-                found.setdefault(rival.names, rival)
-        return list(found.values())
-
-    @_made_once
-    def replaced(self, one: Hypothesis) -> list[Hypothesis]:
-        """One cause in the place of two or three, each start followed to its end: they may stand for a runout."""
-        if len(one.fit.added) < 2:
-            return []
-        coarse = onto(self.coarse(one), one.fit)
-        plain = as_declared(coarse)
-        bare = replace(plain.model, effects=plain.model.effects[: len(plain.declared.effects)])
-        fit = evaluated(plain.bench, bare, plain.declared)
-        models = [bare.with_effects(effect) for effect in self._begun_alone(fit)]
-        return self._raced(one, fit, models, patient=True, below=self._trial(coarse).prospect)
-
-    def _begun_alone(self, fit: Fit) -> list[Effect]:
-        """Candidates of sources with one place, at each of their starts."""
-        names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
-        return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
-
-    @_made_once
-    def hidden(self, one: Hypothesis) -> list[Hypothesis]:
-        """A set with a cause more that its declared sizes and stiffness hide: they have moved to make up for it.
-
-        Seen from the declared sizes, by a linear step or its starts.  What does not repeat with the crank cannot hide
-        behind what does.
-        """
-        if len(one.fit.added) == self.policy.most_effects:
-            return []
-        coarse = onto(self.coarse(one), one.fit)
-        plain = as_declared(coarse)
-        all_repeat = all(self._repeats((e.key, e.indices)) for e in plain.bench.around(plain.model))
-        names = tuple(name for name in self._begun(everywhere=False) if self._repeats(name) or not all_repeat)
-        columns = self.blocks(plain), self._starts(plain, names)
-        offers = [o for some in columns for o in singles(plain, some, self.score.cost)[:_SOLVED]]
-        models = [with_offer(plain.model, o) for o in offers if o.score < o.without]
-        return self._raced(one, plain, models, below=self._trial(coarse).prospect)
-
-    def _begun_like(self, name: Named) -> tuple[Named, ...]:
-        """Candidates with starts that repeat with the crank, or not, as another does."""
-        return tuple(other for other in self._begun(everywhere=False) if self._repeats(other) == self._repeats(name))
-
-    def _offers(self, rest: Fit, blocks: Sequence[Columns], starts: Sequence[Columns], most: int) -> list[Offer]:
-        """Single causes by linear steps with all else free and held, and by starts."""
-        return [
-            offer
-            for columns, hold, count in ((blocks, False, most), (blocks, True, most), (starts, False, 2 * most))
-            for offer in singles(rest, columns, self.score.cost, hold=hold)[:count]
-        ]
-
-    def _near(
-        self, one: Hypothesis, coarse: Fit, rest: Fit, others: Sequence[Effect], offers: Sequence[Offer]
-    ) -> list[Hypothesis]:
-        """Other sets that come near one, from what is left of it and effects or offers beside that."""
-        models = [rest.model.with_effects(other) for other in others]
-        models += [with_offer(rest.model, offer) for offer in offers]
-        own = self.score.of(coarse).score
-        trials = sorted(self._solved(coarse, models), key=lambda t: t.prospect)
-        ends = self._stepped(distinct([t for t in trials if t.prospect < own + 5 * _CLOSE], _RIVALS), 8)
-        least = min([own, *(end.prospect for end in ends)])
-        ends = sorted((end for end in ends if end.prospect < least + _CLOSE), key=lambda end: end.prospect)
-        return self._refitted(one, [e.fit for e in ends[: _RIVALS // 2]])
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
         """Fits at the opposite of a cause that chance does not tell from these: intervals hold theirs too.
 
         Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
         """
-        coarse, most = onto(self.coarse(one), one.fit), one.fit.objective + chi_square(1 - self.policy.confidence, 1)
-        first, models = len(coarse.declared.effects), []
+        coarse, most = one.few, one.fit.objective + chi_square(1 - self.policy.confidence, 1)
+        first, trials = len(coarse.declared.effects), []
         for at, effect in enumerate(coarse.added):
-            models += [
+            trials += [
                 replace(coarse.model, effects=(*coarse.model.effects[: first + at], other, *coarse.added[at + 1 :]))
                 for other in equivalents(effect, coarse.bench.unit)
                 if named(other) == named(effect)
             ]
-        ends = self._stepped(self._solved(coarse, models), 12)
-        near = [end.fit for end in ends if end.fit.objective < coarse.objective + _CLOSE]
-        away = [end.fit for end in self._refitted(one, near) if end.fit.objective < most]
+
+        def settled(model: Model) -> Fit | None:
+            try:
+                fit = fitted(evaluated(coarse.bench, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
+            except NotConvergedError:
+                return None
+            return fitted(onto(one.fit.bench, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
+
+        away = [fit for fit in each(settled, trials) if fit is not None and fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]
         return [fit for fit, both in pairs_of if any(np.dot(a.values, b.values) < 0 for a, b in both)]
-
-
-def _of_each(offers: Sequence[Offer], most: int) -> list[Offer]:
-    """So many offers of each source, in order."""
-    counts = Counter[str]()
-    found = []
-    for offer in offers:
-        counts[offer.names[0][0]] += 1
-        if counts[offer.names[0][0]] <= most:
-            found.append(offer)
-    return found

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.gears.grid import AngleGrid, Readout
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.noise import Flags, Whitening, averaged
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
@@ -58,6 +61,10 @@ class Sight(Protocol):
 
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""
+
+    @property
+    def freedom(self) -> int:
+        """Independent values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,3 +140,106 @@ class EverySample:
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""
         return self.record.whiten(rows)
+
+    @property
+    def freedom(self) -> int:
+        """Independent values."""
+        return self.record.whiten.freedom
+
+
+@dataclass(frozen=True, eq=False)
+class MeanSamples(EverySample):
+    """A run through means of neighbouring samples, which say nearly all of low orders.
+
+    The prediction is averaged as the readings are, and the noise is that of means: what folds onto an order is lost.
+
+    Attributes
+    ----------
+    together : int
+        Samples of each mean.
+    """
+
+    together: int
+
+    @cached_property
+    def _labels(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], tuple[int, ...]]:
+        """Which mean each sample belongs to, and the first of each series: what is left at its end joins the last."""
+        ends, labels, starts = [*self.record.starts[1:], self.record.theta.size], list[Array](), [0]
+        for first, last in zip(self.record.starts, ends, strict=True):
+            count = max((last - first) // self.together, 1)
+            labels.append(starts[-1] + np.minimum(np.arange(last - first) // self.together, count - 1))
+            starts.append(starts[-1] + count)
+        return np.concatenate(labels), tuple(starts[:-1])
+
+    @cached_property
+    def _kept(self) -> Flags:
+        labels, _ = self._labels
+        return np.asarray(np.bincount(labels, self.record.kept) > 0)
+
+    @cached_property
+    def means(self) -> scipy.sparse.csr_array:
+        """From samples to means: of those that were not set aside, where there are any."""
+        labels, _ = self._labels
+        weight = np.where(self._kept[labels], self.record.kept, True).astype(np.float64)
+        share = weight / np.bincount(labels, weight)[labels]
+        places = labels, np.arange(labels.size)
+        return scipy.sparse.csr_array((share, places), shape=(self._kept.size, labels.size))
+
+    def averaged(self, rows: Array) -> Array:
+        """Rows of samples, (k, n), as means, (k, m)."""
+        return np.asarray((self.means @ rows.T).T)
+
+    @property
+    def width(self) -> int:
+        """Number of means."""
+        return int(self._kept.size)
+
+    @cached_property
+    def measured(self) -> Array:
+        """The error."""
+        return np.asarray(self.averaged(self.record.error[None])[0])
+
+    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
+        """Rows on the grid of a waveform, as means."""
+        return self.of_grid(wave.grid, rows, offset)
+
+    def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
+        """Rows on a grid, as means."""
+        return self._way(grid, offset)(rows)
+
+    def _way(self, grid: AngleGrid, offset: float) -> Callable[[Array], Array]:
+        if (grid, offset) not in self._ways:
+            if len(self._ways) > _KEPT:
+                self._ways.clear()
+            self._ways[grid, offset] = self.readout(grid, offset).averaged(self.means)
+        return self._ways[grid, offset]
+
+    @cached_property
+    def _ways(self) -> dict[tuple[AngleGrid, float], Callable[[Array], Array]]:
+        return {}
+
+    def change(self, wave: Waveform, offset: float) -> Array:
+        """Change with the angle."""
+        return np.asarray(self.averaged(super().change(wave, offset)[None])[0])
+
+    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+        """Rows of a source that is no waveform of the grid."""
+        return self.averaged(EverySample(self.record).beyond(bench, model, named, forces, offset))
+
+    @cached_property
+    def whitening(self) -> Whitening:
+        """Whitening under the noise of means."""
+        record = self.record
+        assert record.noise is not None
+        doubtful = None if record.doubtful is None else self.averaged(record.doubtful)
+        noise, nuisance = averaged(record.noise, self.together), self.averaged(record.nuisance)
+        return Whitening(noise, self._kept, self._labels[1], nuisance, doubtful)
+
+    def whiten(self, rows: Array) -> Array:
+        """Rows under the noise."""
+        return self.whitening(rows)
+
+    @property
+    def freedom(self) -> int:
+        """Independent values."""
+        return self.whitening.freedom

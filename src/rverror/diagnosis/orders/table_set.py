@@ -149,6 +149,11 @@ class TableSight(Sight):
         """Rows in units of the noise."""
         return np.asarray(rows / self.sigma)
 
+    @property
+    def freedom(self) -> int:
+        """Its numbers."""
+        return self.width
+
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
@@ -232,11 +237,6 @@ class TableSet(RunSet):
         """Squares of each order that noise hardly exceeds, shape (n,)."""
         numbers, _ = self.values
         return np.asarray(numbers + self.policy.by_chance * np.sqrt(2 * numbers))
-
-    @property
-    def freedom(self) -> int:
-        """Numbers of all conditions."""
-        return sum(2 * case.orders.size for case in self.cases)
 
     @cached_property
     def zeros(self) -> tuple[str, ...]:

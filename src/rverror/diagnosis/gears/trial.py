@@ -1,0 +1,105 @@
+"""Trials: sets of causes at sizes from which they are fitted, each with the score that it is expected to reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
+from rverror.diagnosis.gears.score import Hypothesis, Score, named
+from rverror.model.catalogue import source
+from rverror.model.effects import Effect, Model
+from rverror.statics.loaded_state import NotConvergedError
+
+_STEPS = (1, 2, 3, 6)  # of a trial each time that it is taken further, once it is solved
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A set of causes at sizes from which it is fitted.
+
+    Attributes
+    ----------
+    model : Model
+    score : float
+        That the set is expected to reach over every sample.
+    origin : Hypothesis
+        The set that it was made from, whose lines and drift it has.
+    fit : Fit, optional
+        Its state on few angles.
+    taken : int
+        How often it was taken up.
+    patient : bool
+        Whether it is followed to its end, whatever it promises.
+    """
+
+    model: Model
+    score: float
+    origin: Hypothesis
+    fit: Fit | None = None
+    taken: int = 0
+    patient: bool = False
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """Causes beside what is declared."""
+        return self.model.effects[len(self.origin.fit.declared.effects) :]
+
+    @property
+    def settled(self) -> bool:
+        """Whether more steps change little."""
+        return self.taken > len(_STEPS) or (self.fit is not None and self.taken > 1 and self.fit.converged)
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Its set and where the marks are, to compare."""
+        marks = round(self.model.index_offset / 0.1)
+        return frozenset(map(named, self.added)), marks, self.origin.lines, self.origin.slow
+
+    @property
+    def way(self) -> Array:
+        """Sizes in units of what a workshop makes, as a direction, the causes in an order of their own."""
+        sizes = np.concatenate(
+            [
+                np.array(e.values) / [p.plausible for p in source(e.key).parameters]
+                for e in sorted(self.added, key=lambda e: str(named(e)))
+            ]
+        )
+        return np.asarray(sizes / max(float(np.linalg.norm(sizes)), 1e-300))
+
+    @property
+    def spent(self) -> int:
+        """Solutions that taking it so far last took."""
+        return _STEPS[self.taken - 2] if self.taken > 1 else 1
+
+    def further(self, score: Score) -> Trial | None:
+        """The trial solved, or a few steps further; none where there is no equilibrium."""
+        origin = self.origin
+        try:
+            if self.fit is None:
+                fit = evaluated(origin.few.bench, self.model, origin.few.declared, origin.few.waves)
+            else:
+                fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
+        except NotConvergedError:
+            return None
+        promised = score.of(fit, origin.lines, origin.slow).score - fit.proposal[1]
+        # what few angles and means make of the origin is common to both
+        beyond = origin.score - score.of(origin.few, origin.lines, origin.slow).score
+        return replace(self, model=fit.model, fit=fit.slim, score=round(promised + beyond, 6), taken=self.taken + 1)
+
+
+def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
+    """So many trials, in order, of each set no more than two, whose sizes point elsewhere."""
+    ahead: dict[object, list[Array]] = {}
+    kept: list[Trial] = []
+    for trial in trials:
+        if len(kept) == most:
+            break
+        others, way = ahead.setdefault(trial.place, []), trial.way
+        if trial.patient or (len(others) < 2 and all(way @ other < 0.5 for other in others)):
+            others.append(way)
+            kept.append(trial)
+    return kept
