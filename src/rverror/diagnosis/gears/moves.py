@@ -178,7 +178,8 @@ class Moves:
         """
         (plain, linear), cost = self._plain(one), self.score.cost
         offers = singles(plain, linear, cost)
-        self._leading = self._leading or offers
+        if not one.names:
+            self._leading = offers
         yield from self._offered(one, plain.model, offers)
         if self.nearly(one):
             coarse, blocks = self.influences(one)

@@ -123,7 +123,7 @@ class Search:
 
     def compare(self, best: Hypothesis) -> bool:
         """Take each trial that may come near a complete set a step further; false where there is none."""
-        limit = best.score + self.near
+        limit = best.score + self.margin
         trials = [trial for trial in self._queue if self._may_reach(trial, limit)]
         self._queue = [trial for trial in self._queue if not self._may_reach(trial, limit)]
         further = self._all_further(distinct(trials, len(trials)))
@@ -133,19 +133,10 @@ class Search:
         return bool(trials)
 
     def race_each(self) -> bool:
-        """Race the most promising trials of each number of causes that may be the best of that number; false where
-        there is none."""
+        """Race the most promising trials of each number of causes; false where there is none."""
         raced = False
         for size in range(1, self.policy.most_effects + 1):
-            fitted_ones = [one.score for one in self.known.values() if len(one.fit.added) == size]
-            limit = min(fitted_ones, default=math.inf) + _CLOSE * (self._width - 1)
-            same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: (not t.patient, t.score))
-            trials = distinct([t for t in same if t.patient or t.score <= limit], _TOGETHER)
-            if (
-                self._rounds or self._width > 1
-            ):  # a linear step promises too little of what bends: solved once, it tells
-                chosen = set(map(id, trials))
-                trials += distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
+            trials = self._promising(size)
             if trials:
                 raced, chosen = True, set(map(id, trials))
                 self._queue = [trial for trial in self._queue if id(trial) not in chosen]
@@ -153,6 +144,18 @@ class Search:
                 if self.complete(self._leader):
                     break
         return raced
+
+    def _promising(self, size: int) -> list[Trial]:
+        """Trials of so many causes that may be the best of that number, and, where the first of them completed no set,
+        some that were not solved yet: of what bends a linear step promises too little."""
+        known = [one.score for one in self.known.values() if len(one.fit.added) == size]
+        limit = min(known, default=math.inf) + _CLOSE * (self._width - 1)
+        same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: (not t.patient, t.score))
+        first = distinct([trial for trial in same if trial.patient or trial.score <= limit], _TOGETHER)
+        if not self._rounds and self._width == 1:
+            return first
+        chosen = set(map(id, first))
+        return first + distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
 
     def race(self, trials: Sequence[Trial]) -> list[Trial]:
         """Take trials further, twelve once they are solved and half of them each time; the last are followed to their
@@ -178,7 +181,7 @@ class Search:
         return trial.patient or trial.score < limit + _CLOSE * _DOUBT[min(trial.taken, len(_DOUBT) - 1)]
 
     @property
-    def near(self) -> float:
+    def margin(self) -> float:
         """Score within which sets are compared: what counts as alike, and as much for a linear step's error."""
         return -4 * math.log(self.policy.alike)
 
