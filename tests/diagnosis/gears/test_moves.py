@@ -121,6 +121,7 @@ def test_of_one_set_two_ways_are_followed_at_most(first: Fit) -> None:
     assert distinct([calm, across, back, opposite], 4) == [calm, across]
     assert distinct([wild, calm, opposite], 1) == [wild]
     assert distinct([], 3) == []
+    assert len(distinct([trial(first) for _ in range(3)], 3)) == 2  # of no cause, where marks are looked for
 
 
 def test_sets_are_apart_by_their_causes_and_by_where_the_marks_are(first: Fit) -> None:

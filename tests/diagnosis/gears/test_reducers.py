@@ -148,6 +148,15 @@ def test_a_cause_is_named_though_the_marks_are_unknown(unmarked: Diagnosis) -> N
     assert unmarked.after.heldout_rms < 1.15 * 0.3 * ARCSEC
 
 
+def test_where_nothing_is_missing_the_marks_alone_are_found() -> None:
+    cam = replace(CAM, uncertainty=3e-4)
+    runs = runs_of(Model(OTHER, (cam,)), marks=0.21, index="unknown")
+    found = rverror.diagnose(Model(UNIT, (cam,)), runs, policy=replace(POLICY, keys=(CAM.key, PIN.key)))
+    assert found.verdict == "nothing_missing"
+    period = TURN / fundamental_orders(UNIT)["crank"]
+    assert (found.model.index_offset - 0.21 + period / 2) % period - period / 2 == pytest.approx(0, abs=0.003)
+
+
 def test_where_the_marks_are_is_found_with_the_rest(unmarked: Diagnosis) -> None:
     """Pins and marks turned together look alike: the error stands at one place of the bench, or half a turn on."""
     pin, offset = dict(unmarked.added[0].effect.indices)["pin"], unmarked.model.index_offset

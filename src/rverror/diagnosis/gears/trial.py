@@ -62,12 +62,9 @@ class Trial:
     @property
     def way(self) -> Array:
         """Sizes in units of what a workshop makes, as a direction, the causes in an order of their own."""
-        sizes = np.concatenate(
-            [
-                np.array(e.values) / [p.plausible for p in source(e.key).parameters]
-                for e in sorted(self.added, key=lambda e: str(named(e)))
-            ]
-        )
+        causes = sorted(self.added, key=lambda e: str(named(e)))
+        shares = [np.array(e.values) / [p.plausible for p in source(e.key).parameters] for e in causes]
+        sizes = np.concatenate([np.zeros(0), *shares])
         return np.asarray(sizes / max(float(np.linalg.norm(sizes)), 1e-300))
 
     @property
