@@ -236,16 +236,22 @@ def test_what_a_linear_step_promises_too_little_of_is_fitted_before_nothing_is_n
     promised = fit.objective - step.score
     fallen = search.score.of(fit).score - search.score.of(beside(fit, pin)).score
     assert fallen > promised + 4
-    for share, added in ((-0.5, True), (0.5, True), (3.0, False)):  # below the promise, between, far above the fall
+
+    def asking(share: float) -> Search:
+        """A search that asks for what a step promises, and for a share more of what a fit gains beyond that."""
         asked = promised + share * (fallen - promised) - inexact(fit)
-        for gains in (True, False):
-            with monkeypatch.context() as patch:
-                if not gains:  # as where only a jump has moved
-                    patch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: 0.0)
-                asking = search_of(fit, [pin.key], false_alarm=math.exp(-asked / 2))
-                assert asking.complete(asking.score.of(fit)) == (share > 0)
-                best, _ = asking.best(asking.score.of(fit))
-                assert bool(best.fit.added) == (added and gains)
+        return search_of(fit, [pin.key], false_alarm=math.exp(-asked / 2), most_effects=1)
+
+    for share, gains, added in ((0.5, True, True), (0.5, False, False), (3.0, True, False)):
+        with monkeypatch.context() as patch:
+            if not gains:  # as where only a jump has moved
+                patch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: 0.0)
+            best, done = asking(share).best()
+            assert done
+            assert bool(best.fit.added) is added
+    below, above = asking(-0.5), asking(0.5)
+    assert not below.complete(below.root)
+    assert above.complete(above.root)
 
 
 def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_larger() -> None:
