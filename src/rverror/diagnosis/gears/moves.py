@@ -253,7 +253,7 @@ class Moves:
             away = state.objective - fit.objective
             return [replace(t, score=t.score + away) for t in self._offered(one, state.model, offers)]
 
-        found = [trial for trials in each(at, self.offsets[: self.score.policy.offsets]) for trial in trials]
+        found = [trial for trials in each(at, self._angles) for trial in trials]
         yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
 
     # --- others in place of what is there -----------------------------------------------------------------------------
@@ -276,8 +276,8 @@ class Moves:
             for one_set in sets
             if len(set(map(named, one_set))) == len(one_set)
         ]
+        models += [marked(fit.model, offset) for offset in self._angles]
         yield from (Trial(model, one.score, one.slim) for model in models)
-        yield from self.turned(one)
 
     def turned(self, one: Hypothesis) -> Iterator[Trial]:
         """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
@@ -289,39 +289,38 @@ class Moves:
             for other in equivalents(effect, fit.bench.unit)
             if named(other) in free
         ]
-        for offset in self.offsets[: self.score.policy.offsets]:
-            for model in models:
-                yield Trial(marked(model, offset), one.score, one.slim)
+        yield from (Trial(marked(m, offset), one.score, one.slim) for offset in self._angles for m in models)
 
-    def rivals(self, one: Hypothesis) -> Iterator[Trial]:
-        """What a complete set must stand beside: others in the place of each cause, one more that its declared sizes
-        hide, and one alone."""
-        (coarse, blocks), (plain, linear), cost = self.influences(one), self._plain(one), self.score.cost
-        unit, declared = coarse.bench.unit, coarse.model.effects[: len(coarse.declared.effects)]
-        bare = replace(coarse, model=replace(coarse.model, effects=declared))
-        starts = {
-            quick: self._starts(bare, self.starting(which, most=_FEW_PLACES))
-            if quick or not all(_is_quick(unit, source(e.key), e.indices) for e in coarse.added)
-            else []
-            for quick, which in ((True, _is_quick), (False, _is_slow))
-        }
+    def hidden(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more that sizes and stiffness hide, which have moved to make up for it: seen from where they were
+        declared, and from where they are."""
         if self._room(one):
-            for fit, some in ((coarse, blocks), (plain, linear), (plain, self._others(one, starts[True]))):
-                yield from self._offered(one, fit.model, [o for o in singles(fit, some, cost) if o.score < o.without])
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit))
-        free = self.free(coarse)
-        for number, effect in enumerate(coarse.added):
-            rest, own = lifted(coarse, number), columns_of(coarse, [(effect.key, effect.indices)])
-            others = gaps.twins(effect, free) + gaps.near(effect, free)
-            others += [
-                e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, [*free, own[0].name])
-            ]
-            yield from (Trial(rest.model.with_effects(e), one.score, one.slim) for e in others)
-            begun = self._others(one, starts[_is_quick(unit, source(effect.key), effect.indices)])
+            (fit, blocks), (plain, linear), cost = self.influences(one), self._plain(one), self.score.cost
+            starts = self._starts(plain, self.starting(_is_quick, most=_FEW_PLACES))
+            for state, some in ((fit, blocks), (plain, linear), (plain, starts)):
+                offers = [offer for offer in singles(state, some, cost) if offer.score < offer.without]
+                yield from self._offered(one, state.model, offers)
+
+    def swapped(self, one: Hypothesis) -> Iterator[Trial]:
+        """Others in the place of each cause: such as close the same gaps, equivalent places, linear steps, and starts
+        of what repeats with the crank as the cause does, or does not."""
+        (fit, blocks), cost = self.influences(one), self.score.cost
+        unit, free = fit.bench.unit, self.free(fit)
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(unit))
+        for number, effect in enumerate(fit.added):
+            name = effect.key, effect.indices
+            rest, own = lifted(fit, number), columns_of(fit, [name])
+            able = {identity(other) for other in (*free, name)}
+            others = [e for e in equivalents(effect, unit) if named(e) in able]
+            for other in (*gaps.twins(effect, free), *gaps.near(effect, free), *others):
+                yield Trial(rest.model.with_effects(other), one.score, one.slim)
+            which = _is_quick if _is_quick(unit, source(effect.key), effect.indices) else _is_slow
+            begun = self._starts(fit, self.starting(which, most=_FEW_PLACES))
             for hold, some in ((False, blocks), (True, blocks), (False, begun)):
                 offers = singles(rest, [*some, *own], cost, hold=hold)
-                mine = next((o.score for o in offers if o.names[0] == own[0].name), math.inf)
-                yield from self._offered(one, rest.model, [o for o in offers if o.names[0] != own[0].name], mine)
+                # what the cause itself promises by the same step, or has where that leads to sizes which cannot be
+                mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
+                yield from self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
 
     def alone(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place from all its starts, in the place of a cause of its frame, and of two causes or more.
@@ -368,6 +367,11 @@ class Moves:
         """Tell whether a set fits so well that it may only have a cause in a wrong place."""
         return one.fit.data <= _NEARLY * one.fit.bound
 
+    @property
+    def _angles(self) -> tuple[float, ...]:
+        """Where the marks are tried."""
+        return self.offsets[: self.score.policy.offsets]
+
     def _room(self, one: Hypothesis) -> int:
         return self.score.policy.most_effects - len(one.fit.added)
 
@@ -406,11 +410,6 @@ class Moves:
     def blocks(self, fit: Fit) -> list[Columns]:
         """The influence of every candidate at a state."""
         return columns_of(fit, self.free(fit))
-
-    @staticmethod
-    def _others(one: Hypothesis, some: Sequence[Columns]) -> list[Columns]:
-        """Columns of what a set has not."""
-        return [columns for columns in some if identity(columns.name) not in one.names]
 
     @property
     def leading(self) -> list[Offer]:
