@@ -16,9 +16,9 @@ from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, ont
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import LineFound, best_lines, leading, power_of
+from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
+from rverror.diagnosis.noise import Flags
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
-from rverror.diagnosis.samples.lines import MOST_LINES, TOLD_ORDER
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves
@@ -52,9 +52,9 @@ def account(
         Of the best's set, at sizes that chance does not tell from its own: intervals hold theirs too.
     """
     policy = search.policy
-    notes = notes + _conditions(best.fit)
     left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
-    taken = bool(best.fit.added) and not done
+    # what is left of a drive changes nothing of what a cause makes
+    taken = bool(best.fit.added) and not done and not best.fit.bench.linear
     if taken:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
@@ -65,11 +65,7 @@ def account(
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
-        if record.slow:
-            slow = replace(record, slips=()).settled(rest)
-            notes.append(
-                f"{record.name}: the reading drifts and settles by {np.ptp(slow) / ARCSEC:.3g} arcsec; taken off"
-            )
+        notes += fit.bench.slow_notes(record, rest) if record.slow else []
     plain = fit.bench.with_records(_plain(fit.bench.records))
     printed = evaluated(plain, replace(as_declared(fit).model, effects=_printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
@@ -139,6 +135,8 @@ def blocks(record: Record) -> Array:
     at = (record.theta - record.theta.min()) / _TURN
     if turns >= 2:
         return np.asarray(np.minimum(np.floor(at + 1e-6), turns - 1), dtype=np.intp)
+    if len(record.senses) > 1:  # it comes by the same angles again
+        at = np.arange(at.size)
     return np.asarray(np.minimum(np.floor(at / at.max() * 6), 5), dtype=np.intp)
 
 
@@ -225,8 +223,9 @@ def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
 def _values(fit: Fit) -> Array:
     """All values in the units of their intervals; shared zeros, which nothing is said of, as 0."""
     now = fit.model.mechanism
-    assert isinstance(now, Reducer)
     sizes = [value for effect in fit.model.effects for value in effect.values]
+    if not isinstance(now, Reducer):
+        return np.array([*sizes, *np.zeros(len(SOFTENING) + len(fit.bench.zeros))])
     soft = [
         math.log(getattr(now.stiffness, name)) if at < 6 else getattr(now.contact_law, name, now.gear_backlash)
         for at, name in enumerate(SOFTENING)
@@ -266,6 +265,9 @@ def _addition(
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     """Orders at which an effect changes the prediction, the strongest first."""
     effects = fit.model.effects
+    if fit.bench.linear:
+        found = source(effects[at].key).orders(fit.bench.unit, effects[at].indices)
+        return tuple(abs(order) for order in found)
     without = evaluated(fit.bench, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
     record = fit.bench.records[0]
     wave = without.residual[0] - fit.residual[0]
@@ -321,7 +323,8 @@ def _candidates(node: Hypothesis, search: Search) -> tuple[Candidate, ...]:
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
     unit, now = fit.bench.unit, fit.model.mechanism
-    assert isinstance(now, Reducer)
+    if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
+        return ()
     count = sum(len(e.values) for e in fit.model.effects)
     result = []
     for at, name in enumerate(SOFTENING):
@@ -356,8 +359,9 @@ def _strained(fit: Fit) -> list[str]:
     return notes
 
 
-def _conditions(fit: Fit) -> list[str]:
-    notes, unit = [], fit.bench.unit
+def told_of_runs(fit: Fit, unit: Reducer) -> list[str]:
+    """What the runs of a reducer lack, in words."""
+    notes = []
     needed = samples_needed(unit)
     for record in fit.bench.records:
         count = record.theta.size / record.turns
@@ -377,7 +381,7 @@ def _conditions(fit: Fit) -> list[str]:
                 f"{record.name}: {record.turns:.3g} of a turn: drift, ratio error and encoder orders 1 and 2 look "
                 "alike over a short travel"
             )
-    if len({record.direction for record in fit.bench.records}) == 1:
+    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
         notes.append("runs in one direction only: causes that share an order cannot be told apart; add a reverse run")
     return notes
 
@@ -415,29 +419,31 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
         rows = np.stack(
             [record.error, record.error - before[at], record.error - after[at], out_before[at], out_after[at]]
         )
-        theta, mean = _turned_over(record, rows)
-        measured, first, last = (row - row.mean() for row in mean[:3])
-        result.append(
-            Trace(
-                record.name,
-                record.direction,
-                theta,
-                measured,
-                first,
-                last,
-                None if isinstance(record.torque, TorqueWaves) else record.torque,
-                run.index,
-                (mean[3], mean[4]),
-                record.theta[np.setdiff1d(np.flatnonzero(~record.kept), record.absent)],
-                record.theta[list(record.slips)],
+        aside = np.setdiff1d(np.flatnonzero(~record.kept), record.absent)
+        for sense in record.senses:
+            theta, mean = _turned_over(record, rows, record.kept & (record.direction == sense))
+            measured, first, last = (row - row.mean() for row in mean[:3])
+            result.append(
+                Trace(
+                    record.name,
+                    sense,
+                    theta,
+                    measured,
+                    first,
+                    last,
+                    None if isinstance(record.torque, TorqueWaves) else record.torque,
+                    run.index,
+                    (mean[3], mean[4]),
+                    record.theta[aside],
+                    record.theta[list(record.slips)],
+                )
             )
-        )
     return result
 
 
-def _turned_over(record: Record, rows: Array) -> tuple[Array, Array]:
+def _turned_over(record: Record, rows: Array, used: Flags) -> tuple[Array, Array]:
     """Rows over one turn, the mean of all whole ones; over the travel where it is less."""
-    order = np.flatnonzero(record.kept)[np.argsort(record.theta[record.kept], kind="stable")]
+    order = np.flatnonzero(used)[np.argsort(record.theta[used], kind="stable")]
     theta, rows = record.theta[order], rows[:, order]
     turns = math.floor(record.turns + 0.01)
     if turns < 1:

@@ -20,7 +20,7 @@ from rverror.diagnosis.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
@@ -45,7 +45,8 @@ class Record:
     name : str
     theta, error : ndarray, shape (n,)
         Nominal output angle and transmission error in the order of time, rad.
-    direction : float
+    direction : float or ndarray
+        Of a drive that of each sample, shape (n,).
     torque : float or TorqueWaves, optional
         N*mm.
     kept : ndarray of bool, shape (n,)
@@ -79,7 +80,7 @@ class Record:
     name: str
     theta: Array
     error: Array
-    direction: float
+    direction: float | Array
     torque: float | TorqueWaves | None
     kept: Flags
     starts: tuple[int, ...] = (0,)
@@ -121,9 +122,14 @@ class Record:
         doubtful = self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
         return Whitening(self.noise, self.kept, self.starts, self.nuisance, doubtful)
 
-    def pose(self, unit: Reducer) -> Pose:
+    def pose(self, unit: Mechanism) -> Pose:
         """Motion at the samples."""
         return motion(unit, under(self.theta, self.direction, self.torque, self.time))
+
+    @cached_property
+    def senses(self) -> tuple[float, ...]:
+        """Directions in which it turns, forward first."""
+        return tuple(np.unique(self.direction)[::-1].tolist())
 
     @property
     def turns(self) -> float:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError
 from rverror.base.threads import each
-from rverror.diagnosis.gears.account import account
+from rverror.diagnosis.gears.account import account, told_of_runs
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
@@ -86,28 +86,46 @@ def diagnose_reducer(
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(renoised(fitted(first))), candidates, policy, journal, offsets)
-    best, done = search.best(swap=False)
-    for _ in range(policy.looks):
-        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if anywhere else best.fit
-        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
-        least = policy.by_chance * policy.model_error
-        changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
-        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
-        parts = [] if changed else search.parts(best)
-        renewed = quiet(search, best, seen, parts) if done else renoised(seen)
-        bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
-        root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
-        search = search.anew(root)
-        best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
-        if changed is None and (done or search.spent > policy.budget):
-            break
+    search, best, done = renewed(search)
     if not done and search.spent > policy.budget:
         notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
     beside = search.opposites(best) if done else []
     if anywhere and done:
         best, more = ripples_apart(search, best)
         beside += more
+    notes += told_of_runs(best.fit, unit)
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
+
+
+def renewed(search: Search) -> tuple[Search, Hypothesis, bool]:
+    """Search, and again under the noise that the best set leaves, until nothing changes.
+
+    Returns
+    -------
+    Search
+        The last one.
+    Hypothesis
+        The best set.
+    bool
+        Whether nothing is left beside it.
+    """
+    best, done = search.best(swap=False)
+    policy = search.policy
+    for _ in range(policy.looks):
+        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit)
+        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
+        least = policy.by_chance * policy.model_error
+        changed = second_look(fit.bench.records, fit.residual, least=least) if calm and fit.bench.faulty else None
+        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
+        parts = [] if changed else search.parts(best)
+        stilled = quiet(search, best, seen, parts) if done else renoised(seen)
+        bare = [replace(r, orders=(), slow=False) for r in stilled.bench.records]
+        root = fitted(onto(stilled.bench.with_records(bare), search.root.fit))
+        search = search.anew(root)
+        best, done = search.best(search.score.of(fitted(stilled), best.lines, best.slow))
+        if changed is None and (done or search.spent > policy.budget):
+            break
+    return search, best, done
 
 
 def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> Fit:

@@ -94,7 +94,11 @@ class Search:
         The best fit of every set, by its names.
     spent : int
         Solutions of the equilibrium under all conditions.
+    widest : int
+        Of the beam.
     """
+
+    widest = _WIDEST
 
     def __init__(
         self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
@@ -146,7 +150,7 @@ class Search:
             Whether nothing is left beside it.
         """
         self.keep((self.root, *also))
-        while self.spent <= self.policy.budget and self._width <= _WIDEST:
+        while self.spent <= self.policy.budget and self._width <= self.widest:
             best = self.pruned(self._leader)
             if self.complete(best):
                 best = self._whole(best)
@@ -275,7 +279,7 @@ class Search:
     def _settles(self, one: Hypothesis) -> bool:
         """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
         records = one.fit.bench.records
-        if one.slow or not one.fit.bench.sampled or any(r.turns <= self.policy.least_cycles for r in records):
+        if one.slow or not one.fit.bench.settles:
             return False
         slow = [r.settling for r in records]
         return (

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.diagnosis.gears.account import account
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted
+from rverror.diagnosis.gears.ranking import columns_of
+from rverror.diagnosis.gears.reducers import renewed
+from rverror.diagnosis.gears.score import Hypothesis, identity, named
+from rverror.diagnosis.gears.search import Search
+from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
+from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Diagnosis, Progress
-from rverror.diagnosis.samples.account import result_of
-from rverror.diagnosis.samples.lines import add_lines
-from rverror.diagnosis.samples.regressors import candidate_terms, declared_terms, nuisance_terms, offset_terms
-from rverror.diagnosis.samples.runs import gather
-from rverror.diagnosis.samples.search import DriveSearch
+from rverror.diagnosis.result import Addition, Diagnosis, Progress, Residual
+from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, told_apart
+from rverror.diagnosis.samples.records import records_of_drive
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+
+_FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
 
 
 def diagnose_drive(
@@ -50,12 +63,145 @@ def diagnose_drive(
     docs/theory/drives.md.
     """
     journal = Journal(progress or (lambda text: None))
-    data, notes = gather(model, runs, policy=policy)
-    base = [*offset_terms(data), *declared_terms(model, runs, data)]
-    candidates = candidate_terms(model, runs, data)
-    search = DriveSearch(data, tuple(candidates), tuple(nuisance_terms(data)), policy, journal)
-    found = search.best(search.fitted(base))
-    ranking = search.scored(found)
+    records, notes = records_of_drive(model, runs)
+    torque = records[0].quantity == "torque"
+    declared = replace(model, effects=()) if torque else model
+    candidates = candidates_of_drive(declared, records, policy)
+    policy = replace(policy, most_effects=len(candidates))
+    bench = drive_set(model.mechanism, records, policy, candidates)
+    root = fitted(evaluated(calm(bench), declared, declared))
+    turns = max(record.turns for record in records)
+    search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
+    search, best, _ = renewed(search)
     journal.tell("searching the residual for lines of any order")
-    fit = add_lines(data, found)
-    return result_of(model, data, base, candidates, fit, ranking, notes, journal.history)
+    found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
+    found = replace(found, tried=len(candidates), added=_in_order(found.added))
+    return _as_torque(found, model, records[0].unit) if torque else found
+
+
+def _in_order(added: Sequence[Addition]) -> tuple[Addition, ...]:
+    """Errors that grow along a run first, since without them no other figure means much."""
+    return tuple(sorted(added, key=lambda one: source(one.effect.key).periodic))
+
+
+def _told(fit: Fit) -> list[str]:
+    """What the noise is like, and what the runs lack."""
+    notes = []
+    for record in fit.bench.records:
+        assert record.noise is not None
+        lags = record.noise.coefficients.size
+        colour = f"coloured: each sample depends on the {lags} before" if lags else "white"
+        notes.append(f"{record.name}: noise is {colour}")
+    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
+        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
+    return notes
+
+
+def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
+    """A result in N*mm, of which nothing enters the model."""
+
+    def sized(one: Residual) -> Residual:
+        return Residual(unit * one.rms, unit * one.peak_to_peak, unit * one.heldout_rms)
+
+    def added(one: Addition) -> Addition:
+        estimates = [
+            replace(e, dimension="torque", value=unit * e.value, low=unit * e.low, high=unit * e.high)
+            for e in one.estimates
+        ]
+        effect = replace(one.effect, values=tuple(unit * v for v in one.effect.values))
+        return replace(
+            one, effect=effect, estimates=tuple(estimates), heldout_rms=unit * one.heldout_rms, notes=()
+        )
+
+    lines = [
+        replace(x, **{name: unit * getattr(x, name) for name in ("amplitude", "low", "high", "cos", "sin")})
+        for x in found.unexplained
+    ]
+    traces = [
+        replace(
+            t, measured=unit * t.measured, before=unit * t.before, after=unit * t.after,
+            left_out=tuple(unit * row for row in t.left_out or ()) or None,
+        )
+        for t in found.traces
+    ]  # fmt: skip
+    return replace(
+        found,
+        noise_rms=unit * found.noise_rms,
+        before=sized(found.before),
+        before_refitted=sized(found.before_refitted),
+        after=sized(found.after),
+        added=tuple(map(added, found.added)),
+        unexplained=tuple(lines),
+        model=model,
+        declared=model,
+        traces=tuple(traces),
+        quantity="torque",
+    )
+
+
+def calm(bench: DriveSet) -> DriveSet:
+    """The runs under the noise that is left when all that may be regular is out of each by itself.
+
+    A cause that no one has taken out yet would pass for noise: a drift of 21 arcsec makes a worm's noise a walk.
+    """
+    rows = bench.influences(Model(bench.unit), (), bench.candidates)
+    records = []
+    for record, own in zip(bench.records, rows, strict=True):
+        regular = np.concatenate([record.nuisance, record.settling, own])
+        regular /= np.maximum(np.linalg.norm(regular, axis=1), 1e-300)[:, None]
+        basis, size, _ = np.linalg.svd(regular @ regular.T)
+        used = size > 1e-9 * size[0]
+        span = (basis[:, used] / np.sqrt(size[used])).T @ regular
+        rest = record.error - (span @ record.error) @ span
+        noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error)
+        records.append(replace(record, noise=noise))
+    return replace(bench, records=tuple(records))
+
+
+class DriveSearch(Search):
+    """A search among causes that are linear in their sizes: a linear step is the fit, and no other start ends elsewhere."""
+
+    widest = 1
+
+    def added_linearly(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with one cause more."""
+        return self._fitted_with(one, self.leading(one.fit)[:_FITTED])
+
+    def added_from_starts(self, one: Hypothesis, *, everywhere: bool) -> list[Hypothesis]:
+        """None: there is one minimum."""
+        return []
+
+    def moved(self, one: Hypothesis) -> list[Hypothesis]:
+        """None: every place is a candidate."""
+        return []
+
+    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
+        """None that would fit better: all were beside it when it was added."""
+        return []
+
+    replaced = hidden = moved
+
+    def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
+        """Candidates beside which a cause is not needed any more, of whatever size."""
+        fit = one.fit
+        bench, rest, added = fit.bench, lifted(fit, number), {named(e) for e in fit.added}
+        assert isinstance(bench, DriveSet)
+        others = [name for name in bench.candidates if identity(name) not in added]
+        own = columns_of(rest, [(fit.added[number].key, fit.added[number].indices)])[0]
+        base = np.concatenate(rest.rows, axis=1)
+        shown = base[1:][np.linalg.norm(base[1:], axis=1) > 0]
+        mine = np.concatenate(own.rows, axis=1)
+        limit = fit.scale * chi_square(bench.policy.alike, len(mine))
+        found = []
+        for block in columns_of(rest, others):
+            there = np.concatenate([shown, np.concatenate(block.rows, axis=1)])
+            if _left(base[0], there) - _left(base[0], np.concatenate([there, mine])) < limit:
+                found.append(block.name)
+        return tuple(found)
+
+
+def _left(rest: Array, rows: Array) -> float:
+    """Squares that rows of any size leave."""
+    unit = rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+    moment = unit @ rest
+    return float(rest @ rest - moment @ np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True) @ moment)

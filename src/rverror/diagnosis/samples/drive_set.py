@@ -1,0 +1,209 @@
+"""A drive's runs as the joint fit of `gears.fit` takes them: every source acts at the output, nothing is solved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square, student
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.fit import RunSet
+from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.score import identity
+from rverror.diagnosis.gears.sight import EverySample, Sight
+from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.samples.records import LOST, DriveRecord
+from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.source import Indices
+from rverror.model.catalogue import CATALOGUE, source
+from rverror.model.effects import Model
+from rverror.runs.spectrum import highest_order
+from rverror.statics.loaded_state import SOFTENING
+
+_POINTS = 8  # of a waveform of nothing
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSight(EverySample):
+    """A run of a drive, sample by sample: no gear train moves its output."""
+
+    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
+        """Nothing of every row."""
+        return np.zeros((len(rows), self.width))
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSet(RunSet):
+    """All runs of a drive.
+
+    Attributes
+    ----------
+    candidates : tuple of Named
+        All that may be missing.
+    """
+
+    candidates: tuple[Named, ...] = ()
+    _shown: dict[object, tuple[float, ...]] = field(default_factory=dict, repr=False)
+    linear: ClassVar[bool] = True
+    faulty: ClassVar[bool] = False
+
+    @property
+    def settles(self) -> bool:
+        """A bow, or a constant for each direction, is no encoder's error."""
+        return True
+
+    def framed(self, order: float, apart: float) -> bool:
+        """Tell whether an order is that of a candidate, or lies nearer to one than so much."""
+        return bool(np.abs(self._orders - order).min(initial=math.inf) < apart)
+
+    @cached_property
+    def _orders(self) -> Array:
+        """Of all candidates."""
+        return np.array([abs(o) for key, at in self.candidates for o in source(key).orders(self.unit, at)])
+
+    def coarser(self, points: int) -> RunSet:
+        """The same: there is no grid."""
+        return self
+
+    def apart(self, key: str) -> bool:
+        """Nothing is solved."""
+        return False
+
+    def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
+        """A waveform of nothing."""
+        nothing = np.zeros((len(SOFTENING), _POINTS))
+        return [Waveform(c.turn, nothing[0], nothing[:0], nothing, (), self.unit) for c in self.conditions]
+
+    def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
+        """Influences of sources at the samples of each record."""
+
+        def seen(number: int) -> Array:
+            sight = self.sights[number]
+            rows = [sight.beyond(self, model, name, None, 0.0) for name in named]
+            return np.concatenate([np.zeros((0, sight.width)), *rows])
+
+        return self.of_each(seen)
+
+    def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
+        """Standard deviation of each parameter before the runs are seen: what a workshop makes, or all that they show.
+
+        A shaft may make a degree, or an arcsecond: no size is usual for it, but none makes more than there is.
+        """
+        name = identity((key, indices))
+        if name not in self._shown:
+            model = Model(self.unit)
+            rows = self.influences(model, (), [(key, indices)])
+            there = sum(float(np.sum((r.error - r.error.mean()) ** 2)) for r in self.records)
+            made = sum(np.sum((row - row.mean(axis=1, keepdims=True)) ** 2, axis=1) for row in rows)
+            most = np.sqrt(there / np.maximum(made, 1e-300))
+            usual = super().deviation(key, indices)
+            self._shown[name] = tuple(float(max(min(s, m), 1e-300)) for s, m in zip(usual, most, strict=True))
+        return self._shown[name]
+
+    def slow_notes(self, record: Record, rest: Array) -> list[str]:
+        """Each slow part of a residual that is significant, in words."""
+        assert isinstance(record, DriveRecord)
+        white = replace(record, slow=False).whiten(np.concatenate([rest[None], record.settling]))
+        covariance = np.linalg.pinv(white[1:] @ white[1:].T, rcond=1e-12, hermitian=True)
+        sizes, notes, first = covariance @ white[1:] @ white[0], list[str](), 0
+        for name, rows in record.slowly.items():
+            at = slice(first, first + len(rows))
+            first += len(rows)
+            if float(sizes[at] @ np.linalg.solve(covariance[at, at], sizes[at])) < chi_square(
+                self.policy.false_alarm, len(rows)
+            ):
+                continue
+            if name == LOST:
+                value, deviation = float(sizes[at][0]), math.sqrt(float(covariance[at, at][0, 0]))
+                half = deviation * student((1 - self.policy.confidence) / 2, max(self.freedom / 8, 4.0))
+                told, low, high = (v / ARCSEC for v in (value, value - half, value + half))
+                notes.append(
+                    f"{record.name}: the output leads by {told:.4g} arcsec more, {100 * self.policy.confidence:g} % "
+                    f"[{low:.4g}, {high:.4g}], in forward than in reverse motion: lost motion or friction, a constant "
+                    "for each direction; no key of the catalogue, so it is taken off and not added to the model"
+                )
+                continue
+            size, unit = record.in_units(float(np.ptp(sizes[at] @ rows)))
+            notes.append(
+                f"{record.name}: {name}, {size:.4g} {unit} peak-to-peak, is significant; it is taken off and not named"
+            )
+        return notes
+
+    @cached_property
+    def sights(self) -> tuple[Sight, ...]:
+        """How each record is looked at."""
+        return tuple(DriveSight(r) for r in self.records)
+
+
+def drive_set(unit: Mechanism, records: Sequence[DriveRecord], policy: Policy, candidates: Sequence[Named]) -> DriveSet:
+    """Runs of a drive, with what may be missing.
+
+    Parameters
+    ----------
+    unit : Drive
+    records : sequence of DriveRecord
+    policy : Policy
+    candidates : sequence of Named
+    """
+    turn: AngleGrid = whole(0.0, 2 * math.pi, _POINTS)
+    return DriveSet(
+        unit=unit,
+        records=tuple(records),
+        conditions=(Conditioned(1.0, None, turn),),
+        which=(0,) * len(records),
+        policy=policy,
+        soft=np.zeros(len(SOFTENING), dtype=np.bool_),
+        candidates=tuple(candidates),
+    )
+
+
+def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Policy) -> list[Named]:
+    """Sources of the catalogue that the runs sample densely enough and the model does not have.
+
+    Shafts that the user named go before the measuring chain, where these cannot be told apart.  Of a torque record they
+    alone: no encoder's error makes torque.
+    """
+    unit, found = model.mechanism, list[Named]()
+    highest = highest_order([r.theta for r in records])
+    taken = [(e.key, dict(e.indices)) for e in model.effects]
+    for key, entry in CATALOGUE.items():
+        if not entry.applies_to(unit) or not policy.tries(entry):
+            continue
+        if records[0].quantity == "torque" and entry.acts == "reading":
+            continue
+        if any(entry.lacks(unit, record) for record in records):
+            continue
+        for indices in entry.candidates(unit):
+            orders = [abs(order) for order in entry.orders(unit, indices)]
+            if max(orders, default=0.0) < highest and (key, dict(indices)) not in taken:
+                found.append((key, indices))
+    return sorted(found, key=lambda name: source(name[0]).acts == "reading")
+
+
+def told_apart(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
+    """Candidates without those that make the waves of one before them, or no more than a slope.
+
+    Parameters
+    ----------
+    unit : Drive
+    candidates : sequence of Named
+    turns : float
+        That the longest run travels: less of a wave than the travel tells from an offset is a slope, where that is one.
+    policy : Policy
+    """
+    found: dict[object, Named] = {}
+    slopes = any(not source(key).periodic for key, _ in candidates)
+    for name in candidates:
+        orders = tuple(abs(o) for o in source(name[0]).orders(unit, name[1]))
+        if slopes and any(orders) and max(orders) * turns < policy.taken:
+            continue
+        found.setdefault(orders if any(orders) else identity(name), name)
+    return list(found.values())
