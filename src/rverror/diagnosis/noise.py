@@ -33,7 +33,7 @@ _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has a
 class RunNoise:
     """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], and a random walk beside it.
 
-    w has a variance of 1 + (walk / frequency)^2, the frequency in rad a sample: it is white where there is no walk.
+    The steps of the walk are `walk` times sigma: at a frequency, rad a sample, it has the power (walk sigma/frequency)^2.
     """
 
     coefficients: Array
@@ -48,7 +48,12 @@ class RunNoise:
     def spectrum(self, frequency: Array) -> Array:
         """Variance per unit of `frequency` / 2 pi, rad per sample."""
         plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
-        return np.asarray(plain * (1 + (self.walk / frequency) ** 2) if self.walk else plain, dtype=np.float64)
+        return np.asarray(plain + (self.walk * self.sigma / frequency) ** 2 if self.walk else plain, dtype=np.float64)
+
+    def excess(self, frequency: Array) -> Array:
+        """Power of the walk over that of the noise without it."""
+        plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
+        return np.asarray((self.walk * self.sigma / frequency) ** 2 / plain, dtype=np.float64)
 
     @cached_property
     def _response(self) -> Array:
@@ -62,8 +67,9 @@ class RunNoise:
 
 
 def noise_of(
-    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, parts: Sequence[slice] = ()
-) -> RunNoise:
+    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, few: bool = False,
+    parts: Sequence[slice] = (),
+) -> RunNoise:  # fmt: skip
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     Where nothing but noise is left it is `burg`'s.  Else the periodogram is cut where it stands far above the median of
@@ -81,6 +87,9 @@ def noise_of(
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
+    few : bool
+        Whether it has as many lags as the Bayesian criterion allows, in place of as many as may be, and, where nothing
+        but noise is left, a random walk beside it as far as that is likelier by the same criterion.
     parts : sequence of slice
         Stretches on which what no model explains yet is regular, each by itself; the whole where there are none.
     """
@@ -88,7 +97,8 @@ def noise_of(
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
-        return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
+        found = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
+        return walking(_likeliest(found, n), rest, kept, least=math.log(n)) if few else found[-1]
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -99,8 +109,14 @@ def noise_of(
             shape = found.spectrum(frequency)
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
-        found = _autoregressive(correlation, count, floor)
+        orders = range(count + 1) if few else (count,)
+        found = _likeliest([_autoregressive(correlation, lags, floor) for lags in orders], n)
     return found
+
+
+def _likeliest(found: Sequence[RunNoise], samples: int) -> RunNoise:
+    """The noise whose lags the Bayesian criterion allows."""
+    return min(found, key=lambda one: 2 * samples * math.log(one.sigma) + one.coefficients.size * math.log(samples))
 
 
 def _periodogram(values: Array) -> tuple[Array, Array]:
@@ -118,27 +134,30 @@ def _filled(residual: Array, kept: Flags) -> Array:
     return np.asarray(rest - rest.mean())
 
 
-def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
+def walking(noise: RunNoise, residual: Array, kept: Flags, *, least: float = 0.0) -> RunNoise:
     """Noise with the random walk beside it that is likeliest in a residual.
 
-    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 + (s/k)^2.
+    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their
+    `excess`.
 
     Parameters
     ----------
     noise : RunNoise
     residual : ndarray, shape (n,)
     kept : ndarray of bool, shape (n,)
+    least : float
+        Fall of minus twice the logarithm of the likelihood, at or below which there is none.
     """
     white = np.convolve(_filled(residual, kept), noise.filter, "valid")
     squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-    number = np.arange(1, squares.size + 1)
-    most, found = 0.0, 0.0
-    for walk in np.geomspace(0.1, squares.size, _WALKS):
-        excess = (walk / number) ** 2
+    shape = replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+    most, found = least, 0.0
+    for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
+        excess = size * shape
         gain = float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
         if gain > most:
-            most, found = gain, float(walk)
-    return replace(noise, walk=found * math.pi / white.size)
+            most, found = gain, math.sqrt(size)
+    return replace(noise, walk=found)
 
 
 def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
@@ -281,9 +300,10 @@ class Whitening:
     def _walk(self) -> tuple[Array, Array]:
         """Waves of a random walk that show, of unit length, and by how much their variance exceeds 1."""
         n = self.usable.size
-        number = np.arange(1, min(math.ceil(_SHOWN * self.noise.walk * n / math.pi) + 1, n))
+        excess = self.noise.excess(math.pi / n * np.arange(1, n))
+        number = np.flatnonzero(excess > (1 - 1e-9) * _SHOWN**-2) + 1
         waves = math.sqrt(2 / n) * np.cos(math.pi / n * np.outer(number, np.arange(n) + 0.5))
-        return waves, (self.noise.walk * n / math.pi / number) ** 2
+        return waves, excess[number - 1]
 
     @property
     def log_variance(self) -> float:

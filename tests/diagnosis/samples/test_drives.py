@@ -16,9 +16,9 @@ import rverror
 from recordings import recording
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.samples.coloured import kept_share, noise_of_samples, normal, orthonormal, whiten
+
 from rverror.diagnosis.samples.drives import diagnose_drive
-from rverror.diagnosis.samples.lines import line_spectrum
+from rverror.diagnosis.gears.spectrum import line_spectrum
 from rverror.model.model_file import load_model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, load_run

@@ -574,9 +574,11 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     total, used, floor = float(sum(r.kept.sum() for r in records)), float(fit.free.sum()), fit.bench.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
-    return _under(
-        fit, [noise_of(rest, r.kept, share, floor=floor, calm=calm, parts=r.sides) for r, rest, share in three]
-    )
+    noises = [
+        noise_of(rest, r.kept, share, floor=floor, calm=calm, few=fit.bench.linear, parts=r.sides)
+        for r, rest, share in three
+    ]
+    return _under(fit, noises)
 
 
 def walked(fit: Fit, like: Fit) -> Fit:

@@ -122,8 +122,11 @@ def renewed(search: Search) -> tuple[Search, Hypothesis, bool]:
         bare = [replace(r, orders=(), slow=False) for r in stilled.bench.records]
         root = fitted(onto(stilled.bench.with_records(bare), search.root.fit))
         search = search.anew(root)
+        before = best.names
         best, done = search.best(search.score.of(fitted(stilled), best.lines, best.slow))
-        if changed is None and (done or search.spent > policy.budget):
+        if changed is None and (done or search.spent > policy.budget) and not (
+            best.fit.bench.linear and best.names != before
+        ):
             break
     return search, best, done
 
@@ -154,7 +157,7 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
         return seen
     for part in parts:
         bare = onto(seen.bench.with_records(part.fit.bench.records), part.fit)
-        if _slopes(part) < _slopes(best):
+        if _slopes(part) < _slopes(best) and not seen.bench.linear:
             with_all, without = (walked(fit, own) for fit in (seen, bare))
         else:
             with_all, without = own, renoised(bare, calm=True)

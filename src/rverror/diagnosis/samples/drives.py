@@ -153,7 +153,7 @@ def calm(bench: DriveSet) -> DriveSet:
         used = size > 1e-9 * size[0]
         span = (basis[:, used] / np.sqrt(size[used])).T @ regular
         rest = record.error - (span @ record.error) @ span
-        noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error)
+        noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error, few=True)
         records.append(replace(record, noise=noise))
     return replace(bench, records=tuple(records))
 
