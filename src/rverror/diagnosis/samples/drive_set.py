@@ -95,13 +95,14 @@ class DriveSet(RunSet):
     def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
         """Standard deviation of each parameter before the runs are seen: what a workshop makes, or all that they show.
 
-        A shaft may make a degree, or an arcsecond: no size is usual for it, but none makes more than there is.
+        A shaft may make a degree, or an arcsecond: no size is usual for it, but none makes more than there is, and no
+        wave more than there is beside what drifts.
         """
         name = identity((key, indices))
         if name not in self._shown:
-            model = Model(self.unit)
-            rows = self.influences(model, (), [(key, indices)])
-            there = sum(float(np.sum((r.error - r.error.mean()) ** 2)) for r in self.records)
+            rows = self.influences(Model(self.unit), (), [(key, indices)])
+            swings = source(key).periodic
+            there = sum(float(np.sum(_beside(r, swings=swings) ** 2)) for r in self.records)
             made = sum(np.sum((row - row.mean(axis=1, keepdims=True)) ** 2, axis=1) for row in rows)
             most = np.sqrt(there / np.maximum(made, 1e-300))
             usual = super().deviation(key, indices)
@@ -141,6 +142,16 @@ class DriveSet(RunSet):
     def sights(self) -> tuple[Sight, ...]:
         """How each record is looked at."""
         return tuple(DriveSight(r) for r in self.records)
+
+
+def _beside(record: DriveRecord, *, swings: bool) -> Array:
+    """The error of a run about its mean, or beside all that drifts and bends."""
+    if not swings:
+        return record.error - record.error.mean()
+    clock = np.arange(record.theta.size) if record.time is None else record.time
+    rows = np.stack([np.ones(clock.size), clock - clock.mean(), record.theta - record.theta.mean(), *record.settling])
+    rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+    return np.asarray(record.error - np.linalg.lstsq(rows.T, record.error, rcond=1e-10)[0] @ rows)
 
 
 def drive_set(unit: Mechanism, records: Sequence[DriveRecord], policy: Policy, candidates: Sequence[Named]) -> DriveSet:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.text import describe
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted
-from rverror.diagnosis.gears.ranking import columns_of
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto
+from rverror.diagnosis.gears.ranking import Offer, columns_of
 from rverror.diagnosis.gears.reducers import renewed
 from rverror.diagnosis.gears.score import Hypothesis, identity, named
 from rverror.diagnosis.gears.search import Search
+from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
@@ -26,6 +29,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
+_TOGETHER = 6  # lines that are added at once
 _FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
 
 
@@ -73,15 +77,37 @@ def diagnose_drive(
     turns = max(record.turns for record in records)
     search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
     search, best, _ = renewed(search)
+    best = replace(best, fit=onto(best.fit.bench, best.fit))
+    assert isinstance(search, DriveSearch)
     journal.tell("searching the residual for lines of any order")
     found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
-    found = replace(found, tried=len(candidates), added=_in_order(found.added))
+    found = replace(found, tried=len(candidates), added=_in_order(search, best, found.added))
     return _as_torque(found, model, records[0].unit) if torque else found
 
 
-def _in_order(added: Sequence[Addition]) -> tuple[Addition, ...]:
-    """Errors that grow along a run first, since without them no other figure means much."""
-    return tuple(sorted(added, key=lambda one: source(one.effect.key).periodic))
+def _in_order(search: DriveSearch, best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
+    """Errors that grow along a run first, since without them no other figure means much; then the largest first."""
+    first, sizes = sum(len(e.values) for e in best.fit.declared.effects), []
+    for number, one in enumerate(added):
+        at = slice(first, first + len(one.effect.values))
+        first = at.stop
+        made = np.concatenate([np.array(one.effect.values) @ raw[at] for raw in best.fit.raw])
+        sizes.append((source(one.effect.key).periodic, -float(made @ made), number))
+    return tuple(_with_rivals(search, best, number, added[number]) for *_, number in sorted(sizes))
+
+
+def _with_rivals(search: DriveSearch, best: Hypothesis, number: int, one: Addition) -> Addition:
+    """What was added, with a note of each rival that would have to be larger than a workshop makes it."""
+    notes = []
+    for (key, indices), sizes in search.in_place(best, number):
+        parameters = source(key).parameters
+        if any(abs(size) > p.plausible for p, size in zip(parameters, sizes, strict=True)):
+            size, dimension = float(np.linalg.norm(sizes)), parameters[0].dimension
+            notes.append(
+                f"in its place {describe(key, indices)} would have to be {units.to_display(size, dimension):.4g} "
+                f"{units.DISPLAY_UNITS[dimension]}, larger than a workshop makes"
+            )
+    return replace(one, notes=(*one.notes, *notes))
 
 
 def _told(fit: Fit) -> list[str]:
@@ -163,9 +189,32 @@ class DriveSearch(Search):
 
     widest = 1
 
+    def _beam(self) -> Iterable[Hypothesis]:
+        """The leading set alone."""
+        yield self._leader
+
+    def _ends(self, one: Hypothesis, found: Sequence[Hypothesis]) -> bool:
+        """Never: what else there is to add costs little."""
+        return False
+
     def added_linearly(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with one cause more."""
-        return self._fitted_with(one, self.leading(one.fit)[:_FITTED])
+        return self._fitted_with(one, self._promising(one)[:_FITTED])
+
+    def _promising(self, one: Hypothesis) -> list[Offer]:
+        """Candidates that a linear step makes the set better by."""
+        return [offer for offer in self.leading(one.fit) if offer.score < offer.without]
+
+    def regular(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
+        room, records = MOST_LINES - len(one.lines), one.fit.bench.records
+        found = [more for more in super().regular(one) if len(more.lines) <= MOST_LINES]
+        least = min((offer.score for offer in self._promising(one)), default=one.score)
+        if room > 1 and any(more.lines != one.lines and more.score < least for more in found):
+            lines = best_lines(one.fit, self.policy, outside=True, most=min(room, _TOGETHER))
+            orders = (*one.lines, *(line.order for line in lines))
+            found.append(self._with_records(one, [replace(r, orders=orders) for r in records], orders, slow=one.slow))
+        return found
 
     def added_from_starts(self, one: Hypothesis, *, everywhere: bool) -> list[Hypothesis]:
         """None: there is one minimum."""
@@ -182,26 +231,36 @@ class DriveSearch(Search):
     replaced = hidden = moved
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        """Candidates beside which a cause is not needed any more, of whatever size."""
-        fit = one.fit
-        bench, rest, added = fit.bench, lifted(fit, number), {named(e) for e in fit.added}
+        """Candidates beside which a cause is not needed any more."""
+        return tuple(name for name, _ in self.in_place(one, number))
+
+    def in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
+        """Candidates beside which a cause is not needed any more, and their sizes in its place, of any size."""
+        return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
+
+    def _in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
+        fit, rest, cause = one.fit, lifted(one.fit, number), one.fit.added[number]
+        bench, added = fit.bench, {named(e) for e in fit.added}
         assert isinstance(bench, DriveSet)
         others = [name for name in bench.candidates if identity(name) not in added]
-        own = columns_of(rest, [(fit.added[number].key, fit.added[number].indices)])[0]
-        base = np.concatenate(rest.rows, axis=1)
-        shown = base[1:][np.linalg.norm(base[1:], axis=1) > 0]
-        mine = np.concatenate(own.rows, axis=1)
-        limit = fit.scale * chi_square(bench.policy.alike, len(mine))
+        own, *blocks = [
+            np.concatenate(block.rows, axis=1) for block in columns_of(rest, [(cause.key, cause.indices), *others])
+        ]
+        white = np.concatenate(rest.rows, axis=1)
+        there = white[1:][np.linalg.norm(white[1:], axis=1) > 0]
+        limit = fit.scale * chi_square(bench.policy.alike, len(own))
         found = []
-        for block in columns_of(rest, others):
-            there = np.concatenate([shown, np.concatenate(block.rows, axis=1)])
-            if _left(base[0], there) - _left(base[0], np.concatenate([there, mine])) < limit:
-                found.append(block.name)
-        return tuple(found)
+        for name, block in zip(others, blocks, strict=True):
+            sizes, left = _least(white[0], np.concatenate([block, there]))
+            if left - _least(white[0], np.concatenate([block, there, own]))[1] < limit:
+                found.append((name, sizes[: len(block)]))
+        return found
 
 
-def _left(rest: Array, rows: Array) -> float:
-    """Squares that rows of any size leave."""
-    unit = rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+def _least(rest: Array, rows: Array) -> tuple[Array, float]:
+    """Sizes of rows that leave the least squares, and these."""
+    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    unit = rows / scale[:, None]
     moment = unit @ rest
-    return float(rest @ rest - moment @ np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True) @ moment)
+    sizes = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True) @ moment
+    return sizes / scale, float(rest @ rest - moment @ sizes)

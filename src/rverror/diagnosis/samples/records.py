@@ -13,6 +13,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.noise import Whitening
 from rverror.geartrain.mechanism import Drive
 from rverror.model.effects import Model
 from rverror.model.sensor import slope
@@ -49,6 +50,14 @@ class DriveRecord(Record):
                 found[BENT] = np.stack([_centred_power(self.theta, power) for power in (2, 3)])
             found[LOST] = np.asarray(self.direction)[None] / 2
         return found
+
+    @cached_property
+    def whiten(self) -> Whitening:
+        """Whitening under its noise; of the two samples beside a reversal no one knows on which side of it they are."""
+        assert self.noise is not None
+        turned, kept = np.flatnonzero(np.diff(self.direction)), self.kept.copy()
+        kept[turned] = kept[turned + 1] = False
+        return Whitening(self.noise, kept, self.starts, self.nuisance)
 
     def in_units(self, size: float) -> tuple[float, str]:
         """A size of the error as people read it, and its unit."""
@@ -96,10 +105,10 @@ def records_of_drive(model: Model, runs: Sequence[Run]) -> tuple[list[DriveRecor
         theta, signal, first = _signal(run, drive, name, quantity)
         if first:
             notes.append(f"{name}: {first} samples of standstill and run-up left out")
-        size = float(np.std(signal)) / _TORQUE or 1.0
-        unit = 1.0 if quantity == "angle" else size
+        unit = 1.0 if quantity == "angle" else float(np.std(signal)) / _TORQUE or 1.0
+        sense = run.direction[first:]
         record = DriveRecord(
-            name, theta[first:], signal[first:] / unit, run.direction[first:], None, np.ones(theta.size - first, dtype=np.bool_),
+            name, theta[first:], signal[first:] / unit, sense, None, np.ones(sense.size, dtype=np.bool_),
             time=None if run.time is None else run.time[first:], quantity=quantity, unit=unit,
         )  # fmt: skip
         found.append(record)
