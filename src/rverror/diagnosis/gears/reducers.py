@@ -42,6 +42,8 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import NotConvergedError
 
+Stilled = Callable[[Search, Hypothesis, Fit], Fit]
+
 _PLACING = 512  # angles a turn on which the marks are looked for
 _RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
 
@@ -97,8 +99,14 @@ def diagnose_reducer(
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
 
 
-def renewed(search: Search) -> tuple[Search, Hypothesis, bool]:
+def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hypothesis, bool]:
     """Search, and again under the noise that the best set leaves, until nothing changes.
+
+    Parameters
+    ----------
+    search : Search
+    stilled : callable, optional
+        What gives that noise to every set; `quiet` where left out, to such as are complete.
 
     Returns
     -------
@@ -117,16 +125,17 @@ def renewed(search: Search) -> tuple[Search, Hypothesis, bool]:
         least = policy.by_chance * policy.model_error
         changed = second_look(fit.bench.records, fit.residual, least=least) if calm and fit.bench.faulty else None
         seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
-        parts = [] if changed else search.parts(best)
-        stilled = quiet(search, best, seen, parts) if done else renoised(seen)
-        bare = [replace(r, orders=(), slow=False) for r in stilled.bench.records]
-        root = fitted(onto(stilled.bench.with_records(bare), search.root.fit))
+        if stilled:
+            still = stilled(search, best, seen)
+        else:
+            still = quiet(search, best, seen, [] if changed else search.parts(best)) if done else renoised(seen)
+        bare = [replace(r, orders=(), slow=False) for r in still.bench.records]
+        root = fitted(onto(still.bench.with_records(bare), search.root.fit))
         search = search.anew(root)
         before = best.names
-        best, done = search.best(search.score.of(fitted(stilled), best.lines, best.slow))
-        if changed is None and (done or search.spent > policy.budget) and not (
-            best.fit.bench.linear and best.names != before
-        ):
+        best, done = search.best(search.score.of(fitted(still), best.lines, best.slow))
+        settled = done and (stilled is None or best.names == before)
+        if changed is None and (settled or search.spent > policy.budget):
             break
     return search, best, done
 
@@ -157,7 +166,7 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
         return seen
     for part in parts:
         bare = onto(seen.bench.with_records(part.fit.bench.records), part.fit)
-        if _slopes(part) < _slopes(best) and not seen.bench.linear:
+        if _slopes(part) < _slopes(best):
             with_all, without = (walked(fit, own) for fit in (seen, bare))
         else:
             with_all, without = own, renoised(bare, calm=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -11,8 +12,9 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
+from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto, renoised, under
 from rverror.diagnosis.gears.ranking import Offer, columns_of
 from rverror.diagnosis.gears.reducers import renewed
 from rverror.diagnosis.gears.score import Hypothesis, identity, named
@@ -76,7 +78,7 @@ def diagnose_drive(
     root = fitted(evaluated(calm(bench), declared, declared))
     turns = max(record.turns for record in records)
     search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
-    search, best, _ = renewed(search)
+    search, best, _ = renewed(search, stilled)
     best = replace(best, fit=onto(best.fit.bench, best.fit))
     assert isinstance(search, DriveSearch)
     journal.tell("searching the residual for lines of any order")
@@ -182,6 +184,45 @@ def calm(bench: DriveSet) -> DriveSet:
         noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error, few=True)
         records.append(replace(record, noise=noise))
     return replace(bench, records=tuple(records))
+
+
+def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
+    """A set under the noise that it leaves, or that the part of it leaves which is as likely, noise and all.
+
+    Causes, lines and drift are taken out one after another as long as noise that is estimated without them makes up
+    for them; and all at once, since several together make more of a random walk than each of them.
+
+    Parameters
+    ----------
+    search : Search
+    best : Hypothesis
+    seen : Fit
+        Of the same sizes.
+    """
+    now, fit = best, fitted(renoised(seen, calm=True))
+    while now.names:
+        parts = search.parts(now)
+        fits = each(lambda part: fitted(renoised(onto(part.fit.bench, part.fit), calm=True)), [*parts, search.root])
+        gains = [
+            _deviance(other) - _deviance(fit) - search.score.by_chance(now, part)
+            for part, other in zip([*parts, search.root], fits, strict=True)
+        ]
+        least = int(np.argmin(gains))
+        if gains[least] > 0:
+            break
+        now, fit = [*parts, search.root][least], fits[least]
+    return under(seen, fit)
+
+
+def _deviance(fit: Fit) -> float:
+    """`Fit.deviance` as if noises of any number of lags left as many samples: the first ones as the others."""
+    total = fit.prior
+    for record, white in zip(fit.bench.records, fit.rows, strict=True):
+        free, samples = record.whiten.freedom, int(record.whiten.kept.sum())
+        assert record.noise is not None
+        total += float(white[0] @ white[0]) * samples / free
+        total += record.whiten.log_variance + 2 * (samples - free) * math.log(record.noise.sigma)
+    return total
 
 
 class DriveSearch(Search):
