@@ -43,7 +43,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
     allowed = {
         "_TURN", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN", "_LISTED",
         "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_TOGETHER", "_DENSER", "_TRUE",  # of the grids
-        "_MOST_LAGS", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS", "_WALKS", "_SHOWN",
+        "_MOST_LAGS", "_LAGS", "_FEWER_WALKS", "_MOST_WAVES", "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS", "_WALKS", "_SHOWN",
         "_MOST_PEAKS", "_BY_NOISE", "_LIKELY", "_PEAKS", "_FITTED", "MOST_LINES",  # of noise and lines
         "_OWN", "_MOST_OWN", "SAME_ORDER", "TOLD_ORDER", "_SAME", "_LEAST_ROWS",  # of what is listed
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",

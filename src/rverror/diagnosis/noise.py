@@ -23,6 +23,8 @@ _LEAST_BINS = 16  # in a band: a median of fewer says little
 #: Of a model of the noise, each bin over what the last one makes of it: a random walk falls so steeply within a band
 #: that its slowest waves pass for lines at first; more change its order 1 by less than a twentieth.
 _ROUNDS = 4
+_LAGS, _FEWER_WALKS = (0, 1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32), 24  # that are tried of a run with few lags
+_MOST_WAVES = 400  # of a walk beside few lags: those of a larger one cost much, and lags tell it
 _WALKS = 60  # sizes of a random walk that are tried, a factor of 1.2 apart
 _SHOWN = 5.0  # times the wave at which a walk is as large as the noise: beyond it is a twenty-fifth
 _FAR = 8.0  # times the median of noise: above it lies one bin in 256
@@ -98,7 +100,7 @@ def noise_of(
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         found = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
-        return walking(_likeliest(found, n), rest, kept, least=math.log(n)) if few else found[-1]
+        return _wandering([found[lags] for lags in _LAGS if lags < len(found)], rest) if few else found[-1]
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -134,7 +136,7 @@ def _filled(residual: Array, kept: Flags) -> Array:
     return np.asarray(rest - rest.mean())
 
 
-def walking(noise: RunNoise, residual: Array, kept: Flags, *, least: float = 0.0) -> RunNoise:
+def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     """Noise with the random walk beside it that is likeliest in a residual.
 
     Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their
@@ -145,19 +147,37 @@ def walking(noise: RunNoise, residual: Array, kept: Flags, *, least: float = 0.0
     noise : RunNoise
     residual : ndarray, shape (n,)
     kept : ndarray of bool, shape (n,)
-    least : float
-        Fall of minus twice the logarithm of the likelihood, at or below which there is none.
     """
     white = np.convolve(_filled(residual, kept), noise.filter, "valid")
     squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
     shape = replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
-    most, found = least, 0.0
+    most, found = 0.0, 0.0
     for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
         excess = size * shape
         gain = float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
         if gain > most:
             most, found = gain, math.sqrt(size)
     return replace(noise, walk=found)
+
+
+def _wandering(found: Sequence[RunNoise], residual: Array) -> RunNoise:
+    """Of noises with more and more lags, each with a random walk beside it and its size as that leaves it, the one that
+    the Bayesian criterion allows: a small walk takes many lags, a large one few."""
+    best, least, n = found[0], math.inf, residual.size
+    for one in found:
+        white = np.convolve(residual, one.filter, "valid")
+        squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
+        shape = replace(one, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+        most = _SHOWN**-2 / float(shape[min(_MOST_WAVES, squares.size) - 1])
+        sizes = np.geomspace(0.01 / shape[0], most, _FEWER_WALKS)
+        for size in (0.0, *sizes[sizes <= most]):
+            excess = size * shape
+            variance = float(np.mean(squares / (1 + excess)))
+            off = n * (math.log(variance) + 2 * math.log(one.sigma) + float(np.log1p(excess).mean()))
+            off += (one.coefficients.size + (size > 0)) * math.log(n)
+            if off < least:
+                best, least = RunNoise(one.coefficients, one.sigma * math.sqrt(variance), math.sqrt(size)), off
+    return best
 
 
 def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
