@@ -35,7 +35,7 @@ _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has a
 class RunNoise:
     """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], and a random walk beside it.
 
-    The steps of the walk are `walk` times sigma: at a frequency, rad a sample, it has the power (walk sigma/frequency)^2.
+    The walk's steps are `walk` times sigma: at a frequency, rad a sample, it has the power (walk sigma / frequency)^2.
     """
 
     coefficients: Array
@@ -99,8 +99,8 @@ def noise_of(
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
-        found = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
-        return _wandering([found[lags] for lags in _LAGS if lags < len(found)], rest) if few else found[-1]
+        by_lags = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
+        return _wandering([by_lags[lags] for lags in _LAGS if lags < len(by_lags)], rest) if few else by_lags[-1]
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -320,7 +320,7 @@ class Whitening:
     def _walk(self) -> tuple[Array, Array]:
         """Waves of a random walk that show, of unit length, and by how much their variance exceeds 1."""
         n = self.usable.size
-        excess = self.noise.excess(math.pi / n * np.arange(1, n))
+        excess = self.noise.excess(np.asarray(np.arange(1, n) * (math.pi / n), dtype=np.float64))
         number = np.flatnonzero(excess > (1 - 1e-9) * _SHOWN**-2) + 1
         waves = math.sqrt(2 / n) * np.cos(math.pi / n * np.outer(number, np.arange(n) + 0.5))
         return waves, excess[number - 1]

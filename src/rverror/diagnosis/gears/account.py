@@ -11,7 +11,6 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.text import describe
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
@@ -398,7 +397,7 @@ def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
     half = math.degrees(halves[sum(len(e.values) for e in declared.effects)])
-    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.unit)["crank"])
+    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.gears)["crank"])
     known = [(e.key, e.indices) for e in declared.effects if not source(e.key).at_output]
     again = all(source(key).repeats_with_crank(fit.bench.unit, indices) for key, indices in known)
     turns = (

@@ -130,8 +130,13 @@ class RunSet:
     @cached_property
     def soft_sigmas(self) -> list[float]:
         """`soft_spread`, 0 where it is not refitted."""
-        spread = soft_spread(_gears(self.unit), self.policy) if self.soft.any() else [0.0] * len(SOFTENING)
+        spread = soft_spread(self.gears, self.policy) if self.soft.any() else [0.0] * len(SOFTENING)
         return [sigma * bool(on) for sigma, on in zip(spread, self.soft, strict=True)]
+
+    @property
+    def gears(self) -> Reducer:
+        """The reducer, as declared."""
+        return _gears(self.unit)
 
     @property
     def settles(self) -> bool:
@@ -153,7 +158,7 @@ class RunSet:
 
     def apart(self, key: str) -> bool:
         """Whether a source is added by its influence: a sun's, where it does not repeat with the turns."""
-        far = _gears(self.unit).exact_ratio.denominator > 1
+        far = self.gears.exact_ratio.denominator > 1
         return far and source(key).frame == "sun" and not source(key).at_output
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:

@@ -300,7 +300,7 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
     which = []
     for record in records:
         # without friction the pose knows a signed torque alone, not the motion
-        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.direction, record.torque)
+        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.senses[0], record.torque)
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
             breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()

@@ -214,7 +214,7 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
 
     What is missing may turn the match.
     """
-    unit, count = first.bench.unit, first.bench.policy.offsets
+    unit, count = first.bench.gears, first.bench.policy.offsets
     coarse = onto(first.bench.coarser(_PLACING), first)
     span = 2 * math.pi / fundamental_orders(unit)["crank"]
     if not all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model)):
@@ -240,7 +240,7 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     declared and found turns with the marks, within what is known of it.
     """
     fit, policy = one.fit, search.policy
-    ripple = 2 * math.pi / fundamental_orders(fit.bench.unit)["cycloid mesh"]
+    ripple = 2 * math.pi / fundamental_orders(fit.bench.gears)["cycloid mesh"]
 
     def at(angle: float) -> Fit | None:
         offset = fit.model.index_offset + angle

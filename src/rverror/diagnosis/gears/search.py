@@ -582,7 +582,7 @@ class Search:
         coarse = onto(self.coarse(one), one.fit)
         rest, effect = lifted(coarse, number), coarse.added[number]
         free = self.free(coarse)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.unit))
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(coarse.bench.gears))
         others = gaps.twins(effect, free) + gaps.near(effect, free)
         others += [e for e in equivalents(effect, coarse.bench.unit) if named(e) in map(identity, free)]
         blocks = [block for block in self.blocks(rest) if identity(block.name) != named(effect)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from rverror.diagnosis.gears.sight import EverySample, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.records import LOST, DriveRecord
-from rverror.geartrain.mechanism import Mechanism
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
@@ -79,8 +79,8 @@ class DriveSet(RunSet):
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
         """A waveform of nothing."""
-        nothing = np.zeros((len(SOFTENING), _POINTS))
-        return [Waveform(c.turn, nothing[0], nothing[:0], nothing, (), self.unit) for c in self.conditions]
+        nothing, unit = np.zeros((len(SOFTENING), _POINTS)), cast("Reducer", self.unit)  # which nothing asks for
+        return [Waveform(c.turn, nothing[0], nothing[:0], nothing, (), unit) for c in self.conditions]
 
     def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
         """Influences of sources at the samples of each record."""
@@ -144,10 +144,10 @@ class DriveSet(RunSet):
         return tuple(DriveSight(r) for r in self.records)
 
 
-def _beside(record: DriveRecord, *, swings: bool) -> Array:
+def _beside(record: Record, *, swings: bool) -> Array:
     """The error of a run about its mean, or beside all that drifts and bends."""
     if not swings:
-        return record.error - record.error.mean()
+        return np.asarray(record.error - record.error.mean())
     clock = np.arange(record.theta.size) if record.time is None else record.time
     rows = np.stack([np.ones(clock.size), clock - clock.mean(), record.theta - record.theta.mean(), *record.settling])
     rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]

@@ -32,6 +32,8 @@ from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
 _TOGETHER = 6  # lines that are added at once
+_FELL = "not significant under the noise of the runs"
+_NOT_TOLD = "the runs cannot tell it from what was tried"
 _FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
 
 
@@ -78,9 +80,13 @@ def diagnose_drive(
     root = fitted(evaluated(calm(bench), declared, declared))
     turns = max(record.turns for record in records)
     search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
-    search, best, _ = renewed(search, stilled)
-    best = replace(best, fit=onto(best.fit.bench, best.fit))
-    assert isinstance(search, DriveSearch)
+    last, best, _ = renewed(search, stilled)
+    assert isinstance(last, DriveSearch)
+    search, best = last, replace(best, fit=onto(best.fit.bench, best.fit))
+    for name in candidates:
+        if identity(name) not in {named(e) for e in best.fit.added}:
+            tried = any(identity(name) == identity(other) for other in search.candidates)
+            journal.note("fell", name, _FELL if tried else _NOT_TOLD)
     journal.tell("searching the residual for lines of any order")
     found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
     found = replace(found, tried=len(candidates), added=_in_order(search, best, found.added))
@@ -137,9 +143,7 @@ def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
             for e in one.estimates
         ]
         effect = replace(one.effect, values=tuple(unit * v for v in one.effect.values))
-        return replace(
-            one, effect=effect, estimates=tuple(estimates), heldout_rms=unit * one.heldout_rms, notes=()
-        )
+        return replace(one, effect=effect, estimates=tuple(estimates), heldout_rms=unit * one.heldout_rms, notes=())
 
     lines = [
         replace(x, **{name: unit * getattr(x, name) for name in ("amplitude", "low", "high", "cos", "sin")})
@@ -148,7 +152,7 @@ def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
     traces = [
         replace(
             t, measured=unit * t.measured, before=unit * t.before, after=unit * t.after,
-            left_out=tuple(unit * row for row in t.left_out or ()) or None,
+            left_out=None if t.left_out is None else (unit * t.left_out[0], unit * t.left_out[1]),
         )
         for t in found.traces
     ]  # fmt: skip
@@ -226,7 +230,7 @@ def _deviance(fit: Fit) -> float:
 
 
 class DriveSearch(Search):
-    """A search among causes that are linear in their sizes: a linear step is the fit, and no other start ends elsewhere."""
+    """A search among causes that are linear in their sizes: a linear step is the fit, and there is one minimum."""
 
     widest = 1
 

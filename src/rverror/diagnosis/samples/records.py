@@ -113,6 +113,8 @@ def records_of_drive(model: Model, runs: Sequence[Run]) -> tuple[list[DriveRecor
         )  # fmt: skip
         found.append(record)
     return found, notes
+
+
 def _rounding(run: Run, drive: Drive, name: str) -> list[str]:
     """What is to be noted of an error that is no more than the rounding of an angle: uniform, a step wide."""
     found = []
