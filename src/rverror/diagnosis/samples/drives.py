@@ -10,7 +10,6 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
@@ -31,6 +30,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
+_NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
 _FELL = "not significant under the noise of the runs"
 _NOT_TOLD = "the runs cannot tell it from what was tried"
@@ -276,11 +276,11 @@ class DriveSearch(Search):
     replaced = hidden = moved
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        """Candidates beside which a cause is not needed any more."""
+        """Candidates that fit as well in the place of a cause."""
         return tuple(name for name, _ in self.in_place(one, number))
 
     def in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
-        """Candidates beside which a cause is not needed any more, and their sizes in its place, of any size."""
+        """Candidates that fit as well in the place of a cause, and with what sizes, however large."""
         return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
 
     def _in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
@@ -293,11 +293,15 @@ class DriveSearch(Search):
         ]
         white = np.concatenate(rest.rows, axis=1)
         there = white[1:][np.linalg.norm(white[1:], axis=1) > 0]
-        limit = fit.scale * chi_square(bench.policy.alike, len(own))
+        basis = np.linalg.qr((there / np.linalg.norm(there, axis=1)[:, None]).T)[0]
+        now, limit = _least(white[0], np.concatenate([own, there]))[1], -2 * fit.scale * math.log(bench.policy.alike)
         found = []
         for name, block in zip(others, blocks, strict=True):
+            beyond = np.sum((block - (block @ basis) @ basis.T) ** 2, axis=1)
+            if (beyond < _NOTHING * np.sum(block**2, axis=1)).all():
+                continue
             sizes, left = _least(white[0], np.concatenate([block, there]))
-            if left - _least(white[0], np.concatenate([block, there, own]))[1] < limit:
+            if left - now < limit:
                 found.append((name, sizes[: len(block)]))
         return found
 
