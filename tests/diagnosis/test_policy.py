@@ -50,7 +50,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",
         "_DOUBTED", "_BESIDE", "_SLOWEST", "_ROUNDED",  # of what a run and a contact may be
         "_NOTHING", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE",  # of rounding
-        "_BLOCK", "_KEPT",  # of how it is computed
+        "_BLOCK", "_KEPT", "_ANY",  # of how it is computed
         "_SAMPLES_A_WAVE", "_DRAG", "_GUESSED", "_LEAST_GUESS", "_LOADS_OF_A_LAW", "_LOADS", "_HARMONICS",  # of a table
         "_WAVES",  # of a passport
         "_STEPS", "_MOST",  # of a search that makes claims

@@ -177,14 +177,13 @@ def drive_set(unit: Mechanism, records: Sequence[DriveRecord], policy: Policy, c
 
 
 def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Policy) -> list[Named]:
-    """Sources of the catalogue that the runs sample densely enough and the model does not have.
+    """Sources of the catalogue that the runs sample densely enough.
 
     Shafts that the user named go before the measuring chain, where these cannot be told apart.  Of a torque record they
     alone: no encoder's error makes torque.
     """
     unit, found = model.mechanism, list[Named]()
     highest = highest_order([r.theta for r in records])
-    taken = [(e.key, dict(e.indices)) for e in model.effects]
     for key, entry in CATALOGUE.items():
         if not entry.applies_to(unit) or not policy.tries(entry):
             continue
@@ -194,7 +193,7 @@ def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Po
             continue
         for indices in entry.candidates(unit):
             orders = [abs(order) for order in entry.orders(unit, indices)]
-            if max(orders, default=0.0) < highest and (key, dict(indices)) not in taken:
+            if max(orders, default=0.0) < highest:
                 found.append((key, indices))
     return sorted(found, key=lambda name: source(name[0]).acts == "reading")
 

@@ -12,7 +12,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.text import describe
 from rverror.base.threads import each
-from rverror.diagnosis.gears.account import account
+from rverror.diagnosis.gears.account import account, residual
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto, renoised, under
 from rverror.diagnosis.gears.ranking import Offer, columns_of
 from rverror.diagnosis.gears.reducers import renewed
@@ -30,6 +30,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
+_ANY = 1e9  # what is not explained yet of a drive moves nothing that a declared size does not make: squares count as such
 _NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
 _FELL = "not significant under the noise of the runs"
@@ -75,7 +76,7 @@ def diagnose_drive(
     torque = records[0].quantity == "torque"
     declared = replace(model, effects=()) if torque else model
     candidates = candidates_of_drive(declared, records, policy)
-    policy = replace(policy, most_effects=len(candidates))
+    policy = replace(policy, most_effects=len(candidates), regular=_ANY)
     bench = drive_set(model.mechanism, records, policy, candidates)
     root = fitted(evaluated(calm(bench), declared, declared))
     turns = max(record.turns for record in records)
@@ -101,7 +102,14 @@ def _in_order(search: DriveSearch, best: Hypothesis, added: Sequence[Addition]) 
         first = at.stop
         made = np.concatenate([np.array(one.effect.values) @ raw[at] for raw in best.fit.raw])
         sizes.append((source(one.effect.key).periodic, -float(made @ made), number))
-    return tuple(_with_rivals(search, best, number, added[number]) for *_, number in sorted(sizes))
+    order, found = [number for *_, number in sorted(sizes)], []
+    declared = best.fit.model.effects[: len(best.fit.declared.effects)]
+    for place, number in enumerate(order):
+        effects = (*declared, *(added[n].effect for n in order[: place + 1]))
+        fit = fitted(evaluated(best.fit.bench, replace(best.fit.model, effects=effects), best.fit.declared))
+        one = replace(added[number], heldout_rms=residual(fit).heldout_rms)
+        found.append(_with_rivals(search, best, number, one))
+    return tuple(found)
 
 
 def _with_rivals(search: DriveSearch, best: Hypothesis, number: int, one: Addition) -> Addition:
@@ -233,6 +241,11 @@ class DriveSearch(Search):
     """A search among causes that are linear in their sizes: a linear step is the fit, and there is one minimum."""
 
     widest = 1
+
+    def free(self, fit: Fit) -> list[Named]:
+        """Candidates that were not added; a declared size that was measured wrong is missing too."""
+        added = {named(e) for e in fit.added}
+        return [c for c in self.candidates if identity(c) not in added]
 
     def _beam(self) -> Iterable[Hypothesis]:
         """The leading set alone."""
