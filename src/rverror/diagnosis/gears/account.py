@@ -446,8 +446,29 @@ def _turned_over(record: Record, rows: Array, used: Flags) -> tuple[Array, Array
     theta, rows = record.theta[order], rows[:, order]
     turns = math.floor(record.turns + 0.01)
     if turns < 1:
-        return theta, rows
+        return _mean_of_passes(theta, rows, record.theta[used]) if len(record.senses) > 1 else (theta, rows)
     points = round(record.theta.size / record.turns)
     grid = theta[0] + _TURN / points * np.arange(points)
     folded = [[np.interp(grid + _TURN * k, theta, row) for k in range(turns)] for row in rows]
     return grid, np.mean(folded, axis=1)
+
+
+def _mean_of_passes(theta: Array, rows: Array, travelled: Array) -> tuple[Array, Array]:
+    """Rows over even angles, the mean of all times that a run came by them.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Growing, rad.
+    rows : ndarray, shape (k, n)
+    travelled : ndarray, shape (n,)
+        The angles in the order of time.
+    """
+    travel = float(np.ptp(theta)) * theta.size / (theta.size - 1)
+    passes = max(1.0, float(np.abs(np.diff(travelled)).sum()) / travel)
+    points = max(round(theta.size / passes), 2)
+    cell = np.minimum(np.floor((theta - theta[0]) / travel * points).astype(np.intp), points - 1)
+    count, grid = np.bincount(cell, minlength=points), np.arange(points)
+    there = count > 0
+    means = [np.interp(grid, grid[there], np.bincount(cell, row, points)[there] / count[there]) for row in rows]
+    return theta[0] + travel / points * grid, np.array(means)
