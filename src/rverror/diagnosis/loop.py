@@ -36,7 +36,7 @@ def diagnose(
     contact law are refitted within what is known of them, beside an offset of each run, slips of the reading, lines
     that no part has, what settles, and coloured noise.  Every source of the catalogue is scored by a linear step, the
     leading ones are solved and refitted at the load, and sets of causes compare by evidence.  Only a set that leaves
-    nothing significant is named.  Of a drive every effect is linear, and one after another is added.  Of order tables
+    nothing significant is named.  Of a drive the same, but that every effect is linear.  Of order tables
     every wave of every condition is explained at once, and what no cause accounts for is described by laws over load
     and direction.
 

@@ -24,6 +24,8 @@ _LEAST_BINS = 16  # in a band: a median of fewer says little
 #: Of a model of the noise, each bin over what the last one makes of it: a random walk falls so steeply within a band
 #: that its slowest waves pass for lines at first; more change its order 1 by less than a twentieth.
 _ROUNDS = 4
+_LAGS, _FEWER_WALKS = (0, 1, 2, 3, 4, 5, 6, 8, 12), 24  # that are tried of a run with few lags, and sizes of walks
+_MOST_WAVES = 400  # of a walk beside few lags: those of a larger one cost much, and lags tell it
 _WALKS = 60  # sizes of a random walk that are tried, a factor of 1.2 apart
 _SHOWN = 5.0  # times the wave at which a walk is as large as the noise: beyond it is a twenty-fifth
 _FAR = 8.0  # times the median of noise: above it lies one bin in 256
@@ -34,7 +36,7 @@ _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has a
 class RunNoise:
     """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], and a random walk beside it.
 
-    w has a variance of 1 + (walk / frequency)^2, the frequency in rad a sample: it is white where there is no walk.
+    The walk's steps are `walk` times sigma: at a frequency, rad a sample, it has the power (walk sigma / frequency)^2.
     """
 
     coefficients: Array
@@ -49,11 +51,21 @@ class RunNoise:
     def spectrum(self, frequency: Array) -> Array:
         """Variance per unit of `frequency` / 2 pi, rad per sample."""
         plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
-        return np.asarray(plain * (1 + (self.walk / frequency) ** 2) if self.walk else plain, dtype=np.float64)
+        return np.asarray(plain + (self.step / frequency) ** 2 if self.walk else plain, dtype=np.float64)
+
+    def excess(self, frequency: Array) -> Array:
+        """Power of the walk over that of the noise without it."""
+        plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
+        return np.asarray((self.step / frequency) ** 2 / plain, dtype=np.float64)
 
     @cached_property
     def _response(self) -> Array:
         return np.asarray(np.abs(np.fft.rfft(self.filter, 2 * _TABLE)) ** -2)
+
+    @property
+    def step(self) -> float:
+        """Standard deviation of the steps of its walk, rad a sample."""
+        return self.walk * self.sigma
 
     @cached_property
     def rms(self) -> float:
@@ -63,8 +75,9 @@ class RunNoise:
 
 
 def noise_of(
-    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, parts: Sequence[slice] = ()
-) -> RunNoise:
+    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, few: bool = False,
+    parts: Sequence[slice] = (),
+) -> RunNoise:  # fmt: skip
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
     Where nothing but noise is left it is `burg`'s.  Else the periodogram is cut where it stands far above the median of
@@ -82,6 +95,9 @@ def noise_of(
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
+    few : bool
+        Whether it has as many lags as the Bayesian criterion allows, in place of as many as may be, and, where nothing
+        but noise is left, a random walk beside it as far as that is likelier by the same criterion.
     parts : sequence of slice
         Stretches on which what no model explains yet is regular, each by itself; the whole where there are none.
     """
@@ -89,7 +105,8 @@ def noise_of(
     used = float(kept.sum())
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
-        return burg(rest, min(_MOST_LAGS, n // 20), floor=floor)[-1]
+        by_lags = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
+        return _wandering([by_lags[lags] for lags in _LAGS if lags < len(by_lags)], rest) if few else by_lags[-1]
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -100,8 +117,14 @@ def noise_of(
             shape = found.spectrum(frequency)
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
-        found = _autoregressive(correlation, count, floor)
+        orders = range(count + 1) if few else (count,)
+        found = _likeliest([_autoregressive(correlation, lags, floor) for lags in orders], n)
     return found
+
+
+def _likeliest(found: Sequence[RunNoise], samples: int) -> RunNoise:
+    """The noise whose lags the Bayesian criterion allows."""
+    return min(found, key=lambda one: 2 * samples * math.log(one.sigma) + one.coefficients.size * math.log(samples))
 
 
 def _periodogram(values: Array) -> tuple[Array, Array]:
@@ -122,7 +145,8 @@ def _filled(residual: Array, kept: Flags) -> Array:
 def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     """Noise with the random walk beside it that is likeliest in a residual.
 
-    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 + (s/k)^2.
+    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their
+    `excess`.
 
     Parameters
     ----------
@@ -132,28 +156,49 @@ def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     """
     white = np.convolve(_filled(residual, kept), noise.filter, "valid")
     squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-    number = np.arange(1, squares.size + 1)
+    shape = replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
     most, found = 0.0, 0.0
-    for walk in np.geomspace(0.1, squares.size, _WALKS):
-        excess = (walk / number) ** 2
+    for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
+        excess = size * shape
         gain = float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
         if gain > most:
-            most, found = gain, float(walk)
-    return replace(noise, walk=found * math.pi / white.size)
+            most, found = gain, math.sqrt(size)
+    return replace(noise, walk=found)
+
+
+def _wandering(found: Sequence[RunNoise], residual: Array) -> RunNoise:
+    """Of noises with more and more lags, each with a random walk beside it and its size as that leaves it, the one that
+    the Bayesian criterion allows: a small walk takes many lags, a large one few."""
+    best, least, n = found[0], math.inf, residual.size
+    for one in found:
+        white = np.convolve(residual, one.filter, "valid")
+        squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
+        shape = replace(one, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+        most = _SHOWN**-2 / float(shape[min(_MOST_WAVES, squares.size) - 1])
+        sizes = np.geomspace(0.01 / shape[0], most, _FEWER_WALKS)
+        for size in (0.0, *sizes[sizes <= most]):
+            excess = size * shape
+            variance = float(np.mean(squares / (1 + excess)))
+            off = n * (math.log(variance) + 2 * math.log(one.sigma) + float(np.log1p(excess).mean()))
+            off += (one.coefficients.size + (size > 0)) * math.log(n)
+            if off < least:
+                best, least = RunNoise(one.coefficients, one.sigma * math.sqrt(variance), math.sqrt(size)), off
+    return best
 
 
 def averaged(noise: RunNoise, together: int) -> RunNoise:
     """Noise of means over so many samples, one after another.
 
     Their correlation is r'[k] = sum over i, j of r[q k + i - j] / q^2, i and j from 0 to q - 1, from the correlation r
-    of the samples: the Fourier transform of their spectrum.
+    of the samples: the Fourier transform of their spectrum.  A walk's steps from mean to mean are so many of its own.
     """
     plain = np.fft.irfft(replace(noise, walk=0.0).spectrum(np.linspace(0, np.pi, _TABLE + 1)))
     lags = max(min(_MOST_LAGS, noise.coefficients.size), _LEAST_LAGS)
     shift = np.arange(1 - together, together)
     weight = (together - np.abs(shift)) / together**2
     correlation = np.array([weight @ plain[np.abs(together * k + shift)] for k in range(lags + 1)])
-    return replace(_autoregressive(correlation, lags, 0.0), walk=noise.walk * together)
+    means = _autoregressive(correlation, lags, 0.0)
+    return replace(means, walk=noise.step * math.sqrt(together) / means.sigma)
 
 
 def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
@@ -296,9 +341,10 @@ class Whitening:
     def _walk(self) -> tuple[Array, Array]:
         """Waves of a random walk that show, of unit length, and by how much their variance exceeds 1."""
         n = self.usable.size
-        number = np.arange(1, min(math.ceil(_SHOWN * self.noise.walk * n / math.pi) + 1, n))
+        excess = self.noise.excess(np.asarray(np.arange(1, n) * (math.pi / n), dtype=np.float64))
+        number = np.flatnonzero(excess > (1 - 1e-9) * _SHOWN**-2) + 1
         waves = math.sqrt(2 / n) * np.cos(math.pi / n * np.outer(number, np.arange(n) + 0.5))
-        return waves, (self.noise.walk * n / math.pi / number) ** 2
+        return waves, excess[number - 1]
 
     @property
     def log_variance(self) -> float:

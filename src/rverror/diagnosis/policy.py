@@ -35,8 +35,6 @@ class Policy:
     alike: float = 0.01
     #: Lines below it are not called unexplained, rad: the equilibrium does not claim to be better.
     accuracy: float = 0.03 * ARCSEC
-    #: Rounds of a drive's search.  Chosen: far more than it needs; it only ends one that turns in a circle.
-    rounds: int = 24
 
     # --- reducers: what is known before -------------------------------------------------------------------------------
 
@@ -128,19 +126,6 @@ class Policy:
 
     # --- drives, and lines of any order -------------------------------------------------------------------------------
 
-    #: White noise that every reading of an angle has, rad: a perfect fit is no certainty.
-    floor: float = 1e-3 * ARCSEC
-    #: Independent samples that a noise estimate has at least.  Chosen: fewer give intervals that say nothing.
-    least_samples: float = 4.0
-    #: Share of its power that a candidate keeps beside what is there, or it is not tried: below, rounding decides.
-    apart: float = 1e-4
-    #: The same where its size would be one that no workshop makes.  Chosen: a slope over 40 deg makes all but 1 % of an
-    #: encoder of degrees.
-    apart_implausible: float = 0.05
-    #: A size that no workshop makes goes after plausible ones that take off this share of the most.  Chosen.
-    plausible_first: float = 0.5
-    #: Cycles a run within which a stronger line goes before a candidate: a short run smears it over its neighbours.
-    smeared: float = 6.0
     #: Cycles a run that a line has at least, and turns that tell what settles from an encoder's order: less of a wave
     #: is a slope or a bow.
     least_cycles: float = 1.5

@@ -23,7 +23,7 @@ class Residual:
     """Size of measured minus predicted, rad, offset of each run removed.
 
     `rms` and `peak_to_peak` over all samples that were not set aside; `heldout_rms` of stretches that the fit did not
-    see: of a reducer every turn in its turn, or every sixth of a run of less than two, of a drive blocks of the run.
+    see: every turn in its turn, or every sixth of a run of less than two.
     Slips are taken off, and so are lines and what settles where the fit holds them.
     """
 
@@ -52,8 +52,7 @@ class Candidate:
     key : str
     indices : mapping
     heldout_gain : float
-        Of a reducer: what a linear step would take off the objective beside everything that is free.  Of a drive: what
-        it takes off the weighted sum of squares of blocks left out.
+        What a linear step would take off the objective beside everything that is free.
     fold_gains : tuple of float
         Parts of the score, one per stretch left out; empty where it has none.
     """
@@ -266,7 +265,7 @@ class Diagnosis(Viewed):
     declared : Model
         The model as given.
     candidates : tuple of Candidate
-        The best first: of a reducer beside what was declared, of a drive beside all that was found.
+        The best first, beside what was declared.
     tried : int
         Number of candidates.
     traces : tuple of Trace

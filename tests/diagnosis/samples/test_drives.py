@@ -16,9 +16,9 @@ import rverror
 from recordings import recording
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.samples.coloured import kept_share, noise_of_samples, normal, orthonormal, whiten
+from rverror.diagnosis.gears.spectrum import line_spectrum
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.samples.drives import diagnose_drive
-from rverror.diagnosis.samples.lines import line_spectrum
 from rverror.model.model_file import load_model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, load_run
@@ -245,22 +245,6 @@ def test_a_torque_record_is_told_by_its_lines_and_adds_nothing_to_the_model() ->
 # --- the parts --------------------------------------------------------------------------------------------------------
 
 
-def test_covariance_of_least_squares_is_that_of_repeated_noise() -> None:
-    """Against the scatter of the estimates themselves, for a trend, a slow and a fast wave."""
-    n = 1500
-    at = np.linspace(-1, 1, n)
-    rows = np.stack([np.ones(n), at, np.cos(9 * at), np.sin(200 * at)])
-    inverse = np.linalg.inv(rows @ rows.T)
-    noise = [red(seed, n, 0.9) for seed in range(300)]
-    scatter = np.cov(np.array([inverse @ rows @ e for e in noise]).T)
-    told = []
-    for e in noise[:40]:
-        rest = e - (inverse @ rows @ e) @ rows
-        equations = normal(rows, rest, [slice(0, n)], np.ones(1), floor=0.0)
-        told.append(np.diag(equations.covariance(np.full(4, np.inf))))
-    assert np.mean(told, axis=0) / np.diag(scatter) == pytest.approx(np.ones(4), abs=0.35)
-
-
 def test_speed_from_jittering_times_is_not_too_small() -> None:
     """Differences of neighbours would have errors as large as themselves, and attenuate the fitted offset."""
     time, theta = sine(3, 6000)
@@ -278,28 +262,20 @@ def test_line_spectrum_is_that_of_the_sums_written_out() -> None:
     rng = np.random.default_rng(0)
     theta = np.sort(rng.uniform(0, 9, 700))
     signal = rng.normal(size=700)
-    noise = noise_of_samples(signal, floor=0.0)
+    noise = RunNoise(np.zeros(0), float(np.std(signal)))
     order, power = line_spectrum(theta, signal, noise, 1.0, 100.0)
-    assert noise.coefficients.size == 0
     for i in (5, 50, 300):
         direct = abs(np.exp(-1j * order[i] * theta) @ signal) ** 2 / (noise.sigma**2 * 700 / 2)
         assert power[i] == pytest.approx(direct, rel=0.1, abs=0.05)
     assert np.mean(power) == pytest.approx(2, rel=0.1)
 
 
-def test_whitening_leaves_white_noise() -> None:
-    error = whiten(red(0, 20000, 0.9), noise_of_samples(red(0, 20000, 0.9), floor=0.0))
-    assert np.std(error) == pytest.approx(1, rel=0.02)
-    assert abs(error[1:] @ error[:-1]) / (error @ error) < 0.02
-
-
-def test_kept_share_is_the_squared_sine_of_the_angle() -> None:
-    rng = np.random.default_rng(0)
-    base = np.linalg.qr(rng.normal(size=(50, 3)))[0].T
-    for angle in (0.1, 1.0):
-        row = math.cos(angle) * base[0] + math.sin(angle) * base[2]
-        assert kept_share(orthonormal(base[:2]), row[None]) == pytest.approx(math.sin(angle) ** 2, rel=1e-9)
-    assert kept_share(orthonormal(base), base[:1]) < 1e-12
+def test_line_spectrum_of_a_run_that_stands_still_at_times() -> None:
+    """A walk has no bound at frequency 0, where its runs hold no wave: lines of the motion show all the same."""
+    theta = np.concatenate([np.zeros(200), np.linspace(0, 9, 800)])
+    noise = RunNoise(np.zeros(0), 1.0, walk=0.01)
+    _, power = line_spectrum(theta, np.cos(40 * theta), noise, 1.0, 100.0)
+    assert power.max() > 50
 
 
 # --- recordings -------------------------------------------------------------------------------------------------------

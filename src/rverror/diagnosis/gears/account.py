@@ -11,14 +11,13 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.text import describe
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import LineFound, best_lines, leading, power_of
+from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
+from rverror.diagnosis.noise import Flags
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
-from rverror.diagnosis.samples.lines import MOST_LINES, TOLD_ORDER
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves
@@ -52,9 +51,9 @@ def account(
         Of the best's set, at sizes that chance does not tell from its own: intervals hold theirs too.
     """
     policy = search.policy
-    notes = notes + _conditions(best.fit)
     left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
-    taken = bool(best.fit.added) and not done
+    # what is left of a drive changes nothing of what a cause makes
+    taken = bool(best.fit.added) and not done and not best.fit.bench.linear
     if taken:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
@@ -65,11 +64,7 @@ def account(
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.bench.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
-        if record.slow:
-            slow = replace(record, slips=()).settled(rest)
-            notes.append(
-                f"{record.name}: the reading drifts and settles by {np.ptp(slow) / ARCSEC:.3g} arcsec; taken off"
-            )
+        notes += fit.bench.slow_notes(record, rest) if record.slow else []
     plain = fit.bench.with_records(_plain(fit.bench.records))
     printed = evaluated(plain, replace(as_declared(fit).model, effects=_printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
@@ -78,7 +73,8 @@ def account(
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
     ranked = _candidates(search)
-    added = tuple(_addition(search, best, at, ranked, halves) for at in range(len(fit.added)))
+    held = residual(fit).heldout_rms if fit.added else 0.0
+    added = tuple(_addition(search, best, at, ranked, halves, held) for at in range(len(fit.added)))
     for one in added:
         search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
     origin = [a.effect for a in added]
@@ -128,7 +124,8 @@ def noise_rms(fit: Fit) -> float:
         clean = record.without_nuisance(rest)[record.kept]
         used = max(clean.size - len(record.nuisance) - 1, 1)
         size = float(clean @ clean) / used
-        total += min(size, 1.1 * record.noise.rms**2) * used
+        wanders = record.noise.step**2 * clean.size / 6  # variance of a random walk about its mean
+        total += min(size, 1.1 * record.noise.rms**2 + wanders) * used
         count += used
     return math.sqrt(total / count)
 
@@ -139,6 +136,8 @@ def blocks(record: Record) -> Array:
     at = (record.theta - record.theta.min()) / _TURN
     if turns >= 2:
         return np.asarray(np.minimum(np.floor(at + 1e-6), turns - 1), dtype=np.intp)
+    if len(record.senses) > 1:  # it comes by the same angles again
+        at = np.arange(at.size)
     return np.asarray(np.minimum(np.floor(at / at.max() * 6), 5), dtype=np.intp)
 
 
@@ -159,6 +158,8 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     labels = [blocks(r) for r in bench.records]
     result = [np.zeros_like(rest) for rest in rests]
     usable = [np.asarray(r.whiten.usable) for r in bench.records]
+    # no stretch tells how another one settles, or what lies beyond a slip
+    settled = [r.settled(rest) if r.slow or r.slips else 0.0 for r, rest in zip(bench.records, rests, strict=True)]
     for fold in range(max(int(label.max()) + 1 for label in labels)):
         step = np.zeros(fit.moment.size)
         if not hold and free.any():
@@ -177,12 +178,10 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
         for number, record in enumerate(bench.records):
             label = labels[number]
             out = label == fold % (label.max() + 1)
-            rest = rests[number] - step @ fit.raw[number]
+            rest = rests[number] - step @ fit.raw[number] - settled[number]
             if fold > label.max():
                 continue
             others = ~out & record.kept
-            if record.slow or record.slips:  # no stretch tells how another one settles, or what lies beyond a slip
-                rest = rest - record.settled(rests[number])
             fast = replace(record, slow=False, slips=()).nuisance
             rows = fast if not record.zero else np.concatenate([np.ones((1, rest.size)), fast])
             alive = np.abs(rows[:, others]).max(axis=1, initial=0) > 0
@@ -225,8 +224,9 @@ def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
 def _values(fit: Fit) -> Array:
     """All values in the units of their intervals; shared zeros, which nothing is said of, as 0."""
     now = fit.model.mechanism
-    assert isinstance(now, Reducer)
     sizes = [value for effect in fit.model.effects for value in effect.values]
+    if not isinstance(now, Reducer):
+        return np.array([*sizes, *np.zeros(len(SOFTENING) + len(fit.bench.zeros))])
     soft = [
         math.log(getattr(now.stiffness, name)) if at < 6 else getattr(now.contact_law, name, now.gear_backlash)
         for at, name in enumerate(SOFTENING)
@@ -235,7 +235,7 @@ def _values(fit: Fit) -> Array:
 
 
 def _addition(
-    search: Search, node: Hypothesis, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float]
+    search: Search, node: Hypothesis, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float], held: float
 ) -> Addition:
     fit = node.fit
     at = len(fit.declared.effects) + number
@@ -256,7 +256,6 @@ def _addition(
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
-    held = residual(fit).heldout_rms
     return Addition(
         replace(effect, origin=origin), tuple(estimates), alike, _orders(fit, at), held, tuple(notes),
         ranked,
@@ -266,6 +265,9 @@ def _addition(
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     """Orders at which an effect changes the prediction, the strongest first."""
     effects = fit.model.effects
+    if fit.bench.linear:
+        found = source(effects[at].key).orders(fit.bench.unit, effects[at].indices)
+        return tuple(abs(order) for order in found)
     without = evaluated(fit.bench, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
     record = fit.bench.records[0]
     wave = without.residual[0] - fit.residual[0]
@@ -321,7 +323,8 @@ def _candidates(search: Search) -> tuple[Candidate, ...]:
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
     unit, now = fit.bench.unit, fit.model.mechanism
-    assert isinstance(now, Reducer)
+    if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
+        return ()
     count = sum(len(e.values) for e in fit.model.effects)
     result = []
     for at, name in enumerate(SOFTENING):
@@ -356,8 +359,9 @@ def _strained(fit: Fit) -> list[str]:
     return notes
 
 
-def _conditions(fit: Fit) -> list[str]:
-    notes, unit = [], fit.bench.unit
+def told_of_runs(fit: Fit, unit: Reducer) -> list[str]:
+    """What the runs of a reducer lack, in words."""
+    notes = []
     needed = samples_needed(unit)
     for record in fit.bench.records:
         count = record.theta.size / record.turns
@@ -377,7 +381,7 @@ def _conditions(fit: Fit) -> list[str]:
                 f"{record.name}: {record.turns:.3g} of a turn: drift, ratio error and encoder orders 1 and 2 look "
                 "alike over a short travel"
             )
-    if len({record.direction for record in fit.bench.records}) == 1:
+    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
         notes.append("runs in one direction only: causes that share an order cannot be told apart; add a reverse run")
     return notes
 
@@ -394,7 +398,7 @@ def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
     half = math.degrees(halves[sum(len(e.values) for e in declared.effects)])
-    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.unit)["crank"])
+    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.gears)["crank"])
     known = [(e.key, e.indices) for e in declared.effects if not source(e.key).at_output]
     again = all(source(key).repeats_with_crank(fit.bench.unit, indices) for key, indices in known)
     turns = (
@@ -415,34 +419,57 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
         rows = np.stack(
             [record.error, record.error - before[at], record.error - after[at], out_before[at], out_after[at]]
         )
-        theta, mean = _turned_over(record, rows)
-        measured, first, last = (row - row.mean() for row in mean[:3])
-        result.append(
-            Trace(
-                record.name,
-                record.direction,
-                theta,
-                measured,
-                first,
-                last,
-                None if isinstance(record.torque, TorqueWaves) else record.torque,
-                run.index,
-                (mean[3], mean[4]),
-                record.theta[np.setdiff1d(np.flatnonzero(~record.kept), record.absent)],
-                record.theta[list(record.slips)],
+        aside = np.setdiff1d(np.flatnonzero(~record.kept), record.absent)
+        for sense in record.senses:
+            theta, mean = _turned_over(record, rows, record.kept & (record.direction == sense))
+            measured, first, last = (row - row.mean() for row in mean[:3])
+            result.append(
+                Trace(
+                    record.name,
+                    sense,
+                    theta,
+                    measured,
+                    first,
+                    last,
+                    None if isinstance(record.torque, TorqueWaves) else record.torque,
+                    run.index,
+                    (mean[3], mean[4]),
+                    record.theta[aside],
+                    record.theta[list(record.slips)],
+                )
             )
-        )
     return result
 
 
-def _turned_over(record: Record, rows: Array) -> tuple[Array, Array]:
+def _turned_over(record: Record, rows: Array, used: Flags) -> tuple[Array, Array]:
     """Rows over one turn, the mean of all whole ones; over the travel where it is less."""
-    order = np.flatnonzero(record.kept)[np.argsort(record.theta[record.kept], kind="stable")]
+    order = np.flatnonzero(used)[np.argsort(record.theta[used], kind="stable")]
     theta, rows = record.theta[order], rows[:, order]
     turns = math.floor(record.turns + 0.01)
     if turns < 1:
-        return theta, rows
+        return _mean_of_passes(theta, rows, record.theta[used]) if len(record.senses) > 1 else (theta, rows)
     points = round(record.theta.size / record.turns)
     grid = theta[0] + _TURN / points * np.arange(points)
     folded = [[np.interp(grid + _TURN * k, theta, row) for k in range(turns)] for row in rows]
     return grid, np.mean(folded, axis=1)
+
+
+def _mean_of_passes(theta: Array, rows: Array, travelled: Array) -> tuple[Array, Array]:
+    """Rows over even angles, the mean of all times that a run came by them.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Growing, rad.
+    rows : ndarray, shape (k, n)
+    travelled : ndarray, shape (n,)
+        The angles in the order of time.
+    """
+    travel = float(np.ptp(theta)) * theta.size / (theta.size - 1)
+    passes = max(1.0, float(np.abs(np.diff(travelled)).sum()) / travel)
+    points = max(round(theta.size / passes), 2)
+    cell = np.minimum(np.floor((theta - theta[0]) / travel * points).astype(np.intp), points - 1)
+    count, grid = np.bincount(cell, minlength=points), np.arange(points)
+    there = count > 0
+    means = [np.interp(grid, grid[there], np.bincount(cell, row, points)[there] / count[there]) for row in rows]
+    return theta[0] + travel / points * grid, np.array(means)

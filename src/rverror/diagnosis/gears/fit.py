@@ -19,18 +19,20 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
+from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, MeanSamples, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
-from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
+from rverror.geartrain.mechanism import LAW_BOUNDS, Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import felt
+from rverror.runs.spectrum import frames_of_order
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
 
 R = TypeVar("R")
@@ -52,7 +54,7 @@ class RunSet:
 
     Attributes
     ----------
-    unit : Reducer
+    unit : Reducer or Drive
         As declared.
     records : tuple of Record
     conditions : tuple of Conditioned
@@ -69,9 +71,13 @@ class RunSet:
         How many samples of each record are averaged; all are looked at where it is empty.
     sampled : bool
         Whether the records are samples, which may hold lines that no one has named.
+    linear : bool
+        Whether everything is linear in all sizes, so that what one cause makes does not hang on the others.
+    faulty : bool
+        Whether faults of the readings are looked for.
     """
 
-    unit: Reducer
+    unit: Mechanism
     records: tuple[Record, ...]
     conditions: tuple[Conditioned, ...]
     which: tuple[int, ...]
@@ -81,9 +87,11 @@ class RunSet:
     prior: SizePrior = WORKSHOP
     together: tuple[int, ...] = ()
     sampled: ClassVar[bool] = True
+    linear: ClassVar[bool] = False
+    faulty: ClassVar[bool] = True
 
     @staticmethod
-    def of(unit: Reducer, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:
+    def of(unit: Mechanism, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:
         """Runs with grids of so many angles a turn."""
         conditions, which = conditions_of(records, points, anywhere=anywhere)
         loaded = any(r.torque for r in records)
@@ -94,6 +102,11 @@ class RunSet:
     def with_records(self, records: Sequence[Record]) -> RunSet:
         """The same with other noise, lines or samples set aside."""
         return replace(self, records=tuple(records))
+
+    def slow_notes(self, record: Record, rest: Array) -> list[str]:
+        """What the residual of a record that settles does so by, in words."""
+        slow = replace(record, slips=()).settled(rest)
+        return [f"{record.name}: the reading drifts and settles by {np.ptp(slow) / ARCSEC:.3g} arcsec; taken off"]
 
     def coarser(self, points: int) -> RunSet:
         """The same on grids of so many angles a turn, where they have more."""
@@ -142,7 +155,22 @@ class RunSet:
     @cached_property
     def soft_sigmas(self) -> list[float]:
         """`soft_spread`, 0 where it is not refitted."""
-        return [sigma * bool(on) for sigma, on in zip(soft_spread(self.unit, self.policy), self.soft, strict=True)]
+        spread = soft_spread(self.gears, self.policy) if self.soft.any() else [0.0] * len(SOFTENING)
+        return [sigma * bool(on) for sigma, on in zip(spread, self.soft, strict=True)]
+
+    @property
+    def gears(self) -> Reducer:
+        """The reducer, as declared."""
+        return _gears(self.unit)
+
+    @property
+    def settles(self) -> bool:
+        """Whether all runs are long enough to tell drift and settling from an encoder's error."""
+        return self.sampled and all(r.turns > self.policy.least_cycles for r in self.records)
+
+    def framed(self, order: float, apart: float) -> bool:
+        """Tell whether an order is that of a part, or lies nearer to one than so much."""
+        return bool(frames_of_order(self.unit, order, tolerance=apart))
 
     @cached_property
     def zeros(self) -> tuple[str, ...]:
@@ -155,7 +183,7 @@ class RunSet:
 
     def apart(self, key: str) -> bool:
         """Whether a source is added by its influence: a sun's, where it does not repeat with the turns."""
-        far = self.unit.exact_ratio.denominator > 1
+        far = self.gears.exact_ratio.denominator > 1
         return far and source(key).frame == "sun" and not source(key).at_output
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
@@ -258,12 +286,12 @@ class Fit:
             waves = bench.solve(rest)
         except NotConvergedError:  # the rest stands on it: as far as it is linear
             values = np.array([v * (i in within) for i, e in enumerate(self.model.effects) for v in e.values])
-            return [values @ rows[: values.size] for rows in self.raw]
+            return [values @ rows[: values.size] for rows in onto(bench, self).raw]
         apart = np.array(
             [v * (i in within and bench.apart(e.key)) for i, e in enumerate(self.model.effects) for v in e.values]
         )
-        offset, result = self.model.index_offset, []
-        for sight, which, rows in zip(bench.sights, bench.which, self.raw, strict=True):
+        offset, result, raw = self.model.index_offset, [], onto(bench, self).raw
+        for sight, which, rows in zip(bench.sights, bench.which, raw, strict=True):
             both, less = (sight.of_wave(w[which], w[which].error[None], offset)[0] for w in (self.waves, waves))
             result.append(both - less + apart @ rows[: apart.size])
         return result
@@ -353,6 +381,17 @@ def prior_weights(fit: Fit) -> Array:
     return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.bench.zeros))
 
 
+def _gears(unit: Mechanism) -> Reducer:
+    """The reducer whose contacts give way."""
+    assert isinstance(unit, Reducer)
+    return unit
+
+
+def _backlash(unit: Mechanism) -> float:
+    """Backlash of the gears; none of a drive."""
+    return unit.gear_backlash if isinstance(unit, Reducer) else 0.0
+
+
 def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
     """Standard deviations of `SOFTENING` before the fit; 0 where it is exact."""
     stiffness = [getattr(unit.stiffness_uncertainty, name) for name in SOFTENING[:6]]
@@ -372,14 +411,15 @@ def covariance_of(gram: Array, weights: Array) -> Array:
     return result
 
 
-def deviation(fit_model: Model, declared: Model, unit: Reducer, zeros: int) -> Array:
+def deviation(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) -> Array:
     """How far each value is from the middle of its prior."""
     off: list[float] = []
     for i, effect in enumerate(fit_model.effects):
         middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
         off += [v - m for v, m in zip(effect.values, middle, strict=True)]
     now = fit_model.mechanism
-    assert isinstance(now, Reducer)
+    if not isinstance(now, Reducer) or not isinstance(unit, Reducer):
+        return np.array(off + [0.0] * (len(SOFTENING) + zeros))
     off += [-math.log(getattr(now.stiffness, k) / getattr(unit.stiffness, k)) for k in SOFTENING[:6]]
     off += [now.gear_backlash - unit.gear_backlash]
     off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in LAW_BOUNDS]
@@ -418,7 +458,7 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
             if bench.records[number].zero == label:
                 rows[count + len(SOFTENING) + k] = sight.constant
         rest = sight.measured - predicted
-        white = sight.whiten(np.concatenate([rest[None], rows]))
+        white = _whitened(sight, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
 
     residuals, all_rows, raw, squares, grams, moments = zip(*bench.of_each(seen), strict=True)
@@ -434,6 +474,17 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
     return Fit(bench, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
 
 
+def _whitened(sight: Sight, rows: Array) -> Array:
+    """Rows under the noise; what is nothing, as stiffness is without a load, costs nothing."""
+    shows = rows.any(axis=1)
+    white = sight.whiten(rows[shows])
+    if shows.all():
+        return white
+    result = np.zeros((len(rows), white.shape[1]))
+    result[shows] = white
+    return result
+
+
 def moved(model: Model, step: Array) -> Model:
     """The model with all values and compliances changed by a step."""
     effects, at = [], 0
@@ -445,10 +496,8 @@ def moved(model: Model, step: Array) -> Model:
         )
         effects.append(replace(effect, values=values))
         at += count
-    unit = model.mechanism
-    assert isinstance(unit, Reducer)
-    change = step[at : at + len(SOFTENING)]
-    return replace(model, mechanism=softened(unit, change) if change.any() else unit, effects=tuple(effects))
+    unit, change = model.mechanism, step[at : at + len(SOFTENING)]
+    return replace(model, mechanism=softened(_gears(unit), change) if change.any() else unit, effects=tuple(effects))
 
 
 def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: float = 0.05) -> Fit:
@@ -466,7 +515,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     """
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
-        + [fit.bench.unit.gear_backlash + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
+        + [_backlash(fit.bench.unit) + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
@@ -501,11 +550,12 @@ def settled(fit: Fit) -> Fit:
 
 def bounds(fit: Fit) -> tuple[Array, Array]:
     """How far each value may go down and up: sizes that have no sign, backlash, exponents, shape (k,) each."""
-    now = fit.model.mechanism
-    assert isinstance(now, Reducer)
+    now, zeros = fit.model.mechanism, len(fit.bench.zeros)
     down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
+    if not isinstance(now, Reducer):
+        down += [-math.inf] * (len(SOFTENING) + zeros)
+        return np.minimum(down, 0.0), np.full(len(down), math.inf)
     law = [(getattr(now.contact_law, k), low, high) for k, (low, high, _) in LAW_BOUNDS.items()]
-    zeros = len(fit.bench.zeros)
     down += [-math.inf] * 6 + [-now.gear_backlash] + [low - v for v, low, _ in law] + [-math.inf] * zeros
     up = [math.inf] * (len(down) - zeros - len(law)) + [high - v for v, _, high in law] + [math.inf] * zeros
     return np.minimum(down, 0.0), np.maximum(up, 0.0)
@@ -574,9 +624,11 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     total, used, floor = float(sum(r.kept.sum() for r in records)), float(fit.free.sum()), fit.bench.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
-    return _under(
-        fit, [noise_of(rest, r.kept, share, floor=floor, calm=calm, parts=r.sides) for r, rest, share in three]
-    )
+    noises = [
+        noise_of(rest, r.kept, share, floor=floor, calm=calm, few=fit.bench.linear, parts=r.sides)
+        for r, rest, share in three
+    ]
+    return _under(fit, noises)
 
 
 def walked(fit: Fit, like: Fit) -> Fit:

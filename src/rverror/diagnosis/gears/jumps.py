@@ -47,11 +47,12 @@ def fall(before: Fit, after: Fit) -> float:
     Parameters
     ----------
     before, after : Fit
-        Of the same runs; where not every sample is looked at, as in a table of orders, nothing is left out.
+        Of the same runs.  Where not every sample is looked at, as in a table of orders, or nothing jumps, nothing is
+        left out.
     """
     whole, scale = before.objective - after.objective, max(before.scale, after.scale)
     records = before.bench.records
-    if records != after.bench.records or any(record.noise is None for record in records):
+    if before.bench.linear or records != after.bench.records or any(record.noise is None for record in records):
         return whole
     for number, record in enumerate(records):
         at = _moved(before, after, number)

@@ -306,7 +306,7 @@ class Moves:
         of what repeats with the crank as the cause does, or does not."""
         (fit, blocks), cost = self.influences(one), self.score.cost
         unit, free = fit.bench.unit, self.free(fit)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(unit))
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(fit.bench.gears))
         for number, effect in enumerate(fit.added):
             name = effect.key, effect.indices
             rest, own = lifted(fit, number), columns_of(fit, [name])
@@ -403,8 +403,8 @@ class Moves:
         return kept[1]
 
     def free(self, fit: Fit) -> list[Named]:
-        """Candidates that a model does not have."""
-        taken = {named(e) for e in fit.model.effects}
+        """Candidates that a model does not have; of what is linear a declared size that was measured wrong too."""
+        taken = {named(e) for e in (fit.added if fit.bench.linear else fit.model.effects)}
         return [c for c in self.candidates if identity(c) not in taken]
 
     def blocks(self, fit: Fit) -> list[Columns]:

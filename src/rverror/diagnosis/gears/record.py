@@ -20,7 +20,7 @@ from rverror.diagnosis.noise import Flags, RunNoise, Whitening
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
@@ -45,7 +45,8 @@ class Record:
     name : str
     theta, error : ndarray, shape (n,)
         Nominal output angle and transmission error in the order of time, rad.
-    direction : float
+    direction : float or ndarray
+        Of a drive that of each sample, shape (n,).
     torque : float or TorqueWaves, optional
         N*mm.
     kept : ndarray of bool, shape (n,)
@@ -72,14 +73,14 @@ class Record:
         Where the one side of the contacts carries, and the other, if the torque changes its sign.
     windup : float
         One standard deviation of the windup by what is not known of a torque that changes over the turn, rad.
-    made : dict
-        What was made of its angles alone, kept for all records of the same samples.
+    made, waves : dict
+        What was made of its angles alone, kept for all records of the same samples: motions and readouts, and lines.
     """
 
     name: str
     theta: Array
     error: Array
-    direction: float
+    direction: float | Array
     torque: float | TorqueWaves | None
     kept: Flags
     starts: tuple[int, ...] = (0,)
@@ -95,6 +96,7 @@ class Record:
     sides: tuple[slice, ...] = ()
     windup: float = 0.0
     made: dict[object, Any] = field(default_factory=dict, repr=False)
+    waves: dict[float, Array] = field(default_factory=dict, repr=False)
 
     @cached_property
     def nuisance(self) -> Array:
@@ -102,9 +104,15 @@ class Record:
         n = self.theta.size
         rows = [] if self.zero else [np.ones(n)]
         rows += [(np.arange(n) >= at).astype(np.float64) for at in self.slips]
-        rows += [wave(order * self.theta) for order in self.orders for wave in (np.cos, np.sin)]
+        rows += [row for order in self.orders for row in self.wave(order)]
         rows += list(self.settling) if self.slow else []
         return np.array(rows, dtype=np.float64).reshape(len(rows), n)
+
+    def wave(self, order: float) -> Array:
+        """Cos and sin of an order, shape (2, n)."""
+        if order not in self.waves:
+            self.waves[order] = np.stack([np.cos(order * self.theta), np.sin(order * self.theta)])
+        return self.waves[order]
 
     @cached_property
     def settling(self) -> Array:
@@ -125,9 +133,14 @@ class Record:
         waves = self.theta * np.arange(_DOUBTED)[:, None]
         return self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
 
-    def pose(self, unit: Reducer) -> Pose:
+    def pose(self, unit: Mechanism) -> Pose:
         """Motion at the samples."""
         return motion(unit, under(self.theta, self.direction, self.torque, self.time))
+
+    @cached_property
+    def senses(self) -> tuple[float, ...]:
+        """Directions in which it turns, forward first."""
+        return tuple(np.unique(self.direction)[::-1].tolist())
 
     @property
     def turns(self) -> float:
@@ -298,7 +311,7 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
     which = []
     for record in records:
         # without friction the pose knows a signed torque alone, not the motion
-        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.direction, record.torque)
+        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.senses[0], record.torque)
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
             breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError
 from rverror.base.threads import each
-from rverror.diagnosis.gears.account import account
+from rverror.diagnosis.gears.account import account, told_of_runs
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
@@ -42,6 +42,8 @@ from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import NotConvergedError
+
+Stilled = Callable[[Search, Hypothesis, Fit], Fit]
 
 _PLACING = 512  # angles a turn on which the marks are looked for
 _RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
@@ -87,28 +89,56 @@ def diagnose_reducer(
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(renoised(settled(first))), candidates, policy, journal, offsets)
-    best, done = search.best(swap=False)
-    for _ in range(policy.looks):
-        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit) if anywhere else best.fit
-        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
-        least = policy.by_chance * policy.model_error
-        changed = second_look(fit.bench.records, fit.residual, least=least) if calm else None
-        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
-        parts = [] if changed else search.parts(best)
-        renewed = quiet(search, best, seen, parts) if done else renoised(seen)
-        bare = [replace(r, orders=(), slow=False) for r in renewed.bench.records]
-        root = fitted(onto(renewed.bench.with_records(bare), search.root.fit))
-        search = search.anew(root)
-        best, done = search.best(search.score.of(fitted(renewed), best.lines, best.slow))
-        if changed is None and (done or search.spent > policy.budget):
-            break
+    search, best, done = renewed(search)
     if not done and search.spent > policy.budget:
         notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
     beside = search.opposites(best) if done else []
     if anywhere and done:
         best, more = ripples_apart(search, best)
         beside += more
+    notes += told_of_runs(best.fit, unit)
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
+
+
+def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hypothesis, bool]:
+    """Search, and again under the noise that the best set leaves, until nothing changes.
+
+    Parameters
+    ----------
+    search : Search
+    stilled : callable, optional
+        What gives that noise to every set; `quiet` where left out, to such as are complete.
+
+    Returns
+    -------
+    Search
+        The last one.
+    Hypothesis
+        The best set.
+    bool
+        Whether nothing is left beside it.
+    """
+    best, done = search.best(swap=False)
+    policy = search.policy
+    for _ in range(policy.looks):
+        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit)
+        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
+        least = policy.by_chance * policy.model_error
+        changed = second_look(fit.bench.records, fit.residual, least=least) if calm and fit.bench.faulty else None
+        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
+        if stilled:
+            still = stilled(search, best, seen)
+        else:
+            still = quiet(search, best, seen, [] if changed else search.parts(best)) if done else renoised(seen)
+        bare = [replace(r, orders=(), slow=False) for r in still.bench.records]
+        root = fitted(onto(still.bench.with_records(bare), search.root.fit))
+        search = search.anew(root)
+        before = best.names
+        best, done = search.best(search.score.of(fitted(still), best.lines, best.slow))
+        settled = done and (stilled is None or best.names == before)
+        if changed is None and (settled or search.spent > policy.budget):
+            break
+    return search, best, done
 
 
 def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> Fit:
@@ -185,7 +215,7 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
 
     What is missing may turn the match.
     """
-    unit, count = first.bench.unit, first.bench.policy.offsets
+    unit, count = first.bench.gears, first.bench.policy.offsets
     coarse = onto(first.bench.coarser(_PLACING), first)
     span = 2 * math.pi / fundamental_orders(unit)["crank"]
     if not all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model)):
@@ -211,7 +241,7 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     declared and found turns with the marks, within what is known of it.
     """
     fit, policy = one.fit, search.policy
-    ripple = 2 * math.pi / fundamental_orders(fit.bench.unit)["cycloid mesh"]
+    ripple = 2 * math.pi / fundamental_orders(fit.bench.gears)["cycloid mesh"]
 
     def at(angle: float) -> Fit | None:
         offset = fit.model.index_offset + angle

@@ -79,6 +79,12 @@ class Hypothesis:
         )
 
 
+def _rows(fit: Fit, lines: int, slow: int) -> int:
+    """Rows of so many lines, cos and sin, and of drift and settling, in all runs."""
+    records = fit.bench.records
+    return 2 * lines * len(records) + (slow * sum(len(r.settling) for r in records) if slow else 0)
+
+
 class Score:
     """The scores of sets of some candidates.
 
@@ -111,8 +117,8 @@ class Score:
         return Hypothesis(fit, tuple(lines), slow, score)
 
     def regular(self, fit: Fit, lines: Sequence[float], *, slow: bool) -> float:
-        """What free lines, cos and sin, and the four rows of drift and settling must be worth in every run."""
-        return (2 * len(lines) + 4 * slow) * self.policy.row_cost * len(fit.bench.records)
+        """What free lines, cos and sin, and the rows of drift and settling must be worth in every run."""
+        return self.policy.row_cost * _rows(fit, len(lines), slow)
 
     @property
     def sure(self) -> float:
@@ -126,8 +132,7 @@ class Score:
         """
         causes = len(more.fit.added) - len(less.fit.added)
         sizes = sum(len(e.values) for e in more.fit.added) - sum(len(e.values) for e in less.fit.added)
-        rows = 2 * (len(more.lines) - len(less.lines)) + 4 * (more.slow - less.slow)
-        freedom = sizes + rows * len(more.fit.bench.records)
+        freedom = sizes + _rows(more.fit, len(more.lines) - len(less.lines), more.slow - less.slow)
         chance = self.policy.false_alarm / max(sum(self.places.values()), 1) ** max(causes, 0)
         return chi_square(chance, freedom) if freedom > 0 else self.sure
 
@@ -166,7 +171,6 @@ def unsure(fit: Fit, policy: Policy) -> float:
 
 def inexact(fit: Fit) -> float:
     """What the squares that the model's own errors leave count where a fit stands."""
-    fit = onto(fit.bench, fit)
     policy, data = fit.bench.policy, max(fit.data, fit.bound)
     own = unsure(fit, policy) + bent(fit, policy)
     return counted(data + own, fit.bound, policy) - counted(data, fit.bound, policy)

@@ -32,8 +32,7 @@ from rverror.statics.loaded_state import NotConvergedError
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
 _LOOKED_AT = 40  # more that are solved once, where those did not complete a set
-_ROUNDS = 4  # of a beam of one set; more of a wider one
-_NARROW, _WIDEST = 2, 8  # beams: up to which starts of few places are offered, and at most
+_NARROW = 2  # beam up to which starts of few places are offered
 _DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
 _CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
@@ -57,7 +56,11 @@ class Search:
     known : dict
         The best fit of every set, by its names.
     moves : Moves
+    widest, rounds : int
+        Sets of the widest beam, and rounds of a beam for each set of it.
     """
+
+    widest, rounds = 8, 4
 
     def __init__(
         self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
@@ -105,7 +108,7 @@ class Search:
             Whether nothing is left beside it.
         """
         self.keep(also)
-        while self.spent <= self.policy.budget and self._width <= _WIDEST:
+        while self.spent <= self.policy.budget and self._width <= self.widest:
             best = self.pruned(self._leader)
             if self.complete(best):
                 if not swap:
@@ -116,7 +119,7 @@ class Search:
                 return best.whole, False
             else:
                 going, self._rounds = self.expand_beam() | self.race_each(), self._rounds + 1
-                if not going or self._rounds == _ROUNDS * self._width:
+                if not going or self._rounds == self.rounds * self._width:
                     self._width, self._rounds = 2 * self._width, 0
         best = self.pruned(self._leader)
         return best.whole, self.complete(best)
@@ -245,7 +248,7 @@ class Search:
     def _settles(self, one: Hypothesis) -> bool:
         """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
         records = one.fit.bench.records
-        if one.slow or not one.fit.bench.sampled or any(r.turns <= self.policy.least_cycles for r in records):
+        if one.slow or not one.fit.bench.settles:
             return False
         slow = [r.settling for r in records]
         return (
@@ -294,7 +297,7 @@ class Search:
         model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
         base = one.few
         few = fitted(evaluated(base.bench, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
-        fit = evaluated(one.fit.bench, few.model, one.fit.declared)
+        fit = onto(one.fit.bench, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
             fit = fitted(fit)
         return self.score.of(fit, one.lines, one.slow)

@@ -22,7 +22,7 @@ from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.diagnosis.noise import Flags, Whitening, averaged
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -107,11 +107,11 @@ class EverySample:
     def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is projected at the samples themselves: no waveform that repeats."""
         unit = model.mechanism
-        assert isinstance(unit, Reducer)
         key, indices = named
         if source(key).at_output:
             return source_matrix(self._motion(unit, 0.0), {"output": np.ones((1, self.width))}, key, indices)
         assert forces is not None
+        assert isinstance(unit, Reducer)
         number = next(i for i, r in enumerate(bench.records) if r.name == self.record.name)
         readout = self.readout(bench.conditions[bench.which[number]].turn, offset)
         gears = self._motion(unit, offset)
@@ -122,7 +122,7 @@ class EverySample:
         }
         return source_matrix(gears, mesh, key, indices)
 
-    def _motion(self, unit: Reducer, offset: float) -> Pose:
+    def _motion(self, unit: Mechanism, offset: float) -> Pose:
         """Motion at the samples, made once: stiffness plays no part in it."""
         turned = replace(self.record, theta=self.record.theta + offset)
         return self._once(offset, lambda: turned.pose(unit))

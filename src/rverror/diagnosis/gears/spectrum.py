@@ -12,11 +12,15 @@ from rverror.base.chance import chi_square
 from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.samples.lines import line_spectrum
-from rverror.runs.spectrum import frames_of_order, highest_order
+from rverror.runs.spectrum import highest_order
 
+#: Cycles a run by which a fitted order may miss a whole one and be told as that, and how many lines are told.
+TOLD_ORDER, MOST_LINES = 0.05, 12
 _MOST_PEAKS = 24  # that are looked at closer
+_TURN = 2 * np.pi
+_EVEN = 1e-6  # of a step: samples nearer to even ones are taken as such
 _OWN, _MOST_OWN = 0.3, 4  # orders of an effect: share of its strongest, and how many are listed
 
 
@@ -56,13 +60,13 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
     most : int
     """
     records, rests = list(fit.bench.records), fit.residual
-    unit, turns, found = fit.bench.unit, max(r.turns for r in fit.bench.records), list[LineFound]()
+    turns, found = max(r.turns for r in fit.bench.records), list[LineFound]()
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
     bent = policy.line_share * max(float(np.std(part)) for part in fit.added_parts)
 
     def is_framed(order: float) -> bool:
-        return bool(frames_of_order(unit, order, tolerance=apart))
+        return fit.bench.framed(order, apart)
 
     for _ in range(_MOST_PEAKS):
         line = _strongest(records, rests, policy, is_framed if outside else None)
@@ -75,6 +79,42 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         if np.mean(np.abs(line.waves)) > least and not (framed and outside):
             found.append(line)
     return found
+
+
+def line_spectrum(theta: Array, residual: Array, noise: RunNoise, lowest: float, highest: float) -> tuple[Array, Array]:
+    """Power of a wave of each order in a residual, as the squared distance from 0 in standard deviations.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        rad; any order of samples.
+    residual : ndarray, shape (n,)
+    noise : RunNoise
+    lowest, highest : float
+        Order.
+
+    Returns
+    -------
+    order, power : ndarray, shape (m,)
+        Four to each that the travel tells apart.  About chi-square of 2 degrees where there is only the noise.
+    """
+    span = float(np.ptp(theta))
+    step = np.pi / (8 * highest)
+    count = int(2 ** np.ceil(np.log2(4 * span / step + 2)))
+    place = (theta - theta.min()) / step
+    low = np.floor(place).astype(np.intp)
+    part = place - low
+    grid = np.bincount(low, residual * (1 - part), count) + np.bincount(low + 1, residual * part, count)
+    lines = np.abs(np.fft.rfft(grid)) ** 2
+    order = _TURN / (count * step) * np.arange(lines.size)
+    used = (order >= lowest) & (order <= highest)
+    order, lines = order[used], lines[used]
+    moves = np.quantile(np.abs(np.diff(theta)), (np.arange(16) + 0.5) / 16)
+    if np.ptp(moves) < _EVEN * moves[0]:
+        moves = moves[:1]
+    slowest = np.pi / theta.size  # half a cycle a run: of a walk that is slower nothing is left beside an offset
+    variance = np.mean([noise.spectrum(np.maximum(order * move, slowest)) for move in moves], axis=0) * theta.size / 2
+    return np.asarray(order, dtype=np.float64), np.asarray(lines / variance, dtype=np.float64)
 
 
 def _strongest(

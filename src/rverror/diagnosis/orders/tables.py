@@ -261,7 +261,7 @@ def _as_printed(model: Model, fit: Fit) -> Model:
 
 def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[str]:
     """Stiffnesses farther from where they were declared than is known of them: they make up for what is missing."""
-    known = fit.bench.unit.stiffness_uncertainty
+    known = fit.bench.gears.stiffness_uncertainty
     return [
         f"{one.name} moved by {abs(math.log(one.value / one.declared)) / spread:.1f} of its uncertainty: it makes up "
         "for what no cause explains, and is not measured by it"

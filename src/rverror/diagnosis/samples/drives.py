@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.text import describe
+from rverror.base.threads import each
+from rverror.diagnosis.gears.account import account, residual
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto, renoised, under
+from rverror.diagnosis.gears.moves import with_offer
+from rverror.diagnosis.gears.ranking import Offer, columns_of, singles
+from rverror.diagnosis.gears.reducers import renewed
+from rverror.diagnosis.gears.score import Hypothesis, identity, named
+from rverror.diagnosis.gears.search import Search
+from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines
+from rverror.diagnosis.gears.trial import Trial
+from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
+from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Diagnosis, Progress
-from rverror.diagnosis.samples.account import result_of
-from rverror.diagnosis.samples.lines import add_lines
-from rverror.diagnosis.samples.regressors import candidate_terms, declared_terms, nuisance_terms, offset_terms
-from rverror.diagnosis.samples.runs import gather
-from rverror.diagnosis.samples.search import DriveSearch
+from rverror.diagnosis.result import Addition, Diagnosis, Progress, Residual
+from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, told_apart
+from rverror.diagnosis.samples.records import DriveRecord, records_of_drive
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+
+_ANY = (
+    1e9  # what is not explained yet of a drive moves nothing that a declared size does not make: squares count as such
+)
+_NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
+_TOGETHER = 6  # lines that are added at once
+_FELL = "not significant under the noise of the runs"
+_NOT_TOLD = "the runs cannot tell it from what was tried"
+_FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
 
 
 def diagnose_drive(
@@ -50,12 +76,283 @@ def diagnose_drive(
     docs/theory/drives.md.
     """
     journal = Journal(progress or (lambda text: None))
-    data, notes = gather(model, runs, policy=policy)
-    base = [*offset_terms(data), *declared_terms(model, runs, data)]
-    candidates = candidate_terms(model, runs, data)
-    search = DriveSearch(data, tuple(candidates), tuple(nuisance_terms(data)), policy, journal)
-    found = search.best(search.fitted(base))
-    ranking = search.scored(found)
+    records, notes = records_of_drive(model, runs)
+    torque = records[0].quantity == "torque"
+    declared = replace(model, effects=()) if torque else model
+    candidates = candidates_of_drive(declared, records, policy)
+    policy = replace(policy, most_effects=len(candidates), regular=_ANY)
+    bench = drive_set(declared, records, policy, candidates)
+    root = fitted(evaluated(calm(bench), declared, declared))
+    turns = max(record.turns for record in records)
+    search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
+    last, best, _ = renewed(search, stilled)
+    assert isinstance(last, DriveSearch)
+    search = last
+    for name in candidates:
+        if identity(name) not in {named(e) for e in best.fit.added}:
+            tried = any(identity(name) == identity(other) for other in search.candidates)
+            journal.note("fell", name, _FELL if tried else _NOT_TOLD)
     journal.tell("searching the residual for lines of any order")
-    fit = add_lines(data, found)
-    return result_of(model, data, base, candidates, fit, ranking, notes, journal.history)
+    found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
+    found = replace(found, tried=len(candidates), added=_in_order(search, best, found.added))
+    return _as_torque(found, model, records[0].unit) if torque else found
+
+
+def _in_order(search: DriveSearch, best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
+    """Errors that grow along a run first, since without them no other figure means much; then the largest first."""
+    first, sizes = sum(len(e.values) for e in best.fit.declared.effects), []
+    for number, one in enumerate(added):
+        at = slice(first, first + len(one.effect.values))
+        first = at.stop
+        made = np.concatenate([np.array(one.effect.values) @ raw[at] for raw in best.fit.raw])
+        sizes.append((source(one.effect.key).periodic, -float(made @ made), number))
+    order, found = [number for *_, number in sorted(sizes)], []
+    declared = best.fit.model.effects[: len(best.fit.declared.effects)]
+    for place, number in enumerate(order):
+        effects = (*declared, *(added[n].effect for n in order[: place + 1]))
+        fit = fitted(evaluated(best.fit.bench, replace(best.fit.model, effects=effects), best.fit.declared))
+        one = replace(added[number], heldout_rms=residual(fit).heldout_rms)
+        found.append(_with_rivals(search, best, number, one))
+    return tuple(found)
+
+
+def _with_rivals(search: DriveSearch, best: Hypothesis, number: int, one: Addition) -> Addition:
+    """What was added, with a note of each rival that would have to be larger than a workshop makes it."""
+    notes = []
+    for (key, indices), sizes in search.in_place(best, number):
+        parameters = source(key).parameters
+        if any(abs(size) > p.plausible for p, size in zip(parameters, sizes, strict=True)):
+            size, dimension = float(np.linalg.norm(sizes)), parameters[0].dimension
+            notes.append(
+                f"in its place {describe(key, indices)} would have to be {units.to_display(size, dimension):.4g} "
+                f"{units.DISPLAY_UNITS[dimension]}, larger than a workshop makes"
+            )
+    return replace(one, notes=(*one.notes, *notes))
+
+
+def _told(fit: Fit) -> list[str]:
+    """What the noise is like, and what the runs lack."""
+    notes = []
+    for record in fit.bench.records:
+        assert isinstance(record, DriveRecord)
+        assert record.noise is not None
+        lags = record.noise.coefficients.size
+        colour = f"coloured: each sample depends on the {lags} before" if lags else "white"
+        if record.noise.step:
+            step, unit = record.in_units(record.noise.step)
+            colour += f", beside a random walk of {step:.2g} {unit} a sample"
+        notes.append(f"{record.name}: noise is {colour}")
+    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
+        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
+    return notes
+
+
+def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
+    """A result in N*mm, of which nothing enters the model."""
+
+    def sized(one: Residual) -> Residual:
+        return Residual(unit * one.rms, unit * one.peak_to_peak, unit * one.heldout_rms)
+
+    def added(one: Addition) -> Addition:
+        estimates = [
+            replace(e, dimension="torque", value=unit * e.value, low=unit * e.low, high=unit * e.high)
+            for e in one.estimates
+        ]
+        effect = replace(one.effect, values=tuple(unit * v for v in one.effect.values))
+        return replace(one, effect=effect, estimates=tuple(estimates), heldout_rms=unit * one.heldout_rms, notes=())
+
+    lines = [
+        replace(x, **{name: unit * getattr(x, name) for name in ("amplitude", "low", "high", "cos", "sin")})
+        for x in found.unexplained
+    ]
+    traces = [
+        replace(
+            t, measured=unit * t.measured, before=unit * t.before, after=unit * t.after,
+            left_out=None if t.left_out is None else (unit * t.left_out[0], unit * t.left_out[1]),
+        )
+        for t in found.traces
+    ]  # fmt: skip
+    return replace(
+        found,
+        noise_rms=unit * found.noise_rms,
+        before=sized(found.before),
+        before_refitted=sized(found.before_refitted),
+        after=sized(found.after),
+        added=tuple(map(added, found.added)),
+        unexplained=tuple(lines),
+        model=model,
+        declared=model,
+        traces=tuple(traces),
+        quantity="torque",
+    )
+
+
+def calm(bench: DriveSet) -> DriveSet:
+    """The runs under the noise that is left when all that may be regular is out of each by itself.
+
+    A cause that no one has taken out yet would pass for noise: a drift of 21 arcsec makes a worm's noise a walk.
+    """
+    rows = bench.influences(Model(bench.unit), (), bench.candidates)
+    records = []
+    for record, own in zip(bench.records, rows, strict=True):
+        regular = np.concatenate([record.nuisance, record.settling, own])
+        regular /= np.maximum(np.linalg.norm(regular, axis=1), 1e-300)[:, None]
+        basis, size, _ = np.linalg.svd(regular @ regular.T)
+        used = size > 1e-9 * size[0]
+        span = (basis[:, used] / np.sqrt(size[used])).T @ regular
+        rest = record.error - (span @ record.error) @ span
+        noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error, few=True)
+        records.append(replace(record, noise=noise))
+    return replace(bench, records=tuple(records))
+
+
+def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
+    """A set under the noise that it leaves, or that the part of it leaves which is as likely, noise and all.
+
+    Causes, lines and drift are taken out one after another as long as noise that is estimated without them makes up
+    for them; and all at once, since several together make more of a random walk than each of them.
+
+    Parameters
+    ----------
+    search : Search
+    best : Hypothesis
+    seen : Fit
+        Of the same sizes.
+    """
+    now, fit = best, fitted(renoised(seen, calm=True))
+    while now.names:
+        parts = [*search.parts(replace(now, fit=compressed(now.fit))), search.root]
+        fits = each(lambda part: fitted(renoised(sampled(part).fit, calm=True)), parts)
+        gains = [
+            _deviance(other) - _deviance(fit) - search.score.by_chance(now, part)
+            for part, other in zip(parts, fits, strict=True)
+        ]
+        least = int(np.argmin(gains))
+        if gains[least] > 0:
+            break
+        now, fit = parts[least], fits[least]
+    return under(seen, fit)
+
+
+def _deviance(fit: Fit) -> float:
+    """`Fit.deviance` as if noises of any number of lags left as many samples: the first ones as the others."""
+    total = fit.prior
+    for record, white in zip(fit.bench.records, fit.rows, strict=True):
+        free, samples = record.whiten.freedom, int(record.whiten.kept.sum())
+        assert record.noise is not None
+        total += float(white[0] @ white[0]) * samples / free
+        total += record.whiten.log_variance + 2 * (samples - free) * math.log(record.noise.sigma)
+    return total
+
+
+def sampled(one: Hypothesis) -> Hypothesis:
+    """A set, sample by sample."""
+    assert isinstance(one.fit.bench, DriveSet)
+    return replace(one, fit=onto(one.fit.bench.every_sample, one.fit))
+
+
+def compressed(fit: Fit) -> Fit:
+    """A fit to as many numbers as there are rows."""
+    assert isinstance(fit.bench, DriveSet)
+    return onto(replace(fit.bench, compressed=True), fit)
+
+
+class DriveSearch(Search):
+    """A search among causes that are linear in their sizes: a linear step is the fit, and there is one minimum."""
+
+    widest, rounds = 1, 10**6
+
+    def __init__(
+        self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
+    ) -> None:
+        """Begin with what is declared."""
+        super().__init__(compressed(root), candidates, policy, journal, offsets)
+
+    def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
+        """Search from what is declared and from other sets, which are looked at sample by sample, as is the best."""
+        best, done = super().best(*(replace(one, fit=compressed(one.fit)) for one in also), swap=swap)
+        return sampled(best), done
+
+    def expand_beam(self) -> bool:
+        """Expand the leading set alone, by all that it offers."""
+        return self.expand(self._leader, self._more)
+
+    def nothing_left(self, one: Hypothesis) -> bool:
+        """Tell whether all that a set offers was fitted beside it: where it leads, none of that was better."""
+        return (one.names, self._more.__name__) in self._expanded
+
+    def challengers(self, one: Hypothesis) -> Iterator[Trial]:
+        """None: there is one minimum, and all places were beside each cause when it was added."""
+        yield from ()
+
+    def _more(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more, or what is regular: a linear step is the fit, so nothing is left to try."""
+        models = [with_offer(one.fit.model, offer) for offer in self._leading(one)[:_FITTED]]
+        fits = each(lambda model: fitted(evaluated(one.fit.bench, model, one.fit.declared)), models)
+        self.keep(self.score.of(fit, one.lines, one.slow) for fit in fits)
+        self.keep(self.regular(one))
+        yield from ()
+
+    def _leading(self, one: Hypothesis) -> list[Offer]:
+        """Candidates that a linear step makes the set better by, the best first."""
+        offers = singles(*self.moves.influences(one), self.score.cost)
+        return [offer for offer in offers if offer.score < offer.without]
+
+    def regular(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
+        found, records, whole = list[Hypothesis](), one.fit.bench.records, sampled(one)
+        if self._settles(whole):
+            found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
+        room = MOST_LINES - len(one.lines)
+        for most in (1, min(room, _TOGETHER)) if room else ():
+            lines = tuple(line.order for line in best_lines(whole.fit, self.policy, outside=True, most=most))
+            lined = [replace(r, orders=(*r.orders, *lines)) for r in records]
+            if lines:
+                found.append(self._with_records(one, lined, (*one.lines, *lines), slow=one.slow))
+            if not lines or found[-1].score > min((o.score for o in self._leading(one)), default=one.score):
+                break
+        return found
+
+    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
+        """None that would fit better: all were beside it when it was added."""
+        return []
+
+    def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
+        """Candidates that fit as well in the place of a cause."""
+        return tuple(name for name, _ in self.in_place(one, number))
+
+    def in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
+        """Candidates that fit as well in the place of a cause, and with what sizes, however large."""
+        return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
+
+    def _in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
+        fit = compressed(one.fit)
+        rest, cause = lifted(fit, number), fit.added[number]
+        bench, added = fit.bench, {named(e) for e in fit.added}
+        assert isinstance(bench, DriveSet)
+        others = [name for name in bench.candidates if identity(name) not in added]
+        own, *blocks = [
+            np.concatenate(block.rows, axis=1) for block in columns_of(rest, [(cause.key, cause.indices), *others])
+        ]
+        white = np.concatenate(rest.rows, axis=1)
+        there = white[1:][np.linalg.norm(white[1:], axis=1) > 0]
+        basis = np.linalg.qr((there / np.linalg.norm(there, axis=1)[:, None]).T)[0]
+        now, limit = _least(white[0], np.concatenate([own, there]))[1], -2 * fit.scale * math.log(bench.policy.alike)
+        found = []
+        for name, block in zip(others, blocks, strict=True):
+            beyond = np.sum((block - (block @ basis) @ basis.T) ** 2, axis=1)
+            if (beyond < _NOTHING * np.sum(block**2, axis=1)).all():
+                continue
+            sizes, left = _least(white[0], np.concatenate([block, there]))
+            if left - now < limit:
+                found.append((name, sizes[: len(block)]))
+        return found
+
+
+def _least(rest: Array, rows: Array) -> tuple[Array, float]:
+    """Sizes of rows that leave the least squares, and these."""
+    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    unit = rows / scale[:, None]
+    moment = unit @ rest
+    sizes = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True) @ moment
+    return sizes / scale, float(rest @ rest - moment @ sizes)
