@@ -96,7 +96,7 @@ def runs_of(
 
 def begin(model: rverror.Model, runs: Sequence[rverror.Run], *, policy: Policy = POLICY, points: int = 1024) -> Fit:
     """First state of a fit to runs."""
-    records, _ = records_of(model, runs, policy)
+    records, _ = records_of(model, runs)
     return begun(RunSet.of(model.mechanism, records, policy, points=points, anywhere=False), model, model)
 
 

@@ -48,6 +48,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_MOST_PEAKS", "_BY_NOISE", "_FITTED", "MOST_LINES",  # of noise and lines
         "_OWN", "_MOST_OWN", "TOLD_ORDER", "_SAME", "_LEAST_ROWS",  # of what is listed
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",
+        "_LIGHT_LOAD", "TORQUE_SHARE", "_INERTIA_SPREAD",  # of what is known of a bench before
         "_DOUBTED", "_BESIDE", "_SLOWEST", "_ROUNDED",  # of what a run and a contact may be
         "_NOTHING", "_IN_SPAN", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE",  # of rounding
         "_BLOCK", "_KEPT", "_ANY",  # of how it is computed
@@ -58,6 +59,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
             "_LOOKED_AT", "_TO_THE_END", "_DOUBT",  # of a search for sets
         "SCALES", "_SHRUNK", "_REGULAR",  # of a ranking
         "_PLACING",  # of unknown marks
+        "_LEAST_SPEEDS",
         "_STEP", "_FINE", "_REACH", "_LIGHTEST", "_HEAVIEST", "_ZOOMS", "_SHARES", "_TRIES",  # of natural frequencies
     }  # fmt: skip
     passport = {"order_passport.py", "passport_kinds.py", "wave_fit.py"}  # names no cause; its levels are on its page

@@ -129,6 +129,13 @@ LAW_BOUNDS = {
 }
 
 
+#: Standard deviations of these before a unit is measured: of an exponent that of a line contact, 10/9, from linear; of
+#: the curvature half of what is between straight profiles, 0, and the geometry's, 1, since a profile may be relieved
+#: where it is bent most.  And of the backlash, as a share of the declared one, since it wears.
+LAW_SPREAD = {"pin_exponent": 0.1, "flank_exponent": 0.1, "profile_curvature": 0.5}
+BACKLASH_SPREAD = 0.5
+
+
 @dataclass(frozen=True, kw_only=True)
 class ContactLaw:
     """Power laws by which pins and gear flanks close, f = F0 (k p / F0)^exponent, and how pins follow their discs.

@@ -233,7 +233,7 @@ def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fix
     declared = Model(UNIT, (cam, pin) if fixed else (cam,))
     runs = [replace(run, index="unknown") for run in runs_of(declared, points=512)]
     model, anywhere = with_marks(declared, runs)
-    records, _ = records_of(model, runs, POLICY)
+    records, _ = records_of(model, runs)
     fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
     note = offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
     assert "the gear's marks are " in note

@@ -34,7 +34,7 @@ from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
-from rverror.geartrain.mechanism import ContactLaw, Stiffness
+from rverror.geartrain.mechanism import LAW_SPREAD, ContactLaw, Stiffness
 from rverror.model.catalogue import source
 from rverror.statics.loaded_state import SOFTENING
 
@@ -53,7 +53,7 @@ def state() -> Fit:
     declared = rverror.Model(SOFT, (PLAY, ENCODER))
     runs = runs_of(rverror.Model(OTHER, (PLAY, CAM)), LOADS[:3], points=512)
     runs = [*runs[:2], replace(runs[2])]
-    records, _ = records_of(declared, runs, POLICY)
+    records, _ = records_of(declared, runs)
     records = [replace(r, zero="A" if i < 2 else "", noise=RunNoise(np.array([0.5]), 2 * ARCSEC))
                for i, r in enumerate(records)]  # fmt: skip
     bench = RunSet.of(SOFT, records, POLICY, points=512, anywhere=False)
@@ -138,7 +138,7 @@ def test_priors_are_those_of_the_declaration(state: Fit) -> None:
     assert 1 / np.sqrt(state.weights[:-1]) == pytest.approx(sigma)
     assert state.weights[-1] == 0
     exact = replace(SOFT, stiffness_uncertainty=replace(SOFT.stiffness_uncertainty, gear_mesh=0.0))
-    assert soft_spread(exact, POLICY)[SOFTENING.index("gear_mesh")] == 0
+    assert soft_spread(exact)[SOFTENING.index("gear_mesh")] == 0
 
 
 def test_squares_beyond_noise_count_by_their_logarithm(state: Fit) -> None:
@@ -182,16 +182,18 @@ def test_stiffness_and_sizes_come_back_within_their_uncertainty(seed: int) -> No
     assert math.log(200e3 / now.stiffness.pin_contact) / sigma[4] > 4
 
 
-def test_the_covariance_is_that_of_many_draws() -> None:
+def test_the_covariance_is_that_of_many_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """Linear at the truth: noise and declared stiffness drawn anew, the step back is as long as the covariance says."""
-    policy = replace(POLICY, backlash_share=0.2, exponent_spread=0.03)
+    monkeypatch.setattr("rverror.diagnosis.gears.fit.BACKLASH_SPREAD", 0.2)
+    for name in ("pin_exponent", "flank_exponent"):
+        monkeypatch.setitem(LAW_SPREAD, name, 0.03)
     truth = replace(UNIT, contact_law=ContactLaw(pin_exponent=1.15, flank_exponent=1.15))
     model = rverror.Model(truth, (CAM,))
     runs = runs_of(model, LOADS, points=512, rms=1e-6)
-    records, _ = records_of(rverror.Model(truth), runs, policy)
+    records, _ = records_of(rverror.Model(truth), runs)
     noise = RunNoise(np.array([0.7]), 0.5 * ARCSEC * math.sqrt(1 - 0.7**2))
     records = [replace(r, noise=noise) for r in records]
-    bench = RunSet.of(truth, records, policy, points=512, anywhere=False)
+    bench = RunSet.of(truth, records, POLICY, points=512, anywhere=False)
     waves = evaluated(bench, model, rverror.Model(truth)).waves
     distances, inside = [], []
     for seed in range(24):
@@ -318,7 +320,7 @@ def test_where_grids_begin_at_a_sample_under_the_marks_a_contact_that_opens_is_f
     pin, ahead = rverror.effect("cycloid.pin_radius", pin=5, deviation="5 um"), 0.1317
     model = rverror.Model(UNIT, (pin,)).with_effects(rverror.effect("sensor.index_offset", offset=f"{ahead} rad"))
     run = runs_of(rverror.Model(UNIT, (pin,)), ((1.0, 20e3),), marks=ahead)[0]
-    records, _ = records_of(model, [replace(run, index="unknown")], POLICY)
+    records, _ = records_of(model, [replace(run, index="unknown")])
     records = [replace(r, noise=RunNoise(np.zeros(0), ARCSEC)) for r in records]
     bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=True)
     exact = rverror.equilibrium(

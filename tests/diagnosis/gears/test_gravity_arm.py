@@ -9,8 +9,7 @@ import pytest
 
 import rverror
 from gear_runs import BARE, CAM, OTHER, red
-from rverror.diagnosis.gears.record import levelled, records_of
-from rverror.diagnosis.policy import POLICY
+from rverror.diagnosis.gears.record import TORQUE_SHARE, levelled, records_of
 from rverror.geartrain.torque_over_turn import TorqueWaves
 
 ARM = rverror.GravityArm(mass="20 kg", lever="0.4 m", offset="30 deg")
@@ -47,7 +46,7 @@ def test_nothing_is_named_where_nothing_is_missing() -> None:
 
 def test_samples_under_hardly_any_load_are_left_out() -> None:
     """Five per cent of a cosine to either side of its two zeros are 4 asin(0.05) of the turn; the jump is no slip."""
-    (record, _), notes = records_of(BARE, arm_runs(), POLICY)
+    (record, _), notes = records_of(BARE, arm_runs())
     assert record.theta.size == POINTS
     assert np.count_nonzero(~record.kept) == pytest.approx(4 * np.arcsin(0.05) / (2 * np.pi) * POINTS, abs=3)
     assert record.slips == ()
@@ -57,12 +56,12 @@ def test_samples_under_hardly_any_load_are_left_out() -> None:
 
 def test_what_a_torque_sensor_leaves_open_is_windup_by_the_torsion_curve() -> None:
     """A share of the peak torque times the compliance between half of the peak and the peak."""
-    (record, _), _ = records_of(BARE, arm_runs(), POLICY)
+    (record, _), _ = records_of(BARE, arm_runs())
     assert isinstance(record.torque, TorqueWaves)
     peak = record.torque.peak
     assert peak == pytest.approx(1.01 * 20e-3 * 400 * 9806.65, rel=0.01)  # m l g, read 1 % too high
     half, most = rverror.torsion_curve(BARE, [0.0], torques=[peak / 2, peak]).angle[:, 0]
-    assert record.windup == pytest.approx(POLICY.torque_share * peak * abs(most - half) / (peak / 2), rel=0.02)
+    assert record.windup == pytest.approx(TORQUE_SHARE * peak * abs(most - half) / (peak / 2), rel=0.02)
 
 
 def test_a_jump_over_a_stretch_is_levelled() -> None:

@@ -106,7 +106,7 @@ def test_no_line_is_smaller_than_the_equilibrium_is_right_to() -> None:
         direction="forward",
     )
     assert best_lines(begin(MODEL, [run]), POLICY, outside=False) == []
-    assert best_lines(begin(MODEL, [run]), replace(POLICY, accuracy=0.01 * ARCSEC), outside=False)
+    assert best_lines(begin(MODEL, [run]), replace(POLICY, model_error=0.005 * ARCSEC), outside=False)
 
 
 @pytest.mark.parametrize(("share", "reported"), [(0.02, False), (-0.02, False), (0.04, True), (-0.04, True)])

@@ -16,7 +16,6 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, conditions_of, records_of
 from rverror.diagnosis.noise import RunNoise
-from rverror.diagnosis.policy import POLICY
 
 MODEL = rverror.Model(UNIT)
 N = 2048
@@ -33,7 +32,7 @@ def read(theta: Array = THETA, error: Array | None = None, **told: Any) -> rverr
 
 
 def one(run: rverror.Run) -> tuple[Record, list[str]]:
-    (record,), notes = records_of(MODEL, [run], POLICY)
+    (record,), notes = records_of(MODEL, [run])
     return record, notes
 
 
@@ -157,7 +156,7 @@ def test_a_run_of_ten_degrees_is_a_run(direction: str) -> None:
 
 def test_runs_of_one_condition_share_a_grid_and_others_do_not() -> None:
     runs = [read(), read(direction="reverse", theta=THETA[::-1].copy()), read(torque=90e3), read()]
-    records, _ = records_of(MODEL, runs, POLICY)
+    records, _ = records_of(MODEL, runs)
     conditions, which = conditions_of(records, 1024, anywhere=False)
     assert which == [0, 1, 2, 0]
     assert all(c.turn.closed for c in conditions)
@@ -172,11 +171,11 @@ def test_too_few_samples_are_refused_with_the_remedy() -> None:
 
 def test_a_zero_is_shared_by_label_where_the_load_is_known() -> None:
     labelled = [read(index="A"), read(index="A"), read(index="B"), read()]
-    records, _ = records_of(MODEL, labelled, POLICY)
+    records, _ = records_of(MODEL, labelled)
     assert [r.zero for r in records] == ["A", "A", "", ""]
     assert records[0].nuisance.shape == (0, N)
     assert records[2].nuisance.shape == (1, N)
-    records, notes = records_of(MODEL, [read(index="A", torque=None), read(index="A")], POLICY)
+    records, notes = records_of(MODEL, [read(index="A", torque=None), read(index="A")])
     assert records[0].zero == ""
     assert any("without output_torque its windup is unknown" in note for note in notes)
 

@@ -174,7 +174,7 @@ def at_marks(
     """Runs whose zero is so far behind the marks, fitted with the marks so far off their place."""
     true = runs_of(Model(UNIT, (*declared, *added)), marks=ahead, rms=rms)
     model, anywhere = with_marks(Model(UNIT, declared), [replace(run, index="unknown") for run in true])
-    records, _ = records_of(model, true, POLICY)
+    records, _ = records_of(model, true)
     bench = RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere)
     there = replace(model, effects=(*model.effects, *added))
     known = begun(bench, marked(there, ahead), model)

@@ -232,7 +232,7 @@ def declared_off(by: float, added: Sequence[Effect] = ()) -> Fit:
     """A declared encoder, both its sizes so many uncertainties off, beside what was added; closed form."""
     encoder = replace(ENCODER, values=(0.0, 0.0), uncertainty=2 * ARCSEC)
     (run,) = runs_of(BARE, ((1.0, 50e3),), points=512)
-    record = replace(records_of(BARE, [run], POLICY)[0][0], torque=None, noise=RunNoise(np.zeros(0), ARCSEC))
+    record = replace(records_of(BARE, [run])[0][0], torque=None, noise=RunNoise(np.zeros(0), ARCSEC))
     now = Model(UNIT, (replace(encoder, values=(by * 2 * ARCSEC,) * 2), *added))
     return evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), now, Model(UNIT, (encoder,)))
 

@@ -594,7 +594,7 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     cam = replace(CAM, uncertainty=3e-4)
     runs = [replace(r, index="unknown") for r in runs_of(Model(UNIT, (cam, true)), LIGHT, points=1024, marks=ahead)]
     model, anywhere = with_marks(Model(UNIT, (cam,)), runs)
-    records, _ = records_of(model, runs, POLICY)
+    records, _ = records_of(model, runs)
     first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
     both = replace(model, effects=(*model.effects, true))
     known = renoised(fitted(evaluated(first.bench, marked(both, ahead), model), steps=30))

@@ -62,7 +62,7 @@ def test_a_sun_s_waves_are_followed_over_all_turns(unit: rverror.Reducer, turns:
     bare, true = Model(unit), Model(unit, (sun,))
     runs = runs_of(true, ((1.0, 50e3),), points=1024, turns=turns, ratio=unit.ratio)
     noise = RunNoise(np.array([0.7]), 0.3 * ARCSEC * np.sqrt(1 - 0.7**2))
-    records = [replace(r, noise=noise) for r in records_of(bare, runs, POLICY)[0]]
+    records = [replace(r, noise=noise) for r in records_of(bare, runs)[0]]
     bench = RunSet.of(unit, records, POLICY, points=1024, anywhere=False)
     fit, without = evaluated(bench, true, bare), evaluated(bench, bare, bare)
     assert fit.data < fit.bound

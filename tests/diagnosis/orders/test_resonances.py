@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,12 +153,13 @@ def test_peaks_of_several_orders_at_one_speed_are_no_natural_frequency(orders: t
         assert resonances_of(cases, ratio=RATIO, policy=POLICY) == ()
 
 
-def test_fewer_speeds_than_the_policy_asks_for_tell_none() -> None:
+def test_fewer_speeds_than_leave_noise_to_tell_by_tell_none() -> None:
     cases = by_law(
         lambda k, s: mode(k, s, natural=20.0, damping=0.03), orders=(156.0, 240.0), speeds=SPEEDS, noise=0.01
     )
     assert resonances_of(cases, ratio=RATIO, policy=POLICY)
-    assert resonances_of(cases, ratio=RATIO, policy=replace(POLICY, speeds=17)) == ()
+    few = sorted({case.condition.input_speed or 0.0 for case in cases})[:: len(SPEEDS) // 5][:5]
+    assert resonances_of([c for c in cases if c.condition.input_speed in few], ratio=RATIO, policy=POLICY) == ()
 
 
 # --- one order, gaps, ends --------------------------------------------------------------------------------------------

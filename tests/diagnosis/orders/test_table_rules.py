@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import rverror
 from gear_runs import OTHER, UNIT
@@ -258,7 +259,7 @@ def test_a_stiffness_that_makes_up_for_what_is_missing_is_said_to() -> None:
     """Those that moved by more of their uncertainty than the policy lets pass, with by how much."""
     modified = rverror.effect("cycloid.profile_modification", equidistant="20 um", shift="0 um")
     table = table_of(Model(OTHER, (modified, CAM)), loads=LOADS[::2], noise=0.005)
-    rules = replace(POLICY, keys=(HEAD.key,), strained_size=0.4)
+    rules = replace(POLICY, keys=(HEAD.key,), strained=float(chi2.sf(0.4**2, 1)))
     found = diagnose_tables(Model(UNIT, (modified, CAM)), [table], quiet, policy=rules)
     moved = {
         one.name: abs(math.log(one.value / one.declared)) / 0.25
@@ -272,7 +273,9 @@ def test_a_stiffness_that_makes_up_for_what_is_missing_is_said_to() -> None:
     assert len(notes) == len(expected)
     for name, by in expected.items():
         assert f"{name} moved by {by:.1f} of its uncertainty" in " ".join(notes)
-    calm = diagnose_tables(Model(UNIT, (modified, CAM)), [table], quiet, policy=replace(rules, strained_size=4.0))
+    calm = diagnose_tables(
+        Model(UNIT, (modified, CAM)), [table], quiet, policy=replace(rules, strained=POLICY.strained)
+    )
     assert not any("moved by" in note for note in calm.notes)
 
 

@@ -249,7 +249,7 @@ def _addition(
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
-        if half > search.policy.untold * reach(fit, usual**2):
+        if half > reach(fit, usual**2 / 2):
             notes.append(f"{parameter.name}: the runs do not tell it; its interval is what {made}")
         if abs(value) > parameter.plausible:
             notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
@@ -287,7 +287,7 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
         names = np.arange(size.size) / turns
     inner = np.zeros(size.size, dtype=np.bool_)
     inner[1:-1] = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
-    return leading(names, np.where(inner & (size > 1e-3 * fit.bench.policy.accuracy), size, 0.0), size.max())
+    return leading(names, np.where(inner & (size > 1e-3 * fit.bench.policy.least_line), size, 0.0), size.max())
 
 
 def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
@@ -332,7 +332,7 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
             continue
         half = halves[count + at]
         prior = math.inf if not fit.weights[count + at] else fit.weights[count + at] ** -0.5
-        told = math.sqrt(float(fit.covariance[count + at, count + at])) < fit.bench.policy.untold * prior
+        told = float(fit.covariance[count + at, count + at]) < prior**2 / 2
         if at < 6:
             value, stated = getattr(now.stiffness, name), getattr(unit.stiffness, name)
             low, high, dimension = value * math.exp(-half), value * math.exp(half), "stiffness"
@@ -351,7 +351,7 @@ def _strained(fit: Fit) -> list[str]:
     notes = []
     for stated, now in zip(fit.declared.effects, fit.model.effects, strict=False):
         moved_by = max(abs(np.subtract(now.values, stated.values)))
-        if stated.uncertainty and moved_by > fit.bench.policy.strained_size * stated.uncertainty:
+        if stated.uncertainty and moved_by > fit.bench.policy.most_strain * stated.uncertainty:
             name = describe(stated.key, stated.indices)
             notes.append(
                 f"declared {name} moved by {moved_by / stated.uncertainty:.1f} of its uncertainty: measure it again"
@@ -389,7 +389,7 @@ def told_of_runs(fit: Fit, unit: Reducer) -> list[str]:
 def _placed(fit: Fit, declared: Model) -> float:
     place = sum(len(e.values) for e in declared.effects)
     variance = float(spread(fit)[place])
-    return math.sqrt(variance) if variance < fit.bench.policy.marks_placed**2 else math.inf
+    return math.sqrt(variance) if variance < math.pi**2 / 3 else math.inf  # of marks that may be anywhere
 
 
 def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:

@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softe
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
-from rverror.geartrain.mechanism import LAW_BOUNDS, Mechanism, Reducer
+from rverror.geartrain.mechanism import BACKLASH_SPREAD, LAW_BOUNDS, LAW_SPREAD, Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
@@ -155,7 +155,7 @@ class RunSet:
     @cached_property
     def soft_sigmas(self) -> list[float]:
         """`soft_spread`, 0 where it is not refitted."""
-        spread = soft_spread(self.gears, self.policy) if self.soft.any() else [0.0] * len(SOFTENING)
+        spread = soft_spread(self.gears) if self.soft.any() else [0.0] * len(SOFTENING)
         return [sigma * bool(on) for sigma, on in zip(spread, self.soft, strict=True)]
 
     @property
@@ -392,11 +392,10 @@ def _backlash(unit: Mechanism) -> float:
     return unit.gear_backlash if isinstance(unit, Reducer) else 0.0
 
 
-def soft_spread(unit: Reducer, policy: Policy) -> list[float]:
+def soft_spread(unit: Reducer) -> list[float]:
     """Standard deviations of `SOFTENING` before the fit; 0 where it is exact."""
     stiffness = [getattr(unit.stiffness_uncertainty, name) for name in SOFTENING[:6]]
-    law = [policy.exponent_spread, policy.exponent_spread, policy.curvature_spread]
-    return [*stiffness, policy.backlash_share * unit.gear_backlash, *law]
+    return [*stiffness, BACKLASH_SPREAD * unit.gear_backlash, *LAW_SPREAD.values()]
 
 
 def covariance_of(gram: Array, weights: Array) -> Array:

@@ -17,7 +17,6 @@ from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
 from rverror.diagnosis.gears.waveform import Conditioned, under
 from rverror.diagnosis.noise import Flags, RunNoise, Whitening
-from rverror.diagnosis.policy import Policy
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism
@@ -33,6 +32,10 @@ _SHORT_GAP = 8  # samples: the noise remembers across fewer; a longer gap begins
 _DOUBTED = 3  # mean and first waves of a torque that are not known better than its sensor
 _SLOWEST = 4  # orders up to that which half a turn holds twice
 _BESIDE = 12  # samples to either side of a jump that tell it well enough to search for faults
+#: Standard deviation of mean and first waves of a torque column, as a share of its largest: sensors have a class of 0.1
+#: or 0.2 %, and noise adds to it.  As much of the windup is no news, and no encoder's.
+TORQUE_SHARE = 0.002
+_LIGHT_LOAD = 0.05  # of the largest torque: makers print no-load running torques from 5 % of the rated one on
 _TURN = 2 * math.pi
 
 
@@ -175,7 +178,7 @@ class Record:
         return np.asarray(clean - sizes @ rows)
 
 
-def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[Record], list[str]]:
+def records_of(model: Model, runs: Sequence[Run]) -> tuple[list[Record], list[str]]:
     """Runs as they are fitted, without what cannot be, and what was noticed.
 
     Raises
@@ -184,7 +187,7 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
         If a run cannot be used; the message says why.
     """
     result, notes = [], []
-    torques = shared_torques([run.torque_waves(model) for run in runs], 3 * policy.torque_share)
+    torques = shared_torques([run.torque_waves(model) for run in runs], 3 * TORQUE_SHARE)
     labels = [run.index if run.index != "unknown" else "" for run in runs]
     for number, (run, label, waves) in enumerate(zip(runs, labels, torques, strict=True)):
         name = run.path or f"run {number + 1}"
@@ -198,7 +201,7 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
                 f"{name}: {theta.size} samples; {_LEAST_ROWS} or more are needed to tell noise from error: "
                 "measure a longer stretch, or more samples a turn"
             )
-        light = _light(waves, theta, policy)
+        light = _light(waves, theta)
         try:
             faults = find_faults(theta, levelled(error, light))
         except ValueError as problem:
@@ -211,29 +214,29 @@ def records_of(model: Model, runs: Sequence[Run], policy: Policy) -> tuple[list[
             shared = ""
         made = Record(
             name, theta, error, float(run.direction[0]), torque, np.ones(theta.size, dtype=np.bool_),
-            time=run.time, zero=shared, windup=0.0 if waves is None else _doubt(model, waves, policy),
+            time=run.time, zero=shared, windup=0.0 if waves is None else _doubt(model, waves),
         )  # fmt: skip
-        result.append(_loaded(_with_faults(made, faults), policy))
+        result.append(_loaded(_with_faults(made, faults)))
         if light.any():
             notes.append(
                 f"{name}: output_torque changes its sign; {count_of(int(light.sum()), 'sample')} below "
-                f"{100 * policy.light_load:g} % of its largest left out, where friction decides which side carries"
+                f"{100 * _LIGHT_LOAD:g} % of its largest left out, where friction decides which side carries"
             )
     return result, notes
 
 
-def _light(torque: float | TorqueWaves | None, theta: Array, policy: Policy) -> Flags:
+def _light(torque: float | TorqueWaves | None, theta: Array) -> Flags:
     """Where a torque that changes its sign is too small to say which side carries."""
     if not isinstance(torque, TorqueWaves) or not torque.crossings():
         return np.zeros(theta.size, dtype=np.bool_)
-    return np.asarray(np.abs(torque(theta)) < policy.light_load * torque.peak)
+    return np.asarray(np.abs(torque(theta)) < _LIGHT_LOAD * torque.peak)
 
 
-def _doubt(model: Model, torque: TorqueWaves, policy: Policy) -> float:
+def _doubt(model: Model, torque: TorqueWaves) -> float:
     """Windup, rad, by a standard deviation of the torque, as the output turns from half of its peak to the peak."""
     at = [torque.peak, torque.peak / 2]
     most, half = equilibrium(replace(model, effects=()), [0.0, 0.0], torque=at, direction=1.0).transmission_error
-    return 2 * policy.torque_share * abs(float(most - half))
+    return 2 * TORQUE_SHARE * abs(float(most - half))
 
 
 def _zones(light: Flags) -> list[tuple[int, int]]:
@@ -242,9 +245,9 @@ def _zones(light: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _loaded(record: Record, policy: Policy) -> Record:
+def _loaded(record: Record) -> Record:
     """The record without samples under hardly any load; on the other side of them the noise begins anew."""
-    light = _light(record.torque, record.theta, policy)
+    light = _light(record.torque, record.theta)
     ends = [after for _, after in _zones(light) if after < light.size]
     sides = [slice(*ends_of) for ends_of in _zones(~light) if np.diff(ends_of) >= _LEAST_ROWS]
     return replace(

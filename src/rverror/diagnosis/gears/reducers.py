@@ -74,7 +74,7 @@ def diagnose_reducer(
         raise InputError("no run given; diagnose needs one or more run files")
     unit = curved(declared.mechanism)
     journal = Journal(tell)
-    records, notes = records_of(declared, runs, policy)
+    records, notes = records_of(declared, runs)
     model, anywhere = with_marks(replace(declared, mechanism=unit), runs)
     if anywhere and any(run.load_column is not None for run in runs):
         raise InputError(

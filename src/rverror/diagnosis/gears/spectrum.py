@@ -73,7 +73,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         if line is None or len(found) == most:
             break
         records = [replace(r, orders=(*r.orders, line.order)) for r in records]
-        framed, least = is_framed(line.order), policy.accuracy
+        framed, least = is_framed(line.order), policy.least_line
         if framed:
             least = max(least, policy.line_share * _predicted(records, rests, line.order), bent)
         if np.mean(np.abs(line.waves)) > least and not (framed and outside):

@@ -13,7 +13,6 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, count_of
 from rverror.diagnosis.orders.resonances import Resonance, magnified
-from rverror.diagnosis.policy import Policy
 from rverror.dynamics.at_speed import CRITICAL
 from rverror.dynamics.natural_modes import Modes, modes
 from rverror.geartrain.mechanism import Reducer
@@ -21,10 +20,10 @@ from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase
 from rverror.statics.loaded_state import NotConvergedError
 
+_INERTIA_SPREAD = 0.3  # of the logarithm of an inertia that is estimated: the widths of its parts are not stated
 
-def critical_notes(
-    model: Model, cases: Sequence[OrderCase], found: Sequence[Resonance], *, policy: Policy
-) -> list[str]:
+
+def critical_notes(model: Model, cases: Sequence[OrderCase], found: Sequence[Resonance]) -> list[str]:
     """What is said of conditions near a natural frequency, measured or the model's, and of the model's modes.
 
     Parameters
@@ -33,7 +32,6 @@ def critical_notes(
         Of a reducer, as declared.
     cases : sequence of OrderCase
     found : sequence of Resonance
-    policy : Policy
     """
     unit = model.mechanism
     assert isinstance(unit, Reducer)
@@ -45,7 +43,7 @@ def critical_notes(
             its = modes(model, torque=units.InCore(np.median(torques)) if torques else None)
         except (InputError, NotConvergedError) as why:
             return [*notes, f"the model's natural frequencies are not known: {why}"]
-        ends = spread(its, unit, policy)
+        ends = spread(its, unit)
         notes += [tied(one, its, ends, bench=bool(model.bench.given())) for one in found]
         for mode in () if found else _of_the_machine(its):
             own = float(its.frequency[mode]), float(its.damping_ratio[mode])
@@ -109,16 +107,15 @@ def _of_the_machine(its: Modes) -> list[int]:
     return np.flatnonzero((its.frequency > 0) & ~its.of_sun_support).tolist()
 
 
-def spread(its: Modes, unit: Reducer, policy: Policy) -> Array:
+def spread(its: Modes, unit: Reducer) -> Array:
     """Standard deviation of the logarithm of each frequency by what is known of stiffness and inertias, shape (m,).
 
     Parameters
     ----------
     its : Modes
     unit : Reducer
-    policy : Policy
     """
-    known = dict.fromkeys(its.estimated, policy.inertia_spread) | vars(unit.stiffness_uncertainty)
+    known = dict.fromkeys(its.estimated, _INERTIA_SPREAD) | vars(unit.stiffness_uncertainty)
     squares = np.zeros(its.frequency.size)
     for name, change in its.sensitivity.items():
         squares += (known.get(name, 0.0) * change / np.maximum(its.frequency, 1e-12)) ** 2

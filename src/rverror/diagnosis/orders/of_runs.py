@@ -99,7 +99,7 @@ def resonances_of_runs(
     except InputError:  # as for a passport
         return (), (), every
     found = resonances_of(cases, ratio=unit.ratio, policy=policy)
-    notes = critical_notes(model, cases, found, policy=policy)
+    notes = critical_notes(model, cases, found)
     if not found:
         return found, tuple(notes), every
     slow = [runs[at] for at in slowest(cases)]

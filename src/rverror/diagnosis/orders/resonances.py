@@ -22,6 +22,9 @@ from rverror.dynamics.at_speed import CRITICAL, NEAR
 from rverror.runs.order_table import OrderCase, Waves
 
 _STEP = 0.005  # of the logarithm of the frequency where peaks are looked for
+#: Speeds of an order, in one direction at one load: a parabola over the speed has three sizes, and a resonance beside
+#: it leaves two complex values to tell noise by.
+_LEAST_SPEEDS = 6
 _DAMPINGS = np.geomspace(0.005, 0.15, 10)  # there
 _FINE = 31  # dampings, and a third of the frequencies, of a profile
 _REACH = 1.3  # times the frequency, up and down, over which it goes
@@ -248,7 +251,7 @@ def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tu
     for (order, way, *_), group in sorted(groups.items()):
         group.sort()
         speed = np.array([one[0] for one in group])
-        if np.unique(speed).size < policy.speeds:
+        if np.unique(speed).size < _LEAST_SPEEDS:
             continue
         waves = np.array([cases[at].waves[place] for _, at, place in group])
         stated = [own[place] for _, at, place in group if (own := cases[at].sigma) is not None]
@@ -275,7 +278,7 @@ def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tu
 
 def _next(all_series: Sequence[ResonantSeries], found: Sequence[Resonance], policy: Policy) -> Resonance | None:
     """One natural frequency more beside those found; None where none is told."""
-    if not all_series or len(found) >= policy.resonances:
+    if not all_series:
         return None
     beside = [_columns(series, found) for series in all_series]
     lowest, highest = (f([f(s.frequency) for s in all_series]) for f in (np.min, np.max))

@@ -87,7 +87,7 @@ def diagnose_tables(
     cases = without(measured, resonant)
     own_noise, said = noise_of_cases(cases, floor=policy.model_error)
     noise = [np.hypot(*both) for both in zip(own_noise, unsure, strict=True)]
-    notes += said + _conditions(cases, resonances) + critical_notes(declared, cases, resonances, policy=policy)
+    notes += said + _conditions(cases, resonances) + critical_notes(declared, cases, resonances)
     sigmas = discrepancy(cases, noise, policy.line_share)
     journal = Journal(tell)
     tell(f"predicting the declared model under {len(cases)} conditions")
@@ -267,7 +267,7 @@ def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[st
         "for what no cause explains, and is not measured by it"
         for one in elastic
         if one.dimension == "stiffness" and (spread := getattr(known, one.name))
-        if abs(math.log(one.value / one.declared)) > fit.bench.policy.strained_size * spread
+        if abs(math.log(one.value / one.declared)) > fit.bench.policy.most_strain * spread
     ]
 
 
@@ -422,7 +422,7 @@ def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     size = np.sqrt(bench.numbers.by_order(rest**2 for rest in rests) / cases)
     deviation = np.sqrt(bench.numbers.by_order(sigma**2 for sigma in bench.sigmas) / 2) / cases  # of a mean of all
     result = []
-    for n in np.flatnonzero((squares > bench.most_of_noise) & (size > bench.policy.accuracy)).tolist():
+    for n in np.flatnonzero((squares > bench.most_of_noise) & (size > bench.policy.least_line)).tolist():
         order, mean = float(bench.orders[n]), float(size[n])
         half = student((1 - bench.policy.confidence) / 2, max(float(cases[n]) - 1, 1.0)) * float(deviation[n])
         frames = frames_of_order(bench.unit, order, tolerance=bench.policy.order_tolerance)
