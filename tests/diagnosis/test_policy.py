@@ -41,7 +41,8 @@ def test_the_pages_hold_every_threshold_with_its_value() -> None:
 def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
     """Private numbers beside an algorithm are its steps and grids; chances and limits are the policy's."""
     allowed = {
-        "_TURN", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN", "_LISTED",
+        "_TURN", "_SLOW", "_TRACE_POINTS", "_POINTS", "_ANYWHERE", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN",
+        "_LISTED",
         "_MEANS", "_DEGREE", "_MARGIN", "_HIGHEST", "_REPEAT_POINTS", "_TOGETHER", "_DENSER", "_TRUE",  # of the grids
         "_MOST_LAGS", "_LAGS", "_FEWER_WALKS", "_MOST_WAVES", "_LEAST_LAGS",  # of noise
         "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS", "_WALKS", "_SHOWN",

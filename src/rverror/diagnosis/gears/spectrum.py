@@ -12,7 +12,7 @@ from rverror.base.chance import chi_square
 from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.noise import RunNoise
+from rverror.diagnosis.noise import RunNoise, walking
 from rverror.diagnosis.policy import Policy
 from rverror.runs.spectrum import highest_order
 
@@ -20,6 +20,7 @@ from rverror.runs.spectrum import highest_order
 TOLD_ORDER, MOST_LINES = 0.05, 12
 _MOST_PEAKS = 24  # that are looked at closer
 _TURN = 2 * np.pi
+_SLOW = 1.0  # order of a turn: no part of a reducer makes a slower wave, and readings that wander do
 _EVEN = 1e-6  # of a step: samples nearer to even ones are taken as such
 _OWN, _MOST_OWN = 0.3, 4  # orders of an effect: share of its strongest, and how many are listed
 
@@ -69,7 +70,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         return fit.bench.framed(order, apart)
 
     for _ in range(_MOST_PEAKS):
-        line = _strongest(records, rests, policy, is_framed if outside else None)
+        line = _strongest(records, rests, policy, is_framed if outside else None, _SLOW * (not fit.bench.linear))
         if line is None or len(found) == most:
             break
         records = [replace(r, orders=(*r.orders, line.order)) for r in records]
@@ -118,9 +119,13 @@ def line_spectrum(theta: Array, residual: Array, noise: RunNoise, lowest: float,
 
 
 def _strongest(
-    records: Sequence[Record], rests: Sequence[Array], policy: Policy, uncalled_for: Callable[[float], bool] | None
-) -> LineFound | None:
-    """The strongest significant line of any order, if there is one; none where all are of orders not called for."""
+    records: Sequence[Record], rests: Sequence[Array], policy: Policy, uncalled_for: Callable[[float], bool] | None,
+    slow: float,
+) -> LineFound | None:  # fmt: skip
+    """The strongest significant line of any order, if there is one; none where all are of orders not called for.
+
+    One below the order `slow` stands against the random walk that is likeliest in the runs.
+    """
     turns = max(r.turns for r in records)
     highest = highest_order([r.theta for r in records])
     lowest = policy.least_cycles / turns
@@ -152,9 +157,20 @@ def _strongest(
         if any(abs(orders[at] - o) < near for r in records for o in r.orders):
             continue
         line = _sharpened(records, rests, float(orders[at]), turns)
-        if line.power > limit:
+        if line.power > limit and (
+            line.order > slow or power_of(_wandering(records, rests), rests, line.order)[0] > limit
+        ):
             return line
     return None
+
+
+def _wandering(records: Sequence[Record], rests: Sequence[Array]) -> list[Record]:
+    """Records under their noise and the random walk that is likeliest beside it."""
+    return [
+        replace(r, noise=walking(r.noise, r.without_nuisance(rest), r.kept))
+        for r, rest in zip(records, rests, strict=True)
+        if r.noise is not None
+    ]
 
 
 def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:
