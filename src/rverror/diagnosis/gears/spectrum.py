@@ -157,20 +157,20 @@ def _strongest(
         if any(abs(orders[at] - o) < near for r in records for o in r.orders):
             continue
         line = _sharpened(records, rests, float(orders[at]), turns)
-        if line.power > limit and (
-            line.order > slow or power_of(_wandering(records, rests), rests, line.order)[0] > limit
-        ):
+        if line.power > limit and (line.order > slow or _beside_a_walk(records, rests, line.order) > limit):
             return line
     return None
 
 
-def _wandering(records: Sequence[Record], rests: Sequence[Array]) -> list[Record]:
-    """Records under their noise and the random walk that is likeliest beside it."""
-    return [
-        replace(r, noise=walking(r.noise, r.without_nuisance(rest), r.kept))
-        for r, rest in zip(records, rests, strict=True)
-        if r.noise is not None
-    ]
+def _beside_a_walk(records: Sequence[Record], rests: Sequence[Array], order: float) -> float:
+    """Power of one line where the random walk that is likeliest in each run adds to the noise at its order."""
+    total = 0.0
+    for record, rest in zip(records, rests, strict=True):
+        assert record.noise is not None
+        wanders = walking(record.noise, record.without_nuisance(rest), record.kept)
+        move = float(np.ptp(record.theta)) / (record.theta.size - 1)
+        total += power_of([record], [rest], order)[0] / (1 + float(wanders.excess(np.array([order * move]))[0]))
+    return total
 
 
 def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:

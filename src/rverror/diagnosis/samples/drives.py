@@ -32,9 +32,9 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
-_ANY = (
-    1e9  # what is not explained yet of a drive moves nothing that a declared size does not make: squares count as such
-)
+#: Independent values of what is not explained yet: as many as there are, so that squares count as they are.  What is
+#: left of a drive moves nothing that a declared size does not make.
+_ANY = 1e9
 _NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
 _FELL = "not significant under the noise of the runs"
