@@ -19,7 +19,6 @@ from rverror.diagnosis.gears.account import (
     half_widths,
     left_out,
     offset_note,
-    reach,
     spread,
     told_lines,
 )
@@ -52,7 +51,7 @@ def test_where_noise_is_little_an_interval_is_as_wide_as_the_model_s_own_error(n
     own = POLICY.model_error
     for phase in (0.3, 1.1, 2.0):
         fit = encoded(math.sqrt(2) * own * np.cos(THETA - phase), noise)
-        half = [reach(fit, float(variance)) for variance in spread(fit)[:2]]
+        half = [fit.bench.half_width(float(variance)) for variance in spread(fit)[:2]]
         assert half == pytest.approx([1.96 * own] * 2, rel=0.03)
         assert math.hypot(*fit.model.effects[0].values) == pytest.approx(math.sqrt(2) * own, rel=1e-3)
         assert np.all(np.abs(fit.model.effects[0].values) < half)
@@ -62,7 +61,7 @@ def test_where_noise_is_much_an_interval_is_that_of_least_squares() -> None:
     """A cosine of n samples is known to sqrt(2 / n) of the noise, of which the model's own error is a hundredth."""
     noise = 100 * POLICY.model_error / ARCSEC
     fit = encoded(np.zeros(N), noise, uncertainty=1e4)
-    half = reach(fit, float(spread(fit)[0]))
+    half = fit.bench.half_width(float(spread(fit)[0]))
     assert half == pytest.approx(1.96 * noise * ARCSEC * math.sqrt(2 / N), rel=0.05)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ import rverror
 from recordings import recording
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.account import blocks
 from rverror.diagnosis.gears.spectrum import line_spectrum
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.samples.drives import diagnose_drive
+from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.model_file import load_model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, load_run
@@ -67,6 +70,30 @@ def test_noise_alone_seldom_gets_an_effect(motion: Any, memory: float) -> None:
     assert quiet.added == ()
     assert quiet.after == quiet.before
     assert quiet.before.rms / ARCSEC == pytest.approx(np.std(red(found.index(quiet), time.size, memory)), rel=1e-6)
+
+
+def walk(seed: int, n: int, step: float, white: float = 0.3) -> np.ndarray:
+    """A random walk beside white noise."""
+    rng = np.random.default_rng(seed)
+    return np.cumsum(rng.normal(0, step, n)) + rng.normal(0, white, n)
+
+
+@pytest.mark.parametrize("step", [0.005, 0.05, 1.0])
+def test_a_random_walk_alone_seldom_gets_an_effect(step: float) -> None:
+    """Over one turn a slope and a wave of order 1 are the walk's: beside noise without them most had one.
+
+    A small walk is told beside the noise with its step, of a large one lags of the noise say all.
+    """
+    time, theta = turns(1500, 1)
+    found = [diagnose_drive(DRIVE, [record(time, theta, walk(seed, time.size, step))]) for seed in range(8)]
+    assert sum(d.added != () for d in found) <= 1
+    quiet = next(d for d in found if d.verdict == "nothing_missing")
+    assert quiet.noise_rms == pytest.approx(quiet.after.rms, rel=0.25)
+    told = [
+        re.search(r"noise is white, beside a random walk of (\S+) arcsec a sample", "\n".join(d.notes)) for d in found
+    ]
+    if step < 0.3:
+        assert np.median([float(one[1]) for one in told if one]) == pytest.approx(step, rel=0.1)
 
 
 def test_samples_that_say_the_same_are_not_counted_twice() -> None:
@@ -124,6 +151,52 @@ def test_growing_errors_of_a_mixed_run_are_told_apart() -> None:
         low, high = estimate.low, estimate.high
         reach = 1.6 * (high - low) / 2  # three standard deviations
         assert abs(estimate.value - truth[addition.effect.key]) < reach
+
+
+def test_a_worm_is_told_beside_a_larger_drift_over_a_small_part_of_a_turn() -> None:
+    """Over a fortieth of a turn an encoder's order is no more than the slope, which goes first in the answer."""
+    drive = rverror.Model(rverror.Drive(ratio=225.0, shafts={"worm": 225.0}))
+    time, theta = turns(1000, 1 / 40)
+    error = 12 * time / time[-1] + 9 * np.cos(225 * theta) + 0.5 * red(8, time.size, 0.8)
+    run = rverror.run_from_arrays(input_angle=225 * theta, te=error * ARCSEC, time=time, direction="forward")
+    slope_found, worm = diagnose_drive(drive, [run]).added
+    assert slope_found.effect.key in ("sensor.drift", "sensor.ratio_error")
+    assert worm.orders == (225.0,)
+    assert worm.estimates[0].value == pytest.approx(9 * ARCSEC, rel=0.02)
+
+
+def test_what_bends_over_the_angle_is_said_of_a_part_of_a_turn() -> None:
+    time, theta = sine()
+    found = diagnose_drive(DRIVE, [record(time, theta, 40 * (theta / 0.5) ** 2 + red(9, time.size, 0.8))])
+    assert found.added == ()
+    assert any("slow curvature over the angle, 40" in note or "over the angle, 39" in note for note in found.notes)
+
+
+def test_a_cause_that_shows_has_no_rival_of_another_waveform() -> None:
+    """0.3 arcsec of the idler lie ten standard deviations from nothing."""
+    time, theta = turns()
+    found = diagnose_drive(DRIVE, [record(time, theta, 0.3 * np.cos(7 * theta) + red(10, time.size, 0.0))])
+    (idler,) = found.added
+    assert idler.effect.indices == {"shaft": "idler", "harmonic": 1}
+    assert idler.indistinguishable == ()
+
+
+def test_traces_of_a_run_that_turns_both_ways_are_means_of_its_passes() -> None:
+    """Eight cycles pass each angle eight times in each direction: noise of 1 becomes one of 0.35."""
+    time, theta = sine()
+    found = diagnose_drive(DRIVE, [record(time, theta, 5 * np.cos(20 * theta) + red(11, time.size, 0.0))])
+    assert [trace.direction for trace in found.traces] == [1.0, -1.0]
+    for trace in found.traces:
+        assert np.diff(trace.theta) == pytest.approx(np.full(trace.theta.size - 1, np.diff(trace.theta).mean()))
+        wave = 5 * np.cos(20 * trace.theta)
+        off = trace.measured / ARCSEC - (wave - wave.mean())
+        assert np.std(off) < 0.5
+
+
+def test_stretches_of_a_run_that_turns_both_ways_follow_one_another_in_time() -> None:
+    time, theta = sine()
+    (own,), _ = records_of_drive(DRIVE, [record(time, theta, red(12, time.size, 0.0))])
+    assert blocks(own).tolist() == np.minimum(np.arange(1500) * 6 // 1499, 5).tolist()
 
 
 def test_over_whole_turns_ratio_error_and_encoder_are_told_apart() -> None:

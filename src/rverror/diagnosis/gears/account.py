@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.chance import student
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
 from rverror.diagnosis.gears.record import Record
@@ -52,8 +51,7 @@ def account(
     """
     policy = search.policy
     left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
-    # what is left of a drive changes nothing of what a cause makes
-    taken = bool(best.fit.added) and not done and not best.fit.bench.linear
+    taken = bool(best.fit.added) and not done
     if taken:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
@@ -207,16 +205,11 @@ def shared(fit: Fit, squares: float) -> float:
     return squares / max(int(fit.free.sum()), 1)
 
 
-def reach(fit: Fit, variance: float) -> float:
-    """Half width of an interval."""
-    return math.sqrt(variance) * student((1 - fit.bench.policy.confidence) / 2, max(fit.bench.freedom / 8, 4.0))
-
-
 def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
     """Half widths of the intervals of all values, which reach as far as those of fits that do as well."""
-    own, values = np.array([reach(fit, float(one)) for one in spread(fit)]), _values(fit)
+    own, values = np.array([fit.bench.half_width(float(one)) for one in spread(fit)]), _values(fit)
     for other in beside:
-        theirs = np.array([reach(other, float(one)) for one in spread(other)])
+        theirs = np.array([other.bench.half_width(float(one)) for one in spread(other)])
         own = np.maximum(own, np.abs(_values(other) - values) + theirs)
     return [float(one) for one in own]
 
@@ -249,7 +242,7 @@ def _addition(
         estimates.append(
             Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
         )
-        if half > reach(fit, usual**2 / 2):
+        if half > fit.bench.half_width(usual**2 / 2):
             notes.append(f"{parameter.name}: the runs do not tell it; its interval is what {made}")
         if abs(value) > parameter.plausible:
             notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
@@ -305,7 +298,7 @@ def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tu
         wave = np.array(line.waves)
         size = float(np.mean(np.abs(wave)))
         variance = size**2 / max(line.power, 1e-9)  # the power is that of all runs together
-        half = reach(fit, variance * (1 + shared(fit, unsure(fit, policy))))
+        half = fit.bench.half_width(variance * (1 + shared(fit, unsure(fit, policy))))
         order = round(line.order) if abs(line.order - round(line.order)) < TOLD_ORDER / turns else line.order
         frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
@@ -469,7 +462,7 @@ def _mean_of_passes(theta: Array, rows: Array, travelled: Array) -> tuple[Array,
     passes = max(1.0, float(np.abs(np.diff(travelled)).sum()) / travel)
     points = max(round(theta.size / passes), 2)
     cell = np.minimum(np.floor((theta - theta[0]) / travel * points).astype(np.intp), points - 1)
-    count, grid = np.bincount(cell, minlength=points), np.arange(points)
-    there = count > 0
-    means = [np.interp(grid, grid[there], np.bincount(cell, row, points)[there] / count[there]) for row in rows]
-    return theta[0] + travel / points * grid, np.array(means)
+    count = np.bincount(cell, minlength=points)
+    there, grid = count > 0, theta[0] + travel / points * np.arange(points)
+    angle, *means = (np.bincount(cell, row, points)[there] / count[there] for row in (theta, *rows))
+    return grid, np.array([np.interp(grid, angle, mean) for mean in means])

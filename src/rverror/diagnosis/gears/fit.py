@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.base.chance import student
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.record import Record, conditions_of
@@ -73,8 +74,6 @@ class RunSet:
         Whether the records are samples, which may hold lines that no one has named.
     linear : bool
         Whether everything is linear in all sizes, so that what one cause makes does not hang on the others.
-    faulty : bool
-        Whether faults of the readings are looked for.
     """
 
     unit: Mechanism
@@ -88,7 +87,6 @@ class RunSet:
     together: tuple[int, ...] = ()
     sampled: ClassVar[bool] = True
     linear: ClassVar[bool] = False
-    faulty: ClassVar[bool] = True
 
     @staticmethod
     def of(unit: Mechanism, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:
@@ -139,6 +137,10 @@ class RunSet:
     def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
         """Standard deviation of each parameter of a source at a place, before the runs are seen."""
         return self.prior.deviation(key, indices, self.policy.workshop)
+
+    def half_width(self, variance: float) -> float:
+        """Half the width of an interval."""
+        return math.sqrt(variance) * student((1 - self.policy.confidence) / 2, max(self.freedom / 8, 4.0))
 
     @cached_property
     def freedom(self) -> int:

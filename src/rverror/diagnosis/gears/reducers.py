@@ -124,7 +124,7 @@ def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hyp
         fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit)
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
-        changed = second_look(fit.bench.records, fit.residual, least=least) if calm and fit.bench.faulty else None
+        changed = second_look(fit.bench.records, fit.residual, least=least) if calm and not fit.bench.linear else None
         seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
         if stilled:
             still = stilled(search, best, seen)

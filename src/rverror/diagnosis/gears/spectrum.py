@@ -200,7 +200,7 @@ def powers_of(records: Sequence[Record], rests: Sequence[Array], orders: Array) 
         angle = np.outer(orders, record.theta)
         white = record.whiten(np.concatenate([rest[None], np.cos(angle), np.sin(angle)]))
         rows = white[1:].reshape(2, orders.size, -1)
-        total += [_taken(white[0], rows[:, at])[0] for at in range(orders.size)]
+        total += [taken_off(white[0], rows[:, at])[0] for at in range(orders.size)]
     return [float(power) for power in total]
 
 
@@ -209,13 +209,13 @@ def explained(records: Sequence[Record], rests: Sequence[Array], rows: Sequence[
     total, sizes = 0.0, []
     for record, rest, own in zip(records, rests, rows, strict=True):
         white = record.whiten(np.concatenate([rest[None], own]))
-        squares, size = _taken(white[0], white[1:])
+        squares, size = taken_off(white[0], white[1:])
         total += squares
         sizes.append(size)
     return total, sizes
 
 
-def _taken(rest: Array, rows: Array) -> tuple[float, Array]:
+def taken_off(rest: Array, rows: Array) -> tuple[float, Array]:
     """Squares that whitened rows take off a residual, and their sizes."""
     scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
     unit = rows / scale[:, None]

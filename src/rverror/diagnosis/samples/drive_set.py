@@ -11,7 +11,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.chance import chi_square, student
+from rverror.base.chance import chi_square
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
@@ -31,6 +31,7 @@ from rverror.statics.loaded_state import SOFTENING
 
 _POINTS = 8  # of a waveform of nothing
 _ERROR, _OFFSET, _SLOW = "error", "offset", "slow"  # rows of a compressed run that no source makes
+_APART = 1e-5  # of a row beside others: what keeps less is one of them, so that no size is enormous
 _IN_SPAN = 1e-10  # share of a row beyond what is there that is rounding
 
 
@@ -156,7 +157,6 @@ class DriveSet(RunSet):
     compressed: bool = False
     made: dict[object, Any] = field(default_factory=dict, repr=False)
     linear: ClassVar[bool] = True
-    faulty: ClassVar[bool] = False
 
     @property
     def settles(self) -> bool:
@@ -227,8 +227,7 @@ class DriveSet(RunSet):
             ):
                 continue
             if name == LOST:
-                value, deviation = float(sizes[at][0]), math.sqrt(float(covariance[at, at][0, 0]))
-                half = deviation * student((1 - self.policy.confidence) / 2, max(self.freedom / 8, 4.0))
+                value, half = float(sizes[at][0]), self.half_width(float(covariance[at, at][0, 0]))
                 told, low, high = (v / ARCSEC for v in (value, value - half, value + half))
                 notes.append(
                     f"{record.name}: the output leads by {told:.4g} arcsec more, {100 * self.policy.confidence:g} % "
@@ -273,9 +272,15 @@ def _beside(record: Record, *, swings: bool) -> Array:
     if not swings:
         return np.asarray(record.error - record.error.mean())
     clock = np.arange(record.theta.size) if record.time is None else record.time
-    rows = np.stack([np.ones(clock.size), clock - clock.mean(), record.theta - record.theta.mean(), *record.settling])
-    rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
-    return np.asarray(record.error - np.linalg.lstsq(rows.T, record.error, rcond=1e-10)[0] @ rows)
+    plain = [np.ones(clock.size), clock - clock.mean(), record.theta - record.theta.mean()]
+    return less(record.error, np.stack([*plain, *record.settling]))[0]
+
+
+def less(values: Array, rows: Array) -> tuple[Array, int]:
+    """Values less what rows make of them by least squares, and how many of the rows are apart."""
+    columns = (rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]).T
+    sizes, _, rank, _ = np.linalg.lstsq(columns, values, rcond=_APART)
+    return np.asarray(values - columns @ sizes), int(rank)
 
 
 def drive_set(model: Model, records: Sequence[DriveRecord], policy: Policy, candidates: Sequence[Named]) -> DriveSet:

@@ -19,14 +19,14 @@ from rverror.diagnosis.gears.ranking import Offer, columns_of, singles
 from rverror.diagnosis.gears.reducers import renewed
 from rverror.diagnosis.gears.score import Hypothesis, identity, named
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines
+from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines, taken_off
 from rverror.diagnosis.gears.trial import Trial
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition, Diagnosis, Progress, Residual
-from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, told_apart
+from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
 from rverror.diagnosis.samples.records import DriveRecord, records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
@@ -93,6 +93,7 @@ def diagnose_drive(
             tried = any(identity(name) == identity(other) for other in search.candidates)
             journal.note("fell", name, _FELL if tried else _NOT_TOLD)
     journal.tell("searching the residual for lines of any order")
+    # what is left of a drive changes nothing of what a cause makes, so all that was found is told
     found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
     found = replace(found, tried=len(candidates), added=_in_order(search, best, found.added))
     return _as_torque(found, model, records[0].unit) if torque else found
@@ -195,13 +196,8 @@ def calm(bench: DriveSet) -> DriveSet:
     rows = bench.influences(Model(bench.unit), (), bench.candidates)
     records = []
     for record, own in zip(bench.records, rows, strict=True):
-        regular = np.concatenate([record.nuisance, record.settling, own])
-        regular /= np.maximum(np.linalg.norm(regular, axis=1), 1e-300)[:, None]
-        basis, size, _ = np.linalg.svd(regular @ regular.T)
-        used = size > 1e-9 * size[0]
-        span = (basis[:, used] / np.sqrt(size[used])).T @ regular
-        rest = record.error - (span @ record.error) @ span
-        noise = noise_of(rest, record.kept, float(len(span)), floor=bench.policy.model_error, few=True)
+        rest, count = less(record.error, np.concatenate([record.nuisance, record.settling, own]))
+        noise = noise_of(rest, record.kept, float(count), floor=bench.policy.model_error, few=True)
         records.append(replace(record, noise=noise))
     return replace(bench, records=tuple(records))
 
@@ -210,7 +206,7 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     """A set under the noise that it leaves, or that the part of it leaves which is as likely, noise and all.
 
     Causes, lines and drift are taken out one after another as long as noise that is estimated without them makes up
-    for them; and all at once, since several together make more of a random walk than each of them.
+    for them.
 
     Parameters
     ----------
@@ -221,10 +217,10 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     """
     now, fit = best, fitted(renoised(seen, calm=True))
     while now.names:
-        parts = [*search.parts(replace(now, fit=compressed(now.fit))), search.root]
+        parts = search.parts(replace(now, fit=compressed(now.fit)))
         fits = each(lambda part: fitted(renoised(sampled(part).fit, calm=True)), parts)
         gains = [
-            _deviance(other) - _deviance(fit) - search.score.by_chance(now, part)
+            other.deviance - fit.deviance - search.score.by_chance(now, part)
             for part, other in zip(parts, fits, strict=True)
         ]
         least = int(np.argmin(gains))
@@ -232,17 +228,6 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
             break
         now, fit = parts[least], fits[least]
     return under(seen, fit)
-
-
-def _deviance(fit: Fit) -> float:
-    """`Fit.deviance` as if noises of any number of lags left as many samples: the first ones as the others."""
-    total = fit.prior
-    for record, white in zip(fit.bench.records, fit.rows, strict=True):
-        free, samples = record.whiten.freedom, int(record.whiten.kept.sum())
-        assert record.noise is not None
-        total += float(white[0] @ white[0]) * samples / free
-        total += record.whiten.log_variance + 2 * (samples - free) * math.log(record.noise.sigma)
-    return total
 
 
 def sampled(one: Hypothesis) -> Hypothesis:
@@ -337,22 +322,13 @@ class DriveSearch(Search):
         white = np.concatenate(rest.rows, axis=1)
         there = white[1:][np.linalg.norm(white[1:], axis=1) > 0]
         basis = np.linalg.qr((there / np.linalg.norm(there, axis=1)[:, None]).T)[0]
-        now, limit = _least(white[0], np.concatenate([own, there]))[1], -2 * fit.scale * math.log(bench.policy.alike)
+        least = taken_off(white[0], np.concatenate([own, there]))[0] + 2 * fit.scale * math.log(bench.policy.alike)
         found = []
         for name, block in zip(others, blocks, strict=True):
             beyond = np.sum((block - (block @ basis) @ basis.T) ** 2, axis=1)
             if (beyond < _NOTHING * np.sum(block**2, axis=1)).all():
                 continue
-            sizes, left = _least(white[0], np.concatenate([block, there]))
-            if left - now < limit:
+            squares, sizes = taken_off(white[0], np.concatenate([block, there]))
+            if squares > least:
                 found.append((name, sizes[: len(block)]))
         return found
-
-
-def _least(rest: Array, rows: Array) -> tuple[Array, float]:
-    """Sizes of rows that leave the least squares, and these."""
-    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
-    unit = rows / scale[:, None]
-    moment = unit @ rest
-    sizes = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True) @ moment
-    return sizes / scale, float(rest @ rest - moment @ sizes)
