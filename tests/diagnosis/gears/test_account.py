@@ -28,6 +28,7 @@ from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY, Policy
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 
 N = 600
@@ -237,3 +238,29 @@ def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fix
     note = offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
     assert "the gear's marks are " in note
     assert ("or whole turns of the crank, 22.5 deg, from there" in note) == again
+
+
+def test_marks_are_not_placed_where_nothing_of_the_gear_train_shows() -> None:
+    """An encoder turns with the bench, and rigid gears without errors make none: neither says where the marks are."""
+    declared = Model(UNIT, (replace(ENCODER, uncertainty=ARCSEC),))
+    angle = THETA + red(0, N)
+    run = rverror.run_from_arrays(input_angle=UNIT.ratio * THETA, output_angle=angle, direction="forward")
+    runs = [replace(run, index="unknown")]
+    model, anywhere = with_marks(declared, runs)
+    records, _ = records_of(model, runs)
+    fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
+    assert "cannot be placed" in offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9, True), (1.1, False)])
+def test_a_size_is_told_where_less_than_half_of_its_variance_is_left(share: float, told: bool) -> None:
+    """What the runs know by themselves and what a workshop makes are then alike: sqrt(2 / n) of the noise, and that."""
+    usual = POLICY.workshop * source(ENCODER.key).parameters[0].plausible
+    noise = share * usual / math.sqrt(2 / N)
+    run = rverror.run_from_arrays(input_angle=UNIT.ratio * THETA, output_angle=THETA, direction="forward")
+    record = replace(records_of(Model(UNIT), [run])[0][0], noise=RunNoise(np.zeros(0), noise))
+    root = evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), Model(UNIT), Model(UNIT))
+    search = search_of(root, [ENCODER.key])
+    best = search.score.of(evaluated(root.bench, Model(UNIT, (ENCODER,)), Model(UNIT)))
+    (one,) = account(Model(UNIT), Model(UNIT), [run], search, search.root, best, True, []).added
+    assert any("do not tell" in note for note in one.notes) != told

@@ -379,18 +379,13 @@ def told_of_runs(fit: Fit, unit: Reducer) -> list[str]:
     return notes
 
 
-def _placed(fit: Fit, declared: Model) -> float:
-    place = sum(len(e.values) for e in declared.effects)
-    variance = float(spread(fit)[place])
-    return math.sqrt(variance) if variance < math.pi**2 / 3 else math.inf  # of marks that may be anywhere
-
-
 def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
     """Where unknown marks are, in words, from half of the interval of every value."""
-    if not math.isfinite(_placed(fit, declared)):
+    place = sum(len(e.values) for e in declared.effects)
+    if spread(fit)[place] > math.pi**2 / 3:  # that of marks that may be anywhere
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
-    half = math.degrees(halves[sum(len(e.values) for e in declared.effects)])
+    half = math.degrees(halves[place])
     turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.gears)["crank"])
     known = [(e.key, e.indices) for e in declared.effects if not source(e.key).at_output]
     again = all(source(key).repeats_with_crank(fit.bench.unit, indices) for key, indices in known)
