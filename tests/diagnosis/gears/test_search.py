@@ -158,7 +158,7 @@ def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     assert not done
     assert best.names == {named(HEAD)}
     assert len(search.expanded) == len(set(search.expanded))
-    assert {kind for _, kind in search.expanded} > {"singly", "begun_anywhere"}  # the latter of a wide beam alone
+    assert {kind for _, kind in search.expanded} > {"singly", "begun_anywhere"}  # the latter is the last kind
 
 
 def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
@@ -445,8 +445,8 @@ def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
         assert sizes(best, effect) == pytest.approx(effect.values, abs=2e-3)
 
 
-def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_together() -> None:
-    """Neither takes off half of what both make: beside the one the other is found, and both by a wide beam alone."""
+def test_beside_a_profile_that_was_ground_off_the_pin_that_then_carries_is_found() -> None:
+    """The profile alone takes off less than half of what both make."""
     profile = replace(PROFILE, values=(0.020, 0.010))
     pin = rverror.effect("cycloid.pin_radius", pin=5, deviation="6.5 um")
     fit = settled(Model(OTHER, (profile, pin)), profile, pin, conditions=(*USUAL, (1.0, 150e3)))
@@ -457,9 +457,6 @@ def test_a_profile_that_was_ground_off_and_the_pin_that_then_carries_are_found_t
     assert search.complete(best)
     assert best.names == both
     assert sizes(best, pin) == pytest.approx(pin.values, abs=5e-4)
-    search = search_of(fit, [profile.key, pin.key])
-    assert both not in [one.names for one in raced(search, search.moves.begun_at_pins(search.root))]
-    assert both in [one.names for one in raced(search, search.moves.begun_anywhere(search.root))]
 
 
 def test_a_profile_is_named_without_its_twins() -> None:
@@ -609,6 +606,10 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     (found,) = complete_ones(search, moved(search, one))[:1]
     assert {e.key for e in found.fit.added} == {true.key}
     assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
+    if true.key == PLANET.key:  # the set as it stands, with the marks elsewhere
+        search = search_of(fit, [true.key], offsets=offsets)
+        (again,) = complete_ones(search, raced(search, search.moves.turned(one)))[:1]
+        assert abs((again.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
 
 
 # --- what fits as well ------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ Page ``theory/search.md``.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -35,7 +34,6 @@ _OFFERED = 30  # trials of each kind that a set offers
 _STARTS = 512  # angles a turn on which starts are solved
 _FEW_PLACES = 12  # of a source, whose starts are offered first: harmonics of two discs, not single pins or lobes
 _NEARLY = 2.0  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
-_PATIENT = 3  # starts of a source that are followed to their end, and causes beside each start
 _MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
 
 
@@ -202,47 +200,21 @@ class Moves:
         yield from self._begun(one, names, in_pairs=True)
 
     def begun_anywhere(self, one: Hypothesis) -> Iterator[Trial]:
-        """One cause more, or two, from the starts of sources with many places, each of which is improbable.
+        """One cause more, or two, from all starts; each of many places is improbable, so these come last."""
+        yield from self._begun(one, self.starting(), in_pairs=True)
 
-        Beside what opens no contact the best starts of every source are followed to their end, since a few steps drop
-        what is about to fit, and so are causes that show only beside what lets all contacts go.
-        """
-        patient = all(source(e.key).at_output for e in one.fit.added)
-        yield from self._begun(one, self.starting(), in_pairs=True, patient=patient)
-        if self._room(one) > 1 and patient:
-            yield from self._behind(one, self._plain(one)[0])
-
-    def _begun(
-        self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False, patient: bool = False
-    ) -> Iterator[Trial]:
+    def _begun(self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False) -> Iterator[Trial]:
         """One cause more, or two, of which one at least begins at a start of some candidates."""
         if not names:
             return
         (plain, linear), cost = self._plain(one), self.score.cost
         starts = self._starts(plain, names)
-        ranked = singles(plain, starts, cost)
-        yield from self._offered(one, plain.model, _of_each(ranked) if patient else ranked, patient=patient)
+        yield from self._offered(one, plain.model, singles(plain, starts, cost))
         if in_pairs and self._room(one) > 1:
             both = pairs(plain, linear + starts, cost, most=_OFFERED)
-            yield from self._offered(one, plain.model, both, patient=patient)
+            yield from self._offered(one, plain.model, both)
         if not one.fit.added:
             yield from self._at_other_marks(one, plain, partial(self._starts, names=names))
-
-    def _behind(self, one: Hypothesis, fit: Fit) -> Iterator[Trial]:
-        """Single causes by a linear step beside the starts of what is the same everywhere."""
-        effects = self._begun_alone(fit)
-
-        def beside(effect: Effect) -> list[Trial]:
-            try:
-                state = evaluated(fit.bench, fit.model.with_effects(effect), fit.declared, fit.waves)
-            except NotConvergedError:
-                return []
-            offers = singles(state, self.blocks(state), self.score.cost)[:_PATIENT]
-            return self._offered(one, state.model, offers, patient=True)
-
-        self.spent += len(effects)
-        found = [trial for trials in each(beside, effects) for trial in trials]
-        yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
 
     def _at_other_marks(self, one: Hypothesis, fit: Fit, blocks: Callable[[Fit], list[Columns]]) -> Iterator[Trial]:
         """Single causes with the marks elsewhere: what is missing decides where they are too."""
@@ -280,16 +252,8 @@ class Moves:
         yield from (Trial(model, one.score, one.slim) for model in models)
 
     def turned(self, one: Hypothesis) -> Iterator[Trial]:
-        """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
-        fit = one.few
-        first, free = len(fit.declared.effects), {identity(name) for name in self.free(fit)}
-        models = [fit.model] + [
-            replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
-            for at, effect in enumerate(fit.added)
-            for other in equivalents(effect, fit.bench.unit)
-            if named(other) in free
-        ]
-        yield from (Trial(marked(m, offset), one.score, one.slim) for offset in self._angles for m in models)
+        """The same set with the marks elsewhere, where they are not known."""
+        yield from (Trial(marked(one.few.model, offset), one.score, one.slim) for offset in self._angles)
 
     def hidden(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more that sizes and stiffness hide, which have moved to make up for it: seen from where they were
@@ -337,7 +301,7 @@ class Moves:
         if len(fit.added) > 1:
             root = self.root.few
             for begun in self._begun_alone(root):
-                yield Trial(root.model.with_effects(begun), one.score, self.root, patient=True)
+                yield Trial(root.model.with_effects(begun), one.score, self.root)
 
     # --- what offers are made of --------------------------------------------------------------------------------------
 
@@ -347,8 +311,6 @@ class Moves:
         model: Model,
         offers: Sequence[Offer],
         mine: float | None = None,
-        *,
-        patient: bool = False,
     ) -> list[Trial]:
         """Trials of the best offers beside a set, by what they promise to be better than what is there without them, or
         than a score of its own by the same step."""
@@ -357,7 +319,6 @@ class Moves:
                 with_offer(model, offer),
                 round(one.score + offer.score - (offer.without if mine is None else mine), 6),
                 one.slim,
-                patient=patient,
             )
             for offer in offers[:_OFFERED]
         ]
@@ -482,14 +443,3 @@ def _is_slow(unit: Mechanism, entry: Source, indices: Indices) -> bool:
 def _is_quick(unit: Mechanism, entry: Source, indices: Indices) -> bool:
     """Tell whether what a source makes is solved over a turn of the crank alone."""
     return entry.repeats_with_crank(unit, indices)
-
-
-def _of_each(offers: Sequence[Offer]) -> list[Offer]:
-    """The best few offers of each source, in order."""
-    counts = Counter[str]()
-    found = []
-    for offer in offers:
-        counts[offer.names[0][0]] += 1
-        if counts[offer.names[0][0]] <= _PATIENT:
-            found.append(offer)
-    return found

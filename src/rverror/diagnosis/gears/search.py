@@ -32,7 +32,6 @@ from rverror.statics.loaded_state import NotConvergedError
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
 _LOOKED_AT = 40  # more that are solved once, where those did not complete a set
-_NARROW = 2  # beam up to which starts of few places are offered
 _DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
 _CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
@@ -60,7 +59,7 @@ class Search:
         Sets of the widest beam, and rounds of a beam for each set of it.
     """
 
-    widest, rounds = 8, 4
+    widest, rounds = 2, 4  # no unit of the trial was completed by a wider beam
 
     def __init__(
         self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
@@ -153,8 +152,8 @@ class Search:
         some that were not solved yet: of what bends a linear step promises too little."""
         known = [one.score for one in self.known.values() if len(one.fit.added) == size]
         limit = min(known, default=math.inf) + _CLOSE * (self._width - 1)
-        same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: (not t.patient, t.score))
-        first = distinct([trial for trial in same if trial.patient or trial.score <= limit], _TOGETHER)
+        same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: t.score)
+        first = distinct([trial for trial in same if trial.score <= limit], _TOGETHER)
         if not self._rounds and self._width == 1:
             return first
         chosen = set(map(id, first))
@@ -167,10 +166,10 @@ class Search:
         while trials:
             further = sorted(self._all_further(trials), key=lambda trial: trial.score)
             ends += [trial for trial in further if trial.settled]
-            going = [trial for trial in further if not trial.settled and not trial.patient]
+            going = [trial for trial in further if not trial.settled]
             kept = max(_TO_THE_END, kept // 2)
             behind += going[kept:]
-            trials = [*(trial for trial in further if trial.patient and not trial.settled), *going[:kept]]
+            trials = going[:kept]
         ends.sort(key=lambda trial: trial.score)
         near = [trial for trial in ends if trial.score < ends[0].score + _CLOSE]
         self._fit_all(near[:1])
@@ -181,7 +180,7 @@ class Search:
     @staticmethod
     def _may_reach(trial: Trial, limit: float) -> bool:
         """Tell whether a trial may come to a score: the fewer steps it took, the less its promise says."""
-        return trial.patient or trial.score < limit + _CLOSE * _DOUBT[min(trial.taken, len(_DOUBT) - 1)]
+        return trial.score < limit + _CLOSE * _DOUBT[min(trial.taken, len(_DOUBT) - 1)]
 
     @property
     def margin(self) -> float:
@@ -318,9 +317,9 @@ class Search:
         """Moves from a set, in their order."""
         moves, full = self.moves, len(one.fit.added) == self.policy.most_effects
         misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
-        more = [] if full else [moves.singly, self._doubly, moves.begun_at_pins]
-        anywhere = [moves.begun_anywhere] if self._width > _NARROW and not full else []
-        return [*misplaced, *more, self._lined, *anywhere]
+        if full:
+            return [*misplaced, self._lined]
+        return [*misplaced, moves.singly, self._doubly, moves.begun_at_pins, self._lined, moves.begun_anywhere]
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""

@@ -32,8 +32,6 @@ class Trial:
         Its state on few angles.
     taken : int
         How often it was taken up.
-    patient : bool
-        Whether it is followed to its end, whatever it promises.
     """
 
     model: Model
@@ -41,7 +39,6 @@ class Trial:
     origin: Hypothesis
     fit: Fit | None = None
     taken: int = 0
-    patient: bool = False
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -96,7 +93,7 @@ def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:
         if len(kept) == most:
             break
         others, way = ahead.setdefault(trial.place, []), trial.way
-        if trial.patient or (len(others) < 2 and all(way @ other < 0.5 for other in others)):
+        if len(others) < 2 and all(way @ other < 0.5 for other in others):
             others.append(way)
             kept.append(trial)
     return kept
