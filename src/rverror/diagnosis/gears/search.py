@@ -347,7 +347,7 @@ class Search:
 
     def challengers(self, one: Hypothesis) -> Iterator[Trial]:
         """What a complete set must stand beside; a part that nearly fits may have ended in a false minimum."""
-        yield from self.moves.hidden(one)
+        yield from self.race(list(self.moves.hidden(one)))
         yield from self.moves.swapped(one)
         yield from self.race(list(self.moves.alone(one)))
         yield from self.race(list(self.moves.turned(one)))
