@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import rverror
+from gear_runs import UNIT
 from rverror.base.units import ARCSEC
+from rverror.tolerances import loaded_units as angles
 from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
 from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
@@ -49,6 +51,17 @@ def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.Tolerance]]:
         rverror.tolerance("load.torsion", "0.01 arcsec/(N*m)", mean="0.02 arcsec/(N*m)"),
     ]
     return rverror.Model(unit, declared), tolerances
+
+
+@pytest.fixture
+def few_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Angles enough for one wave of order 16 or 40, and for a lost motion that units have alike but for a constant.
+
+    What is tested with them is how a turn spreads over the units.  The first 45 see nine phases of order 40 and 45 of
+    order 16.
+    """
+    monkeypatch.setattr(angles, "FINE", 720)
+    monkeypatch.setattr(angles, "POSITIONS", 6)
 
 
 def of_effects(units: LoadedUnits, drawn: np.ndarray) -> rverror.Model:
@@ -140,10 +153,13 @@ def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverr
     """One tolerance whose lost motion is that of the perfect unit and thinning / (r1 R): and these two, rad."""
     unit = rverror.reducer("RV-40E")
     tolerance = rverror.tolerance("involute.tooth_thinning", width, mean="20 um", member="sun", **more)
-    perfect = float(rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(48) / 48).max())
+    perfect = float(
+        rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(angles.POSITIONS) / angles.POSITIONS).max()
+    )
     return rverror.Model(unit), [tolerance], perfect, 1 / (unit.sun_teeth * unit.module / 2 * unit.ratio)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_yield_is_that_of_a_normal_lost_motion() -> None:
     model, tolerances, perfect, each = thinned()
     sigma = 2e-3  # T is three of them
@@ -156,6 +172,7 @@ def test_yield_is_that_of_a_normal_lost_motion() -> None:
         assert one.quantile(share).low <= asked.value <= one.quantile(share).high
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     """The width that fresh units verify lies between those with 99 % and 99.95 % of good units."""
     cost = rverror.costs.Reciprocal(10.0, 0.006)
@@ -171,6 +188,7 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     assert found.closed_form.quantile == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     """Of the grades the one with which all costs least, the smooth width as wide as the limit then leaves it."""
     smooth, table = (
@@ -192,6 +210,7 @@ def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     assert found.cost == pytest.approx(min(costs), rel=0.1)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
     model, tolerances, perfect, each = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
     low = Limit("lost_motion", perfect + each * 10e-3)  # the mean is 20
@@ -202,6 +221,7 @@ def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
         allocate_at_load(model, tolerances, [narrow], sample=64, verify=600)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_a_limit_that_is_met_by_too_little_to_be_verified_is_not_called_out_of_reach() -> None:
     """With the least width 99.5 % of the units are good: it can be, though few units do not verify 99 %."""
     cost = rverror.costs.Reciprocal(1.0, 0.006)
@@ -264,6 +284,7 @@ def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
         )
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
     """One cam, whose peak-to-peak has Rayleigh's distribution: the normal one through a sample ends too early.
 
@@ -271,8 +292,8 @@ def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
     """
     cost = rverror.costs.Reciprocal(10.0, 0.005)
     cam = rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0, cost=cost)
-    model = rverror.Model(rverror.reducer("RV-40E"))
-    asked = [limit("transmission_error", "20 arcsec", torque="412 N*m")]
+    model = rverror.Model(UNIT)
+    asked = [limit("transmission_error", "20 arcsec", torque="50 N*m")]
     found = allocate_at_load(model, [cam], asked, sample=256, verify=1500, seed=2)
     assert found.verified is not None
     assert found.verified.stream > 1  # the first verification failed
