@@ -288,13 +288,14 @@ def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
 def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
     """One cam, whose peak-to-peak has Rayleigh's distribution: the normal one through a sample ends too early.
 
-    Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.
+    Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.  With this seed six verifications
+    fail where what the first one tells is left out.
     """
     cost = rverror.costs.Reciprocal(10.0, 0.005)
     cam = rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0, cost=cost)
     model = rverror.Model(UNIT)
     asked = [limit("transmission_error", "20 arcsec", torque="50 N*m")]
-    found = allocate_at_load(model, [cam], asked, sample=256, verify=1500, seed=2)
+    found = allocate_at_load(model, [cam], asked, sample=128, verify=1500, seed=3)
     assert found.verified is not None
     assert found.verified.stream > 1  # the first verification failed
     assert found.verified.limits[0].met
