@@ -38,6 +38,17 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
+@pytest.fixture
+def few_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solve units at the load at angles enough for waves of order 16 or 40, and for a lost motion alike all around.
+
+    What is tested with them is how a turn spreads over the units.  The first 45 angles see nine phases of order 40 and
+    45 of order 16; the last ones stand 20 deg of order 40 apart.
+    """
+    monkeypatch.setattr("rverror.tolerances.loaded_units.FINE", 720)
+    monkeypatch.setattr("rverror.tolerances.loaded_units.POSITIONS", 6)
+
+
 # --- `--quick` --------------------------------------------------------------------------------------------------------
 
 #: Folders without tests of a room: pages, notebooks and packaging, and simulators of trials, which compile for long.

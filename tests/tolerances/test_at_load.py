@@ -53,17 +53,6 @@ def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.Tolerance]]:
     return rverror.Model(unit, declared), tolerances
 
 
-@pytest.fixture
-def few_angles(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Angles enough for one wave of order 16 or 40, and for a lost motion that units have alike but for a constant.
-
-    What is tested with them is how a turn spreads over the units.  The first 45 see nine phases of order 40 and 45 of
-    order 16.
-    """
-    monkeypatch.setattr(angles, "FINE", 720)
-    monkeypatch.setattr(angles, "POSITIONS", 6)
-
-
 def of_effects(units: LoadedUnits, drawn: np.ndarray) -> rverror.Model:
     """The model of one unit, written effect by effect."""
     values = units.means + drawn * units.stack.width[units.stack.entry]
@@ -93,6 +82,7 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
         assert stiffness == pytest.approx(rverror.torsional_stiffness(one, places).min(), rel=1e-7)
 
 
+@pytest.mark.usefixtures("few_angles")  # a slope is that of the turn between two angles, whichever they are
 @pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.ContactLaw(profile_curvature=1.0)}])
 def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None:
     model, tolerances = mixed(**changes)
@@ -137,6 +127,7 @@ def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None
     assert problem.heavy * torque == pytest.approx(np.full(3, problem.heavy[0] * torque[0]))
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
     model, tolerances = mixed()
     found = rverror.error_budget(model, tolerances, torque=ARM, count=512, index_count=0, loaded_count=16)
@@ -266,6 +257,7 @@ def test_a_stiffness_and_its_turn_are_each_others_inverse() -> None:
     assert one.shown(one.value) == pytest.approx(100.0)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
     """At the widths of the sample and beside them; a calibrated one has so many times the spread about no spread."""
     model, tolerances = mixed()
