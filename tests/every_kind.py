@@ -34,6 +34,15 @@ ELASTIC = (
     ElasticEstimate("flank_exponent", "number", 1.0, 1.0, 1.0, 1.25, False),
 )
 
+#: Names of what `every_kind` makes, known without making it.
+KINDS = (
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
+    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
+    "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+)  # fmt: skip
+
 HOSTILE = """<script>alert("1")</script> & 'b' <img src=x onerror=alert(1)>"""
 TORQUE = 412e3
 
