@@ -39,7 +39,7 @@ USAGE = """usage: python run.py demo [arguments of `rverror demo`]
        python run.py test [arguments of pytest]
 
 demo   install rverror with its plots, run its example from start to end
-test   install rverror with its checks, run ruff, mypy and pytest"""
+test   install rverror with its checks, run ruff, mypy and pytest; with --quick a minute's choice of the tests"""
 
 ROOT = Path(__file__).resolve().parent
 STAMP = "rverror-stamp"

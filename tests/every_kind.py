@@ -6,6 +6,7 @@ import functools
 import math
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsi
 from rverror.matching.at_load import Quantity
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.runs.order_table import OrderCase, TableCondition
+from rverror.tolerances import full_budget
 from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
 from rverror.tolerances.specification import Limit
@@ -31,6 +33,15 @@ ELASTIC = (
     ElasticEstimate("pin_exponent", "number", 1.0, 1.125, math.nan, math.nan, True),
     ElasticEstimate("flank_exponent", "number", 1.0, 1.0, 1.0, 1.25, False),
 )
+
+#: Names of what `every_kind` makes, known without making it.
+KINDS = (
+    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
+    "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
+    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
+    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
+    "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
+)  # fmt: skip
 
 HOSTILE = """<script>alert("1")</script> & 'b' <img src=x onerror=alert(1)>"""
 TORQUE = 412e3
@@ -334,9 +345,10 @@ def _efficiency(theta: Any, drives: str, direction: float) -> rverror.Efficiency
 def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
     stack = rverror.stack(MODEL, TOLERANCES, theta=THETA)
-    budget = rverror.error_budget(
-        MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
-    )
+    with mock.patch.object(full_budget, "POINTS", 8):  # each solves five units
+        budget = rverror.error_budget(
+            MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
+        )
     allocation = rverror.allocate(stack, **terms(TOLERANCES), limit="60 arcsec", kind="worst", verify=1024)
     front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], **terms(TOLERANCES), kind="worst", verify=1024)
     few = THETA[:6]

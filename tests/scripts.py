@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-import runpy
 from functools import cache
+from runpy import run_path
 from typing import Any
 
 from pages import ROOT
@@ -16,5 +16,5 @@ def run(name: str) -> tuple[str, dict[str, Any]]:
     """What a script prints, and its names."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        names = runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
+        names = run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
     return printed.getvalue(), names

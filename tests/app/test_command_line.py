@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import json
 import os
@@ -608,37 +609,41 @@ ENCODER = effect("sensor.encoder_eccentricity", cos="5 arcsec", sin="-8 arcsec")
 TURNED = Model(GEAR.mechanism, (CAM, ENCODER, effect("sensor.index_offset", offset="20 deg")))
 
 
-@pytest.fixture
-def unmarked(bench: Path) -> list[str]:
-    """Arguments of a diagnosis of runs without the gear's zero, and the files in place."""
-    save_model(bench / "m.toml", Model(GEAR.mechanism, (CAM,)))
-    names = []
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """What a diagnosis of runs without the gear's zero saved, `new.toml` beside their files, and those of the runs."""
+    folder, names = tmp_path_factory.mktemp("unmarked"), []
+    save_model(folder / "m.toml", Model(GEAR.mechanism, (CAM,)))
     for run in simulate_runs(TURNED, points=256, revolutions=3, noise="0.5 arcsec", correlation="2 deg"):
         names.append(f"{run_label(run.direction[0], None)}.csv")
-        write_run(bench / names[-1], replace(run, index="unknown"))
-    return ["diagnose", "m.toml", *names]
+        write_run(folder / names[-1], replace(run, index="unknown"))
+    with contextlib.chdir(folder):
+        assert call("diagnose", "m.toml", *names, "--save", "new.toml") == 0
+    return folder, names
 
 
-def test_saving_keeps_where_the_gears_marks_are(unmarked: list[str]) -> None:
+def test_saving_keeps_where_the_gears_marks_are(saved: tuple[Path, list[str]]) -> None:
     """An angle that was found is no missing effect, but without it the new model predicts another waveform."""
-    assert call(*unmarked, "--save", "new.toml") == 0
-    new = load_model("new.toml")
+    folder, names = saved
+    new = load_model(folder / "new.toml")
     assert [e.key for e in new.effects] == [CAM.key, "sensor.index_offset", ENCODER.key]
-    assert new.effects[0] == load_model("m.toml").effects[0]
+    assert new.effects[0] == load_model(folder / "m.toml").effects[0]
     assert np.degrees(new.index_offset) % 9 == pytest.approx(20 % 9, abs=0.3)
     assert "index unknown" in new.effects[1].origin
-    assert all(name in new.effects[2].origin for name in unmarked[2:])
+    assert all(name in new.effects[2].origin for name in names)
     theta = np.linspace(0, 2 * np.pi, 400)
     found, true = (transmission_error(m, theta, direction=1) for m in (new, TURNED))
     assert np.std(true) > 10 * ARCSEC
     assert np.std(found - true) < 0.5 * ARCSEC
 
 
-def test_a_saved_model_knows_its_marks(unmarked: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_saved_model_knows_its_marks(
+    saved: tuple[Path, list[str]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The same runs again: nothing is missing, and the zero is where the model says, not in a second offset."""
-    assert call(*unmarked, "--save", "new.toml") == 0
-    capsys.readouterr()
-    assert call("diagnose", "new.toml", *unmarked[2:], "--json", "again.json", "--save", "same.toml") == 0
+    folder, names = saved
+    monkeypatch.chdir(folder)
+    assert call("diagnose", "new.toml", *names, "--json", "again.json", "--save", "same.toml") == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[1].startswith("Nothing missing: ")
     again = strict_json(Path("again.json").read_text(encoding="utf-8"))

@@ -46,31 +46,6 @@ def said(folder: Path, *words: str) -> dict[str, Any]:
     return dict(json.loads((folder / "found.json").read_text(encoding="utf-8")))
 
 
-def test_what_grows_is_named_with_its_rate_and_how_long_it_lasts(
-    life: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder, truth = life
-    change = truth["change"]
-    page = str(folder / "page.html")
-    model = str(folder / "model.toml")
-    limit = ("--limit", "transmission error 90 arcsec")
-    found = said(folder, "trend", str(folder / "runs"), "--model", model, *limit, "--html", page)
-    assert "1 cause grows" in capsys.readouterr().out
-    assert not found["jumps"]
-    named = found["growing"][0]
-    places = [(named["key"], named["indices"]), *((o["key"], o["indices"]) for o in named["indistinguishable_from"])]
-    assert (change["key"], change["indices"]) in places
-    assert {one["key"] for one in found["growing"]} == {change["key"]}
-    if named["indices"] == change["indices"]:
-        for one in found["growing"]:
-            low, high = one["interval"]
-            assert low < change["rate_per_hour"][one["parameter"]] < high
-    assert found["limit"]["quantity"] == "transmission_error"
-    # the mounting of the last session is in what it measured, not in what is said of the unit
-    assert 0.5 < found["limit"]["now_arcsec"] / np.mean(found["peak_to_peak_arcsec"]) < 1.5
-    assert "planet_pitch" in Path(page).read_text(encoding="utf-8")
-
-
 def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     """Lost motion of 60 arcsec that a known play opens by 0.02 arcsec an hour, linear: 90 arcsec 1500 hours later."""
     at, size = np.array([0.0, 100, 250, 400, 500]), 10 * rverror.ARCSEC
@@ -96,6 +71,31 @@ def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     # 10 arcsec in 500 hours; times are told to a tenth
     assert left.time.value == pytest.approx((90 - now) / 10 * 500, rel=0.12)
     assert left.time.low < left.time.value < left.time.high < 1.4 * left.time.value
+
+
+def test_what_grows_is_named_with_its_rate_and_how_long_it_lasts(
+    life: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, truth = life
+    change = truth["change"]
+    page = str(folder / "page.html")
+    model = str(folder / "model.toml")
+    limit = ("--limit", "transmission error 90 arcsec")
+    found = said(folder, "trend", str(folder / "runs"), "--model", model, *limit, "--html", page)
+    assert "1 cause grows" in capsys.readouterr().out
+    assert not found["jumps"]
+    named = found["growing"][0]
+    places = [(named["key"], named["indices"]), *((o["key"], o["indices"]) for o in named["indistinguishable_from"])]
+    assert (change["key"], change["indices"]) in places
+    assert {one["key"] for one in found["growing"]} == {change["key"]}
+    if named["indices"] == change["indices"]:
+        for one in found["growing"]:
+            low, high = one["interval"]
+            assert low < change["rate_per_hour"][one["parameter"]] < high
+    assert found["limit"]["quantity"] == "transmission_error"
+    # the mounting of the last session is in what it measured, not in what is said of the unit
+    assert 0.5 < found["limit"]["now_arcsec"] / np.mean(found["peak_to_peak_arcsec"]) < 1.5
+    assert "planet_pitch" in Path(page).read_text(encoding="utf-8")
 
 
 def test_the_state_of_a_unit_makes_its_error_and_what_a_part_does_there(life: tuple[Path, dict[str, Any]]) -> None:

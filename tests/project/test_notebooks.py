@@ -9,6 +9,7 @@ import ast
 import io
 import math
 import re
+import runpy
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ import rverror
 from pages import ROOT
 from rverror.base.units import ARCSEC
 from rverror.model.catalogue import CATALOGUE
+from scripts import run
 
 jupytext = pytest.importorskip("jupytext")
 for needed in ("matplotlib", "h5py", "nptdms"):
@@ -65,6 +68,12 @@ def split(code: str) -> tuple[ast.Module, ast.Expression]:
     return tree, ast.fix_missing_locations(ast.Expression(last))
 
 
+def story(file: str) -> dict[str, Any]:
+    """Names of the script that a notebook runs, which is run once for all tests."""
+    assert Path(file).resolve().read_bytes() == (EXAMPLES / "extension.py").read_bytes()
+    return run("extension")[1]
+
+
 def play(path: Path) -> Played:
     """Run a notebook beside copies of the examples that it reads."""
     played, printed = Played(), io.StringIO()
@@ -74,7 +83,7 @@ def play(path: Path) -> Played:
         for file in [*EXAMPLES.glob("*.toml"), EXAMPLES / "extension.py"]:
             shutil.copy(file, place)
         before = set(Path(place).rglob("*"))
-        with chdir(here), redirect_stdout(printed):
+        with chdir(here), redirect_stdout(printed), mock.patch.object(runpy, "run_path", story):
             for number, code in enumerate(cells(path, "code"), 1):
                 statements, last = split(code)
                 exec(compile(statements, f"{path.name}, cell {number}", "exec"), played.names)
@@ -775,3 +784,54 @@ def test_notebook_is_made_for_its_reader(path: Path) -> None:
     assert "—" not in text
     for link in re.findall(r"\]\(([^)#]+)\)", text):
         assert (path.parent / link).exists() or (ROOT / "docs" / Path(link).name).exists(), link
+
+
+# --- the script of unexplained_order ----------------------------------------------------------------------------------
+
+DECIMAL = re.compile(r"-?\d+\.\d+")
+
+
+def assert_alike(found: str, stored: str) -> None:
+    """The same words and, but for the last digits, the same numbers."""
+    words = [" ".join(DECIMAL.sub("#", text).split()) for text in (found, stored)]
+    assert words[0] == words[1]
+    numbers = [[float(number) for number in DECIMAL.findall(text)] for text in (found, stored)]
+    np.testing.assert_allclose(numbers[0], numbers[1], rtol=0.02, atol=0.011)
+
+
+def test_extension_goes_from_unexplained_to_explained() -> None:
+    printed, names = run("extension")
+    first, described, explained = (names[name] for name in ("first", "described", "explained"))
+    assert "SIMULATED" in printed
+    assert (first.verdict, first.added) == ("unexplained", ())
+    assert [(line.order, line.frames) for line in first.unexplained] == [(36.0, ())]
+    assert "empirical.order" not in {candidate.key for candidate in first.candidates}
+    assert (described.verdict, described.added) == ("nothing_missing", ())
+    assert (explained.verdict, [a.effect.key for a in explained.added]) == ("explained", ["load.cogging"])
+    assert explained.added[0].indistinguishable == ()
+
+
+def test_extension_finds_the_torque_that_the_bench_was_given() -> None:
+    names = run("extension")[1]
+    cos, sin = names["explained"].added[0].estimates
+    given = names["COGGING"], names["PHASE"]
+    assert cos.low < given[0] * math.cos(given[1]) < cos.high
+    assert sin.low < given[0] * math.sin(given[1]) < sin.high
+    assert cos.high - cos.low < 0.05 * given[0]
+
+
+def test_extension_before_and_after_on_what_no_fit_has_seen() -> None:
+    """On left-out stretches both ways end in the noise; at another load the written effect alone does."""
+    printed, names = run("extension")
+    before, described, explained = (names[name] for name in ("first", "described", "explained"))
+    assert before.after.heldout_rms > 5 * before.noise_rms
+    for found in (described, explained):
+        assert found.after.heldout_rms < 1.1 * found.noise_rms
+    table = [line.split() for line in printed.splitlines()[-3:]]
+    declared, empirical, cogging = (float(words[-1]) for words in table)
+    assert declared > 10 * empirical > 30 * cogging
+
+
+def test_the_page_shows_what_the_extension_prints() -> None:
+    page = (ROOT / "docs" / "adding-an-effect.md").read_text(encoding="utf-8")
+    assert_alike(run("extension")[0], page.partition("```text\n")[2].partition("```")[0])

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import rverror
+from gear_runs import UNIT
 from rverror.base.units import ARCSEC
+from rverror.tolerances import loaded_units as angles
 from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
 from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
@@ -80,6 +82,7 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
         assert stiffness == pytest.approx(rverror.torsional_stiffness(one, places).min(), rel=1e-7)
 
 
+@pytest.mark.usefixtures("few_angles")  # a slope is that of the turn between two angles, whichever they are
 @pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.ContactLaw(profile_curvature=1.0)}])
 def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None:
     model, tolerances = mixed(**changes)
@@ -124,6 +127,7 @@ def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None
     assert problem.heavy * torque == pytest.approx(np.full(3, problem.heavy[0] * torque[0]))
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
     model, tolerances = mixed()
     found = rverror.error_budget(model, tolerances, torque=ARM, count=512, index_count=0, loaded_count=16)
@@ -140,10 +144,13 @@ def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverr
     """One tolerance whose lost motion is that of the perfect unit and thinning / (r1 R): and these two, rad."""
     unit = rverror.reducer("RV-40E")
     tolerance = rverror.tolerance("involute.tooth_thinning", width, mean="20 um", member="sun", **more)
-    perfect = float(rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(48) / 48).max())
+    perfect = float(
+        rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(angles.POSITIONS) / angles.POSITIONS).max()
+    )
     return rverror.Model(unit), [tolerance], perfect, 1 / (unit.sun_teeth * unit.module / 2 * unit.ratio)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_yield_is_that_of_a_normal_lost_motion() -> None:
     model, tolerances, perfect, each = thinned()
     sigma = 2e-3  # T is three of them
@@ -156,6 +163,7 @@ def test_yield_is_that_of_a_normal_lost_motion() -> None:
         assert one.quantile(share).low <= asked.value <= one.quantile(share).high
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     """The width that fresh units verify lies between those with 99 % and 99.95 % of good units."""
     cost = rverror.costs.Reciprocal(10.0, 0.006)
@@ -171,6 +179,7 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     assert found.closed_form.quantile == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     """Of the grades the one with which all costs least, the smooth width as wide as the limit then leaves it."""
     smooth, table = (
@@ -192,6 +201,7 @@ def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     assert found.cost == pytest.approx(min(costs), rel=0.1)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
     model, tolerances, perfect, each = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
     low = Limit("lost_motion", perfect + each * 10e-3)  # the mean is 20
@@ -202,6 +212,7 @@ def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
         allocate_at_load(model, tolerances, [narrow], sample=64, verify=600)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_a_limit_that_is_met_by_too_little_to_be_verified_is_not_called_out_of_reach() -> None:
     """With the least width 99.5 % of the units are good: it can be, though few units do not verify 99 %."""
     cost = rverror.costs.Reciprocal(1.0, 0.006)
@@ -246,6 +257,7 @@ def test_a_stiffness_and_its_turn_are_each_others_inverse() -> None:
     assert one.shown(one.value) == pytest.approx(100.0)
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
     """At the widths of the sample and beside them; a calibrated one has so many times the spread about no spread."""
     model, tolerances = mixed()
@@ -264,16 +276,18 @@ def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
         )
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
     """One cam, whose peak-to-peak has Rayleigh's distribution: the normal one through a sample ends too early.
 
-    Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.
+    Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.  With this seed six verifications
+    fail where what the first one tells is left out.
     """
     cost = rverror.costs.Reciprocal(10.0, 0.005)
     cam = rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0, cost=cost)
-    model = rverror.Model(rverror.reducer("RV-40E"))
-    asked = [limit("transmission_error", "20 arcsec", torque="412 N*m")]
-    found = allocate_at_load(model, [cam], asked, sample=256, verify=1500, seed=2)
+    model = rverror.Model(UNIT)
+    asked = [limit("transmission_error", "20 arcsec", torque="50 N*m")]
+    found = allocate_at_load(model, [cam], asked, sample=128, verify=1500, seed=3)
     assert found.verified is not None
     assert found.verified.stream > 1  # the first verification failed
     assert found.verified.limits[0].met

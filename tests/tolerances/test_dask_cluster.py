@@ -25,6 +25,7 @@ def test_cluster_gives_the_same_numbers() -> None:
     chunks = -(-here.count // here.chunk)
     assert chunks > 2
     assert (here.kept, cluster.kept, kept.kept) == (0, 0, chunks)
+    assert "arcsec" in printed
     assert "the same numbers" in printed
 
 

@@ -82,11 +82,13 @@ def test_without_indices_the_rest_is_as_with_them(found: rverror.ErrorBudget) ->
     assert "<table" in bare._repr_html_()
 
 
-def test_limits_add_units_at_the_load() -> None:
+@pytest.mark.usefixtures("few_angles")
+def test_limits_add_units_at_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cams keep all loaded pins closed at the rated torque: the linear result stands but for what bearings give way."""
     model = rverror.Model(rverror.reducer("RV-40E"))
     cams = [rverror.tolerance("crank.eccentricity", "5 um"), rverror.tolerance("crank.eccentricity", "2 um", disc=0)]
     limits = [rverror.limit("transmission_error", "20 arcsec"), rverror.limit("lost_motion")]
+    monkeypatch.setattr("rverror.tolerances.full_budget.POINTS", 32)
     found = rverror.error_budget(model, cams, count=1024, index_count=256, limits=limits, loaded_count=200)
     assert found.at_load is not None
     error, lost = found.at_load.verified.limits
@@ -113,7 +115,7 @@ def test_limits_add_units_at_the_load() -> None:
 def test_a_torque_alone_asks_for_the_distribution_at_that_load() -> None:
     cams = [rverror.tolerance("crank.eccentricity", "5 um")]
     model = rverror.Model(rverror.reducer("RV-40E"))
-    found = rverror.error_budget(model, cams, count=256, index_count=64, torque="20 N*m", loaded_count=16)
+    found = rverror.error_budget(model, cams, count=256, index_count=0, torque="20 N*m", loaded_count=16)
     assert found.at_load is not None
     assert [one.limit.label for one in found.at_load.verified.limits] == ["transmission error at 20 N*m"]
 
@@ -264,6 +266,7 @@ def test_allocate_command_with_a_yield_and_a_front(
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("few_angles")
 def test_allocate_command_verifies_at_the_load(
     files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

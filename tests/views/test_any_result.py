@@ -11,17 +11,9 @@ from typing import Any
 import pytest
 
 import rverror
-from every_kind import DRIVE, HOSTILE, MODEL, every_kind
+from every_kind import DRIVE, HOSTILE, KINDS, MODEL, every_kind
 from rverror import InputError, to_html, to_json, to_text
 from rverror.base.units import ARCSEC
-
-KINDS = (
-    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
-    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
-    "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
-)  # fmt: skip
 
 
 def test_these_are_all_kinds() -> None:

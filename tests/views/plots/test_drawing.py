@@ -10,6 +10,7 @@ import sys
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
@@ -379,7 +380,8 @@ def things(found: Diagnosis) -> dict[str, Any]:
     tolerances = (tolerance("crank.eccentricity", "5 um"), tolerance("crank.index", "1 arcmin"))
     laid_out = stack(MODEL, tolerances, theta=THETA)
     asked = [limit("transmission_error", "60 arcsec", torque="9 N*m"), limit("lost_motion", torque="1 N*m")]
-    units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256, limits=asked, loaded_count=16)
+    with mock.patch("rverror.tolerances.full_budget.POINTS", 8):
+        units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256, limits=asked, loaded_count=16)
     assert units.at_load is not None
     cost = {"costs": [Reciprocal(10.0, 0.005), Reciprocal(1.0, 1e-4)], "bounds": [(1e-4, 0.1), (1e-5, 1e-3)]}
     least = allocate(laid_out, limit="60 arcsec", kind="worst", verify=1024, **cost)

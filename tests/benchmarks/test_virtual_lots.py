@@ -1,4 +1,7 @@
-"""The simulator of lots: its poses are those of the exact bench, and its files say what was drawn."""
+"""The simulator of lots: its poses are those of the exact bench, and its files say what was drawn.
+
+Last of its folder: by then another process has compiled what it shares with `test_load_trial`.
+"""
 
 from __future__ import annotations
 
