@@ -731,3 +731,15 @@ def test_what_hides_behind_declared_sizes_is_seen_from_where_they_were_declared(
     assert best.score < search.score.of(fit).score + 1
     none = search_of(fit, most_effects=0)
     assert stood(none, none.root) == []
+
+
+def test_what_declared_sizes_may_hide_is_fitted_whatever_it_promises_at_first(
+    right: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From sizes as declared it takes some steps until a promise says anything."""
+    search = search_of(right)
+    (cause,) = right.added
+    trial = Trial(search.root.fit.model.with_effects(cause), math.inf, search.root.slim)
+    monkeypatch.setattr(search.moves, "hidden", lambda one: iter([trial]))
+    list(search.challengers(search.root))
+    assert frozenset({named(cause)}) in search.known
