@@ -252,8 +252,16 @@ class Moves:
         yield from (Trial(model, one.score, one.slim) for model in models)
 
     def turned(self, one: Hypothesis) -> Iterator[Trial]:
-        """The same set with the marks elsewhere, where they are not known."""
-        yield from (Trial(marked(one.few.model, offset), one.score, one.slim) for offset in self._angles)
+        """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
+        fit = one.few
+        first, free = len(fit.declared.effects), {identity(name) for name in self.free(fit)}
+        models = [fit.model] + [
+            replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
+            for at, effect in enumerate(fit.added)
+            for other in equivalents(effect, fit.bench.unit)
+            if named(other) in free
+        ]
+        yield from (Trial(marked(m, offset), one.score, one.slim) for offset in self._angles for m in models)
 
     def hidden(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more that sizes and stiffness hide, which have moved to make up for it: seen from where they were
