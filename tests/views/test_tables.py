@@ -16,19 +16,12 @@ import xarray as xr
 
 import every_kind as made
 import rverror
-from every_kind import DRIVE, ELASTIC, HOSTILE, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
+from every_kind import DRIVE, ELASTIC, HOSTILE, KINDS, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
 from rverror import InputError, to_pandas, to_xarray
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, described
 
-KINDS = (
-    "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
-    "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
-    "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
-    "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
-)  # fmt: skip
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 

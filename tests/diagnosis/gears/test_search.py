@@ -234,23 +234,23 @@ def test_what_a_linear_step_promises_too_little_of_is_fitted_before_nothing_is_n
     (step,) = [o for o in linear_offers(search_of(fit, [pin.key]), fit) if dict(o.names[0][1]) == dict(pin.indices)]
     search = search_of(fit, [pin.key])
     promised = fit.objective - step.score
-    fallen = search.score.of(fit).score - search.score.of(beside(fit, pin)).score
-    assert fallen > promised + 4
+    fitted_pin = beside(fit, pin)
+    beyond = search.score.of(fit).score - search.score.of(fitted_pin).score - promised
+    assert beyond > 4
 
-    def asking(share: float) -> Search:
-        """A search that asks for what a step promises, and for a share more of what a fit gains beyond that."""
-        asked = promised + share * (fallen - promised) - inexact(fit)
-        return search_of(fit, [pin.key], false_alarm=math.exp(-asked / 2), most_effects=1)
+    def asking(gain: float) -> Search:
+        """A search that asks for so much, the model's own error included."""
+        return search_of(fit, [pin.key], false_alarm=math.exp(-(gain - inexact(fit)) / 2), most_effects=1)
 
-    # the last asks for more than any fit gains
-    for share, gains, added in ((0.5, True, True), (0.5, False, False), (4.0, True, False)):
+    some, all_of_it = promised + beyond / 2, fit.objective - fitted_pin.objective  # of 16 pins one must fall by more
+    for gain, gains, added in ((some, True, True), (some, False, False), (all_of_it, True, False)):
         with monkeypatch.context() as patch:
             if not gains:  # as where only a jump has moved
                 patch.setattr("rverror.diagnosis.gears.score.fall", lambda before, after: 0.0)
-            best, done = asking(share).best()
+            best, done = asking(gain).best()
             assert done
             assert bool(best.fit.added) is added
-    below, above = asking(-0.5), asking(0.5)
+    below, above = asking(promised - beyond / 2), asking(some)
     assert not below.complete(below.root)
     assert above.complete(above.root)
 

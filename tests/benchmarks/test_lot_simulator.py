@@ -1,7 +1,4 @@
-"""The simulator of lots: its poses are those of the exact bench, and its files say what was drawn.
-
-Last of its folder: by then another process has compiled what it shares with `test_load_trial`.
-"""
+"""The simulator of lots: its poses are those of the exact bench, and its files say what was drawn."""
 
 from __future__ import annotations
 

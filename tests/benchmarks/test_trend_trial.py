@@ -1,7 +1,4 @@
-"""The simulator of lives: its changes are those of rverror's equilibrium, its files and its judge are right.
-
-Not in the folder of its kind: beside `test_virtual_lots` another process would compile the same for ten seconds.
-"""
+"""The simulator of lives: its changes are those of rverror's equilibrium, its files and its judge are right."""
 
 from __future__ import annotations
 
@@ -30,22 +27,6 @@ ARCSEC = math.pi / 648000
 UNIT: Any = rverror.load_model(lots.MODEL).mechanism
 TRAIN = train_of(UNIT)
 ANGLES = make.THETA[::16] + 0.003
-
-
-def test_the_judge() -> None:
-    truth = make.simulate(1, "sound", 2).truth | {"remounted": False}
-    right = entry(interval=[0.01, 0.03])
-    change = {"key": right["key"], "indices": right["indices"], "course": "linear", "since": 0.0}
-    change |= {"sizes": {"radial": 20.0, "tangential": 0.0}, "rate_per_hour": {"radial": 0.02, "tangential": 0.0}}
-    told = compared({"growing": [right], "jumps": []}, truth | {"change": change})
-    assert (told["named"], told["listed"], told["false"], told["held"]) == (True, True, [], {"mean": [1, 1]})
-    rival = entry(indices={"crank": 0, "disc": 0}, interval=[0.01, 0.03], indistinguishable_from=[right])
-    told = compared({"growing": [rival], "jumps": []}, truth | {"change": change})
-    assert (told["named"], told["listed"], told["false"], told["rivals"]) == (False, True, [], 1)
-    other = entry(key="cycloid.disc_pitch", interval=[0.01, 0.03])
-    told = compared({"growing": [other], "jumps": [right]}, truth | {"change": change})
-    assert (told["listed"], told["crossed"], told["false"]) == (False, True, ["cycloid.disc_pitch"])
-    assert compared({"growing": [], "jumps": [other]}, truth)["false"] == ["cycloid.disc_pitch"]
 
 
 @pytest.mark.parametrize("sense", [1, -1])
@@ -114,3 +95,19 @@ def test_a_change_is_beyond_the_noise_by_what_it_adds() -> None:
 
 def entry(**more: Any) -> dict[str, Any]:
     return {"key": "crank.eccentricity", "indices": {"crank": 0, "disc": 1}, "parameter": "radial"} | more
+
+
+def test_the_judge() -> None:
+    truth = make.simulate(1, "sound", 2).truth | {"remounted": False}
+    right = entry(interval=[0.01, 0.03])
+    change = {"key": right["key"], "indices": right["indices"], "course": "linear", "since": 0.0}
+    change |= {"sizes": {"radial": 20.0, "tangential": 0.0}, "rate_per_hour": {"radial": 0.02, "tangential": 0.0}}
+    told = compared({"growing": [right], "jumps": []}, truth | {"change": change})
+    assert (told["named"], told["listed"], told["false"], told["held"]) == (True, True, [], {"mean": [1, 1]})
+    rival = entry(indices={"crank": 0, "disc": 0}, interval=[0.01, 0.03], indistinguishable_from=[right])
+    told = compared({"growing": [rival], "jumps": []}, truth | {"change": change})
+    assert (told["named"], told["listed"], told["false"], told["rivals"]) == (False, True, [], 1)
+    other = entry(key="cycloid.disc_pitch", interval=[0.01, 0.03])
+    told = compared({"growing": [other], "jumps": [right]}, truth | {"change": change})
+    assert (told["listed"], told["crossed"], told["false"]) == (False, True, ["cycloid.disc_pitch"])
+    assert compared({"growing": [], "jumps": [other]}, truth)["false"] == ["cycloid.disc_pitch"]
