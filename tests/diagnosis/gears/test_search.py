@@ -744,3 +744,16 @@ def test_what_declared_sizes_may_hide_is_fitted_whatever_it_promises_at_first(
     monkeypatch.setattr(search.moves, "hidden", lambda one: iter([trial]))
     list(search.challengers(search.root))
     assert frozenset({named(cause)}) in search.known
+
+
+@pytest.mark.parametrize(("behind", "followed"), [(50.0, True), (70.0, False)])
+def test_a_rival_is_followed_where_its_promise_may_be_off_by_what_it_lacks(
+    right: Fit, behind: float, followed: bool
+) -> None:
+    """A linear step may be off by 60: of 90 units one lost a rival that fits as well where promises were believed."""
+    search = search_of(right)
+    best = search.score.of(right)
+    search.keep([best])
+    trial = Trial(right.model, best.score + search.margin + behind, search.root.slim)
+    search.expand(search.root, lambda one: iter([trial]))
+    assert search.compare(best) == followed
