@@ -757,3 +757,16 @@ def test_a_rival_is_followed_where_its_promise_may_be_off_by_what_it_lacks(
     trial = Trial(right.model, best.score + search.margin + behind, search.root.slim)
     search.expand(search.root, lambda one: iter([trial]))
     assert search.compare(best) == followed
+
+
+def test_every_end_of_a_race_that_comes_near_a_complete_set_is_fitted(right: Fit) -> None:
+    """Half a turn on, the other crank and disc do the same: whichever ends a little ahead, both are fitted."""
+    search = search_of(right)
+    one = search.score.of(right)
+    search.keep([one])
+    twin = replace(right.added[0], indices={"crank": 1, "disc": 1})
+    both = [right.model, replace(right.model, effects=(*right.declared.effects, twin))]
+    fitted_sets = list[frozenset[object]]()
+    search.keep = lambda found: fitted_sets.extend(h.names for h in found)  # type: ignore[method-assign]
+    search.race([Trial(model, one.score, search.root.slim) for model in both])
+    assert set(fitted_sets) == {one.names, frozenset({named(twin)})}

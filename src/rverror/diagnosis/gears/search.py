@@ -173,8 +173,10 @@ class Search:
         ends.sort(key=lambda trial: trial.score)
         near = [trial for trial in ends if trial.score < ends[0].score + _CLOSE]
         self._fit_all(near[:1])
-        if not self.complete(self._leader):
-            self._fit_all(near[1:])
+        if self.complete(self._leader):
+            limit = self._leader.score + self.margin
+            near = [trial for trial in near if trial.score < limit]
+        self._fit_all(near[1:])
         return behind
 
     @staticmethod
