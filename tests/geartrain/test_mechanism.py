@@ -14,7 +14,7 @@ from hypothesis import given
 
 import rverror
 from rverror import Drive, Friction, Reducer, Stiffness
-from rverror.geartrain.mechanism import PRESETS, check_same_geometry, preset_parameters
+from rverror.geartrain.mechanism import check_same_geometry, preset_parameters, presets
 from strategies import reducers, variant
 
 UNIT = rverror.reducer("RV-40E")
@@ -44,7 +44,7 @@ def test_rv40e_values() -> None:
 
 
 def test_preset_parameters_are_the_callers_own() -> None:
-    for name in PRESETS:
+    for name in presets():
         preset_parameters(name)["pins"] = 0
         assert preset_parameters(name)["pins"] == 40
 

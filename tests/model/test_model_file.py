@@ -33,7 +33,7 @@ from rverror import (
     reducer,
 )
 from rverror.base.errors import InputError
-from rverror.geartrain.mechanism import PRESETS
+from rverror.geartrain.mechanism import presets
 from rverror.model.model_file import COUNTS, QUANTITIES, append_effects, load_model, save_model
 from strategies import reducers, variant
 
@@ -593,7 +593,7 @@ def models(draw: st.DrawFn) -> Model:
                 },
             )
         )
-        mechanism = reducer(draw(st.sampled_from(sorted(PRESETS))), **changes, **draw(numbers))
+        mechanism = reducer(draw(st.sampled_from(sorted(presets()))), **changes, **draw(numbers))
     else:
         turns = st.floats(-1e6, 1e6).filter(bool)
         mechanism = Drive(

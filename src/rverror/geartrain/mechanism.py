@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -617,145 +619,16 @@ def _check_count(name: str, value: object, least: int) -> None:
         raise ValueError(f"{name} = {value}: must be {least} or more")
 
 
-@dataclass(frozen=True)
-class Preset:
-    """Parameters of a reducer that is known by a name, each with its origin.
-
-    Parameters
-    ----------
-    name : str
-    numbers : mapping of str to (value, str)
-        Keyword arguments of `Reducer`, in mm, rad, N*mm and N/mm, each with where it comes from: a source of the
-        bibliography, or ``inferred:``, ``derived:`` or ``assumed:`` and the rule.
-    """
-
-    name: str
-    numbers: Mapping[str, tuple[Any, str]]
-
-    def __call__(self) -> dict[str, Any]:
-        """Keyword arguments of `Reducer`, a new dictionary."""
-        return {"name": self.name} | {key: value for key, (value, _) in self.numbers.items()}
-
-
-def _like(base: str, scale: float) -> str:
-    return f"assumed: of the {base}, times the cube root of the ratio of rated torques, {scale:.4f}, to 0.01 mm"
-
-
-def _stiffness(scale: float, turn: float) -> tuple[Stiffness, str]:
-    springs = {key: float(f"{scale * value:.3g}") for key, value in dataclasses.asdict(Stiffness()).items()}
-    return Stiffness(**springs), (
-        f"assumed: all of the defaults times {scale:g}, for {turn:.4g} N*m/arcmin: similar units wind up alike under "
-        "their rated torques, and the RV-40E is quoted with 108 N*m/arcmin"
-    )
-
-
-_NABTESCO = "Nabtesco, rating table of the RV-E series, from quotations"
-_RATIOS = "derived: with 40 pins the only sum of teeth that gives {} of the maker's ratios, and the smallest"
-_MODULE = "assumed: of ISO 54, nearest to the {} of a crank circle similar to the {}'s"
-_AS = "assumed: as the {}"
-_RV40E: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (9, "000, table of parameters"),
-    "planet_teeth": (27, "000, table of parameters"),
-    "module": (1.5, "inferred: m (z1 + z2) / 2 = 27 mm, the crank circle of 000"),
-    "pressure_angle": (math.radians(20), "000, table of parameters"),
-    "disc_lobes": (39, "000, table of parameters"),
-    "pins": (40, "000, table of parameters"),
-    "pin_circle_radius": (64.0, "000, table of parameters"),
-    "pin_radius": (3.0, "003, of another unit; 000 is silent"),
-    "eccentricity": (1.25, "000, table of parameters"),
-    "cranks": (2, "004"),
-    "discs": (2, "004"),
-    "crank_circle_radius": (27.0, "000, r6"),
-    "rated_torque": (412e3, "004"),
-    "spline_radius": (7.0, "003, module 1 and 14 teeth, of another unit; 000 and 004 are silent"),
-}
-_UNIT_003: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (12, "003, table of parameters"),
-    "planet_teeth": (30, "003, table of parameters"),
-    "module": (2.0, "003, table of parameters"),
-    "pressure_angle": (math.radians(20), "003, table of parameters"),
-    "disc_lobes": (39, "003, table of parameters"),
-    "pins": (40, "003, table of parameters"),
-    "pin_circle_radius": (76.5, "003, table of parameters"),
-    "pin_radius": (3.0, "003, table of parameters"),
-    "eccentricity": (1.3, "003, table of parameters"),
-    "cranks": (3, "003, cranks at 120 degrees"),
-    "discs": (2, "assumed: as 004; 003 speaks of discs in the plural only"),
-    "spline_radius": (7.0, "003, module 1 and 14 teeth"),
-}
-_RV20E: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (9, _RATIOS.format("five of six")),
-    "planet_teeth": (27, _RATIOS.format("five of six")),
-    "module": (1.125, _MODULE.format("1.1101 mm", "RV-40E")),
-    "pressure_angle": (math.radians(20), _AS.format("RV-40E")),
-    "disc_lobes": (39, "derived: one less than the pins"),
-    "pins": (40, _RATIOS.format("five of six")),
-    "pin_circle_radius": (47.36, _like("RV-40E", 0.74007)),
-    "pin_radius": (2.22, _like("RV-40E", 0.74007)),
-    "eccentricity": (0.93, _like("RV-40E", 0.74007)),
-    "cranks": (2, _AS.format("RV-40E")),
-    "discs": (2, _AS.format("RV-40E")),
-    "rated_torque": (167e3, _NABTESCO),
-    "stiffness": _stiffness(1.02, 43.78),
-}
-_RV80E: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (10, "Yang 2021, table 3"),
-    "planet_teeth": (38, "Yang 2021, table 3"),
-    "module": (1.75, "Yang 2021, table 3"),
-    "pressure_angle": (math.radians(20), "Yang 2021, table 3"),
-    "disc_lobes": (39, "Yang 2021, table 3"),
-    "pins": (40, "Yang 2021, table 3"),
-    "pin_circle_radius": (77.5, "Yang 2021, table 3"),
-    "pin_radius": (4.0, "Yang 2021, table 3"),
-    "eccentricity": (1.5, "Yang 2021, table 3"),
-    "cranks": (3, "Yang 2021, equation 3"),
-    "discs": (2, _AS.format("RV-40E")),
-    "rated_torque": (784e3, _NABTESCO),
-    "stiffness": _stiffness(0.817, 205.5),
-}
-_RV110E: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (20, _RATIOS.format("five of five")),
-    "planet_teeth": (55, _RATIOS.format("five of five")),
-    "module": (1.25, _MODULE.format("1.2454 mm", "RV-80E")),
-    "pressure_angle": (math.radians(20), _AS.format("RV-80E")),
-    "disc_lobes": (39, "derived: one less than the pins"),
-    "pins": (40, _RATIOS.format("five of five")),
-    "pin_circle_radius": (86.18, _like("RV-80E", 1.11199)),
-    "pin_radius": (4.45, _like("RV-80E", 1.11199)),
-    "eccentricity": (1.67, _like("RV-80E", 1.11199)),
-    "cranks": (3, _AS.format("RV-80E")),
-    "discs": (2, _AS.format("RV-80E")),
-    "rated_torque": (1078e3, _NABTESCO),
-    "stiffness": _stiffness(0.901, 282.6),
-}
-_RV320E: Mapping[str, tuple[Any, str]] = {
-    "sun_teeth": (15, _RATIOS.format("seven of eight")),
-    "planet_teeth": (48, _RATIOS.format("seven of eight")),
-    "module": (2.0, _MODULE.format("2.1165 mm", "RV-80E")),
-    "pressure_angle": (math.radians(20), _AS.format("RV-80E")),
-    "disc_lobes": (39, "derived: one less than the pins"),
-    "pins": (40, _RATIOS.format("seven of eight")),
-    "pin_circle_radius": (123.02, _like("RV-80E", 1.58740)),
-    "pin_radius": (6.35, _like("RV-80E", 1.58740)),
-    "eccentricity": (2.38, _like("RV-80E", 1.58740)),
-    "cranks": (3, _AS.format("RV-80E")),
-    "discs": (2, _AS.format("RV-80E")),
-    "rated_torque": (3136e3, _NABTESCO),
-    "stiffness": _stiffness(1.42, 822.1),
-}
-
-#: Parameter sets by name, with the origin of every number.
-PRESETS: Mapping[str, Preset] = {
-    name: Preset(name, numbers)
-    for name, numbers in {
-        "RV-40E": _RV40E,
-        "RV-003": _UNIT_003,
-        "RV-20E": _RV20E,
-        "RV-80E": _RV80E,
-        "RV-110E": _RV110E,
-        "RV-320E": _RV320E,
-    }.items()
-}
+@cache
+def _presets() -> dict[str, dict[str, tuple[Any, str]]]:
+    """Of every preset the keyword arguments of `Reducer`, each with its origin, from ``data/presets.toml``."""
+    text = Path(__file__).parents[1].joinpath("data", "presets.toml").read_text(encoding="utf-8")
+    return {
+        name: {
+            key: (Stiffness(**value) if key == "stiffness" else value, origin) for key, (value, origin) in own.items()
+        }
+        for name, own in tomllib.loads(text).items()
+    }
 
 
 def preset_parameters(name: str) -> dict[str, Any]:
@@ -764,7 +637,7 @@ def preset_parameters(name: str) -> dict[str, Any]:
     Parameters
     ----------
     name : str
-        A key of `PRESETS`.
+        One of `presets`.
 
     Returns
     -------
@@ -776,7 +649,7 @@ def preset_parameters(name: str) -> dict[str, Any]:
     ValueError
         If there is no such preset.
     """
-    return _preset(name)()
+    return {"name": name} | {key: value for key, (value, _) in _preset(name).items()}
 
 
 def preset_origins(name: str) -> dict[str, str]:
@@ -785,7 +658,7 @@ def preset_origins(name: str) -> dict[str, str]:
     Parameters
     ----------
     name : str
-        A key of `PRESETS`.
+        One of `presets`.
 
     Returns
     -------
@@ -803,16 +676,16 @@ def preset_origins(name: str) -> dict[str, str]:
     >>> preset_origins("RV-40E")["module"]
     'inferred: m (z1 + z2) / 2 = 27 mm, the crank circle of 000'
     """
-    return {key: origin for key, (_, origin) in _preset(name).numbers.items()}
+    return {key: origin for key, (_, origin) in _preset(name).items()}
 
 
-def _preset(name: str) -> Preset:
-    check_kind("preset", name, str, f"give one of {', '.join(PRESETS)}, or parameters by their names")
-    if name not in PRESETS:
-        close = difflib.get_close_matches(name, PRESETS, n=1, cutoff=0.3)
+def _preset(name: str) -> dict[str, tuple[Any, str]]:
+    check_kind("preset", name, str, f"give one of {', '.join(presets())}, or parameters by their names")
+    if name not in presets():
+        close = difflib.get_close_matches(name, presets(), n=1, cutoff=0.3)
         hint = f" did you mean {close[0]!r}?" if close else ""
-        raise ValueError(f"no preset {name!r};{hint} the presets are {', '.join(PRESETS)}")
-    return PRESETS[name]
+        raise ValueError(f"no preset {name!r};{hint} the presets are {', '.join(presets())}")
+    return _presets()[name]
 
 
 def presets() -> tuple[str, ...]:
@@ -827,7 +700,7 @@ def presets() -> tuple[str, ...]:
     >>> presets()[:3]
     ('RV-40E', 'RV-003', 'RV-20E')
     """
-    return tuple(PRESETS)
+    return tuple(_presets())
 
 
 def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
@@ -880,7 +753,7 @@ def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
     if missing:
         raise InputError(
             f"reducer: no {', '.join(missing)}; give them, or name a preset beside what differs from it: "
-            f"reducer({next(iter(PRESETS))!r}, ...)"
+            f"reducer({presets()[0]!r}, ...)"
         )
     return Reducer(**given)
 

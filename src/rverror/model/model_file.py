@@ -17,7 +17,6 @@ from rverror.base.toml import EXAMPLES, Place, TomlText, quoted, read_toml
 from rverror.geartrain.mechanism import (
     FRICTION_DIMENSIONS,
     INERTIA_DIMENSIONS,
-    PRESETS,
     BearingPreload,
     ContactLaw,
     Drive,
@@ -28,6 +27,7 @@ from rverror.geartrain.mechanism import (
     Stiffness,
     StiffnessUncertainty,
     preset_parameters,
+    presets,
     reducer,
 )
 from rverror.geartrain.source import Parameter
@@ -264,11 +264,11 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     preset, own = None, {}
     if "preset" in table:
         preset = where.string(place, table, "preset", "")
-        if preset not in PRESETS:
-            hint = did_you_mean(preset, {name.lower(): name for name in PRESETS})
-            for name in PRESETS:
+        if preset not in presets():
+            hint = did_you_mean(preset, {name.lower(): name for name in presets()})
+            for name in presets():
                 hint = hint.replace(name.lower(), name)
-            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(PRESETS)}")
+            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(presets())}")
         own = preset_parameters(preset)
     values: dict[str, Any] = {}
     for key, value in table.items():
@@ -293,7 +293,7 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
             where.refuse(
                 place,
                 f"[reducer] lacks {', '.join(missing)}; give {'them' if len(missing) > 1 else 'it'} or a preset, "
-                f"one of {', '.join(PRESETS)}",
+                f"one of {', '.join(presets())}",
             )
     try:
         return Reducer(**values) if preset is None else reducer(preset, **values)
@@ -438,7 +438,7 @@ def _written(value: float, dimension: str, unit: str | None = None) -> str:
 
 def _reducer_text(unit: Reducer) -> str:
     values = {f.name: getattr(unit, f.name) for f in dataclasses.fields(Reducer)}
-    if unit.name in PRESETS:
+    if unit.name in presets():
         base = reducer(unit.name)
         changed = {name: value for name, value in values.items() if value != getattr(base, name)}
         changed.pop("crank_circle_radius", None)  # follows from the module and the teeth
