@@ -15,10 +15,11 @@ from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
+from rverror.diagnosis.gears.waveform import SOFT_BOUNDS, soft_values
 from rverror.diagnosis.noise import Flags
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
-from rverror.geartrain.mechanism import LAW_BOUNDS, Reducer
+from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -216,15 +217,9 @@ def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
 
 def _values(fit: Fit) -> Array:
     """All values in the units of their intervals; shared zeros, which nothing is said of, as 0."""
-    now = fit.model.mechanism
     sizes = [value for effect in fit.model.effects for value in effect.values]
-    if not isinstance(now, Reducer):
-        return np.array([*sizes, *np.zeros(len(SOFTENING) + len(fit.bench.zeros))])
-    soft = [
-        math.log(getattr(now.stiffness, name)) if at < 6 else getattr(now.contact_law, name, now.gear_backlash)
-        for at, name in enumerate(SOFTENING)
-    ]
-    return np.array([*sizes, *np.where(fit.bench.soft, soft, 0.0), *np.zeros(len(fit.bench.zeros))])
+    soft = np.where(fit.bench.soft, soft_values(fit.model.mechanism), 0.0)
+    return np.array([*sizes, *soft, *np.zeros(len(fit.bench.zeros))])
 
 
 def _addition(
@@ -315,27 +310,20 @@ def _candidates(search: Search) -> tuple[Candidate, ...]:
 
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
-    unit, now = fit.bench.unit, fit.model.mechanism
-    if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
-        return ()
     count = sum(len(e.values) for e in fit.model.effects)
+    stated, values = soft_values(fit.bench.unit).tolist(), soft_values(fit.model.mechanism).tolist()
     result = []
-    for at, name in enumerate(SOFTENING):
-        if not fit.bench.soft[at]:
-            continue
-        half = halves[count + at]
-        prior = math.inf if not fit.weights[count + at] else fit.weights[count + at] ** -0.5
-        told = float(fit.covariance[count + at, count + at]) < prior**2 / 2
-        if at < 6:
-            value, stated = getattr(now.stiffness, name), getattr(unit.stiffness, name)
-            low, high, dimension = value * math.exp(-half), value * math.exp(half), "stiffness"
-        elif name == "gear_backlash":
-            value, stated = now.gear_backlash, unit.gear_backlash
-            low, high, dimension = max(value - half, 0.0), value + half, "length"
+    for at in np.flatnonzero(fit.bench.soft).tolist():
+        own, half = count + at, halves[count + at]
+        told = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
+        ends = (max(values[at] - half, float(SOFT_BOUNDS[at, 0])), values[at] + half)
+        sizes = (stated[at], values[at], *ends)
+        if at < 6:  # a logarithm of a compliance
+            declared, value, high, low = (math.exp(-size) for size in sizes)
+            result.append(ElasticEstimate(SOFTENING[at], "stiffness", declared, value, low, high, told))
         else:
-            value, stated = getattr(now.contact_law, name), getattr(unit.contact_law, name)
-            low, high, dimension = max(value - half, LAW_BOUNDS[name][0]), value + half, "number"
-        result.append(ElasticEstimate(name, dimension, stated, value, low, high, bool(told)))
+            dimension = "length" if SOFTENING[at] == "gear_backlash" else "number"
+            result.append(ElasticEstimate(SOFTENING[at], dimension, *sizes, told))
     return tuple(result)
 
 

@@ -23,11 +23,19 @@ from rverror.base.threads import each
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.sight import EverySample, MeanSamples, Sight
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform, softened, solve_all
+from rverror.diagnosis.gears.waveform import (
+    SOFT_BOUNDS,
+    Conditioned,
+    Named,
+    Waveform,
+    soft_values,
+    softened,
+    solve_all,
+)
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
-from rverror.geartrain.mechanism import BACKLASH_SPREAD, LAW_BOUNDS, LAW_SPREAD, Mechanism, Reducer
+from rverror.geartrain.mechanism import BACKLASH_SPREAD, LAW_SPREAD, Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
@@ -389,11 +397,6 @@ def _gears(unit: Mechanism) -> Reducer:
     return unit
 
 
-def _backlash(unit: Mechanism) -> float:
-    """Backlash of the gears; none of a drive."""
-    return unit.gear_backlash if isinstance(unit, Reducer) else 0.0
-
-
 def soft_spread(unit: Reducer) -> list[float]:
     """Standard deviations of `SOFTENING` before the fit; 0 where it is exact."""
     stiffness = [getattr(unit.stiffness_uncertainty, name) for name in SOFTENING[:6]]
@@ -418,13 +421,7 @@ def deviation(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) ->
     for i, effect in enumerate(fit_model.effects):
         middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
         off += [v - m for v, m in zip(effect.values, middle, strict=True)]
-    now = fit_model.mechanism
-    if not isinstance(now, Reducer) or not isinstance(unit, Reducer):
-        return np.array(off + [0.0] * (len(SOFTENING) + zeros))
-    off += [-math.log(getattr(now.stiffness, k) / getattr(unit.stiffness, k)) for k in SOFTENING[:6]]
-    off += [now.gear_backlash - unit.gear_backlash]
-    off += [getattr(now.contact_law, k) - getattr(unit.contact_law, k) for k in LAW_BOUNDS]
-    return np.array(off + [0.0] * zeros)
+    return np.array([*off, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
 
 
 def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
@@ -516,7 +513,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     """
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
-        + [_backlash(fit.bench.unit) + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
+        + [soft_values(fit.bench.unit)[6] + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
@@ -551,15 +548,11 @@ def settled(fit: Fit) -> Fit:
 
 def bounds(fit: Fit) -> tuple[Array, Array]:
     """How far each value may go down and up: sizes that have no sign, backlash, exponents, shape (k,) each."""
-    now, zeros = fit.model.mechanism, len(fit.bench.zeros)
+    soft, zeros = SOFT_BOUNDS - soft_values(fit.model.mechanism)[:, None], [math.inf] * len(fit.bench.zeros)
     down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
-    if not isinstance(now, Reducer):
-        down += [-math.inf] * (len(SOFTENING) + zeros)
-        return np.minimum(down, 0.0), np.full(len(down), math.inf)
-    law = [(getattr(now.contact_law, k), low, high) for k, (low, high, _) in LAW_BOUNDS.items()]
-    down += [-math.inf] * 6 + [-now.gear_backlash] + [low - v for v, low, _ in law] + [-math.inf] * zeros
-    up = [math.inf] * (len(down) - zeros - len(law)) + [high - v for v, _, high in law] + [math.inf] * zeros
-    return np.minimum(down, 0.0), np.maximum(up, 0.0)
+    low = np.array([*down, *soft[:, 0], *(-end for end in zeros)])
+    high = np.array([*(math.inf for _ in down), *soft[:, 1], *zeros])
+    return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
 def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple[Array, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
-from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Reducer, Stiffness
+from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Mechanism, Reducer, Stiffness
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
@@ -38,21 +38,26 @@ def under(
     return Conditions(theta, direction, torque, time)
 
 
+#: Least and largest of each of `SOFTENING`, in the units of `soft_values`.
+SOFT_BOUNDS = np.array([(-math.inf, math.inf)] * 6 + [(0.0, math.inf), *(ends[:2] for ends in LAW_BOUNDS.values())])
+
+
+def soft_values(unit: Mechanism) -> Array:
+    """Each of `SOFTENING`: logarithms of six compliances, backlash, contact law, shape (10,); of a drive nothing."""
+    if not isinstance(unit, Reducer):
+        return np.zeros(len(SOFTENING))
+    stiffness, law = vars(unit.stiffness), vars(unit.contact_law)
+    compliances = [-math.log(stiffness[name]) for name in SOFTENING[:6]]
+    return np.array([*compliances, unit.gear_backlash, *(law[name] for name in SOFTENING[7:])])
+
+
 def softened(unit: Reducer, change: Array) -> Reducer:
-    """The reducer with each of `SOFTENING` changed: logarithms of six compliances, backlash, contact law, in bounds."""
+    """The reducer with each of `SOFTENING` changed, within their bounds."""
+    values = dict(zip(SOFTENING, np.clip(soft_values(unit) + change, *SOFT_BOUNDS.T).tolist(), strict=True))
     softer = dict(zip(SOFTENING, change, strict=True))
-    stiffness = Stiffness(
-        **{
-            field.name: getattr(unit.stiffness, field.name) * math.exp(-softer[field.name])
-            for field in fields(Stiffness)
-        }
-    )
-    now = unit.contact_law
-    law = ContactLaw(
-        **{k: min(max(getattr(now, k) + softer[k], low), high) for k, (low, high, _) in LAW_BOUNDS.items()}
-    )
-    backlash = max(unit.gear_backlash + float(softer["gear_backlash"]), 0.0)
-    return replace(unit, stiffness=stiffness, contact_law=law, gear_backlash=backlash)
+    stiffness = {name: value * math.exp(-softer[name]) for name, value in vars(unit.stiffness).items()}
+    law = ContactLaw(**{name: values[name] for name in LAW_BOUNDS})
+    return replace(unit, stiffness=Stiffness(**stiffness), contact_law=law, gear_backlash=values["gear_backlash"])
 
 
 @dataclass(frozen=True, eq=False)
