@@ -195,7 +195,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
         help="runs or order tables kept out of the fit, to test the result on",
     )
     command.add_argument(
-        "--prior", metavar="MADE.toml", help="sizes of part errors that are usual in production, as `lot --save` writes"
+        "--prior", metavar="MADE.toml", help="usual sizes of part errors in production, as written by `lot --save`"
     )
     add_results(command, plot="waveforms and the spectrum of the residual")
     command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
@@ -243,7 +243,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     command = add_command(
         commands,
         "demo",
-        brief="the main job, end to end, on the shipped example",
+        brief="the whole diagnosis on the shipped example",
         does="Diagnoses the simulated unit that comes with rverror and writes its model, runs and results, so that each"
         " step can be repeated.",
         example="--output my-demo",

@@ -54,15 +54,15 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "compensate",
-        brief="write a table for a controller that takes off the repeatable error",
+        brief="write a table with which a controller cancels the repeatable error",
         does="Writes a table that a controller adds to its commands so that the repeatable part of the output error "
-        "cancels, and says what error is left to expect with it.",
+        "cancels, and predicts the error that remains with it.",
         example="unit.toml forward.csv reverse.csv -o table.csv",
     )
     command.add_argument("model", metavar="MODEL.toml")
     command.add_argument("runs", nargs="+", metavar="RUN.csv")
     add_output(command, "TABLE", "table to write", required=True)
-    command.add_argument("--format", choices=FORMATS, default="csv", help="of the table (default csv)")
+    command.add_argument("--format", choices=FORMATS, default="csv", help="format of the table (default csv)")
     command.add_argument(
         "--torque", action="append", metavar='"20 N*m"', help="load of the table; a json table takes several"
     )

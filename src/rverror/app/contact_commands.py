@@ -81,8 +81,8 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "efficiency",
-        brief="what friction takes, by part, and the torque at the input",
-        does="Computes what friction in pins, gear flanks and bearings takes of the power, part by part, and the torque"
+        brief="friction losses by part, and the input torque",
+        does="Computes the power lost to friction in pins, gear flanks and bearings, part by part, and the torque"
         " at the input. The coefficients of friction come from [reducer.friction] of the model file.",
         example='unit.toml --torque "412 N*m" --torque "20 N*m"',
     )
@@ -109,7 +109,7 @@ def add_commands(commands: Any) -> None:
     )
     command.add_argument("--save", metavar="NEW.toml", help="with --phase: write the model of the warm unit")
     _add_angles(command, EFFICIENCY_ANGLES)
-    add_results(command, plot="what friction takes of the work, by part")
+    add_results(command, plot="the friction losses by part")
     command.set_defaults(run=_efficiency)
 
     command = add_command(

@@ -30,8 +30,8 @@ def add_commands(commands: Any) -> None:
         commands,
         "modes",
         brief="natural frequencies of the loaded gear train",
-        does="Computes the natural frequencies of the loaded gear train with what hangs on its ends, their damping, "
-        "which contact holds each mode and which part moves most in it.",
+        does="Computes the natural frequencies of the loaded gear train with the inertia at its ends, their damping, "
+        "the contact that holds each mode and the part that moves most in it.",
         example='unit.toml --torque "100 N*m" --plot modes.png',
     )
     _add_state(command, plot="the shape of the lowest mode of the machine")

@@ -33,7 +33,7 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "trend",
-        brief="what grows and what jumped in one unit, measured again and again",
+        brief="what grows or jumps in a unit that is measured repeatedly",
         does="Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how "
         "long a limit will still be met.",
         example='runs --model unit.toml --limit "lost motion 90 arcsec"',

@@ -53,7 +53,7 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "lot",
-        brief="what each process makes of reducers, or what drives share, from many measured units",
+        brief="scatter of each process, or orders that drives share, from many measured units",
         does="Estimates from the runs of many finished units how far each manufacturing process scatters and how far "
         "its mean is off, and names units that do not belong to the lot.",
         example="measured --model unit.toml --save made.toml",
@@ -73,7 +73,7 @@ def add_commands(commands: Any) -> None:
     command.add_argument(
         "--compress",
         metavar="OUT.npz",
-        help="only read the runs and write what `lot` needs of them; if stopped, give it again to go on",
+        help="only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
     )
     command.add_argument(
         "--jobs",
@@ -81,7 +81,7 @@ def add_commands(commands: Any) -> None:
         metavar="N",
         help="processes that read runs (default: one for each core if there are many runs)",
     )
-    command.add_argument("--save", metavar="MADE.toml", help="write a tolerance file of what the processes make")
+    command.add_argument("--save", metavar="MADE.toml", help="write the scatter of the processes as a tolerance file")
     add_results(command)
     command.add_argument("--csv", metavar="OUT.csv", help="write a row for each process")
     command.add_argument(

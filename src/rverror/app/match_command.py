@@ -29,9 +29,9 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "match",
-        brief="which measured parts to join, so that most units keep their limits",
-        does="Chooses from stocks of measured parts which to join to a unit and in which position, so that as many"
-        " units as possible keep their limits, and compares that with parts taken at random.",
+        brief="which measured parts to assemble so that most units meet their limits",
+        does="Chooses from stocks of measured parts which to assemble and in which position, so that as many units "
+        "as possible meet their limits, and compares that with parts taken at random.",
         example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
     )
     command.add_argument("parts", nargs="+", metavar="PARTS", help="tables of parts, or files of measuring machines")

@@ -56,7 +56,7 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "compare",
-        brief="how far another tool's waveform is off a reference case, by order",
+        brief="deviation of another tool's waveform from a reference case, by order",
         does="Compares a waveform from another tool with a reference case and lists how far it is off, in total and by "
         "order.",
         example='theirs.csv cases/one-cam --within "0.1 arcsec"',

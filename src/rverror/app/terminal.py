@@ -199,7 +199,7 @@ def add_arm(command: argparse.ArgumentParser, what: str, more: str = "") -> None
     command.add_argument(
         "--arm",
         metavar=f'"{_ARM}"',
-        help=f"{what}: mass, lever, output angle at which it is level and forward motion lifts it{more}",
+        help=f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}",
     )
 
 

@@ -55,7 +55,7 @@ def add_commands(commands: Any) -> None:
     command = add_command(
         commands,
         "budget",
-        brief="what tolerances make of the output error",
+        brief="output error that the tolerances allow",
         does="Computes what part tolerances do to the output error: how much each contributes, the peak-to-peak of many"
         " virtual units, and with --at how many units solved under load stay within the limits.",
         example='unit.toml tolerances.toml --limit "60 arcsec" --at "20 N*m,412 N*m"',
@@ -65,7 +65,7 @@ def add_commands(commands: Any) -> None:
     command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
     command.add_argument("--loaded-units", type=int, metavar="N", help="units solved at the load (default 2000)")
     command.add_argument(
-        "--resume", metavar="FOLDER", help="keep finished parts of the work there, and go on from them"
+        "--resume", metavar="FOLDER", help="store finished parts of the work there, and resume from them"
     )
     command.set_defaults(run=_budget)
 
@@ -127,7 +127,7 @@ def _add_inputs(command: argparse.ArgumentParser, *, plot: str) -> None:
     command.add_argument("tolerances", metavar="TOLERANCES.toml")
     command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
     command.add_argument(
-        "--speed", metavar='"600 rpm"', help="input speed at which the error is computed (default: a crawl)"
+        "--speed", metavar='"600 rpm"', help="input speed at which the error is computed (default: very low speed)"
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the virtual units (default 0)")
     command.add_argument(
