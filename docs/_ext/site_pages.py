@@ -220,6 +220,11 @@ class Names(PythonDomain):
     ) -> list[tuple[str, ObjectEntry]]:
         """As Sphinx finds it."""
         known = self.__dict__.setdefault("known", {})
+        bare = name.removesuffix("()")
+        if self.objects.keys().isdisjoint(
+            {bare, *(f"{place}.{bare}" for place in (modname, classname, f"{modname}.{classname}"))}
+        ):
+            modname = classname = ""  # found by its ending or not at all, wherever it is asked for
         asked = (modname, classname, name, type, searchmode, len(self.objects))
         if asked not in known:
             known[asked] = super().find_obj(env, modname, classname, name, type, searchmode)

@@ -37,9 +37,13 @@ SPEEDS = np.linspace(15, 1815, 181) * RPM
 FROM = {40: "the cam", 78: "the oval pin circle", 80: "clearance", 120: "clearance", 156: "pins", 160: "clearance"}
 
 
-@functools.cache
 def response(change: str = "as it is") -> SpeedResponse:
     """Error against speed up to 15 rpm of the output, as it is or with one of the changes."""
+    return _responses(change)
+
+
+@functools.cache
+def _responses(change: str) -> SpeedResponse:
     return speed_response(remedies()[change], SPEEDS, torque=TORQUE)
 
 

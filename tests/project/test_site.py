@@ -39,6 +39,19 @@ FETCHES = {
 }
 
 
+#: Looking for garbage takes a sixth of the time, and the process ends soon.  For a picture stand the words beside it.
+BUILD = f"""
+import gc, sys
+gc.disable()
+sys.path.insert(0, {str(DOCS / "_ext")!r})
+import published_pictures, site_pages, speed_page
+names = {{*published_pictures.SWEEPS, *speed_page.PICTURES}}
+site_pages.picture = {{name: f'<span role="img" aria-label="{{name}}"></span>' for name in names}}.__getitem__
+from sphinx.cmd.build import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
 class Page(HTMLParser):
     """What a page of the site has: anchors, links, what it fetches, pictures and their words."""
 
@@ -75,11 +88,9 @@ def local(page: Page, link: str) -> tuple[Path, str] | None:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built once as anyone builds it, but no notebook is run: test_notebooks.py does that."""
+    """The site, built once as anyone builds it, but without what is tested elsewhere: notebooks, pictures."""
     out = tmp_path_factory.mktemp("site")
-    # looking for garbage takes a sixth of the time, and the process ends soon
-    build = "import gc, sys; from sphinx.cmd.build import main; gc.disable(); sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", build, "-W", "--keep-going", "-j", "1", "-b", "html", "-d", str(out / "doctrees")]
+    command = [sys.executable, "-c", BUILD, "-W", "--keep-going", "-j", "1", "-b", "html", "-d", str(out / "doctrees")]
     command += ["-D", "nb_execution_mode=off"]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(

@@ -44,6 +44,14 @@ def test_the_page_is_what_the_code_gives() -> None:
         assert abs(float(one) - float(other)) < 1.01 * unit, f"{stale}: {one} is {other}"
 
 
+@pytest.mark.parametrize("name", speed_page.PICTURES)
+def test_pictures_of_the_page_are_drawn_with_their_words(name: str) -> None:
+    drawn, words = speed_page.picture(name), speed_page.PICTURES[name][3]
+    assert drawn.startswith(f'<figure class="drawn"><svg role="img" aria-label="{words}" ')
+    assert drawn.count(words) == 2
+    assert f"<!-- picture: {name} -->" in text(PAGE)
+
+
 def test_the_code_on_the_page_is_its_example() -> None:
     """The model that a reader makes is the one of which the page tells."""
     made: dict[str, object] = {}
