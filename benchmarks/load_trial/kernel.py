@@ -97,10 +97,14 @@ class Unit(NamedTuple):
     spline: np.ndarray  # (nc,): play along the spline's pitch circle, side to side
 
 
-compiled = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+_OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
+#: What Python calls.
+compiled = numba.njit(cache=True, **_OPTIONS)
+#: What compiled functions alone call: compiled in two thirds of the time.
+inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
 
 
-@compiled
+@inner
 def contact_angle(t, pin, k, i, ex, ey, ct, st):
     """Angle of pin i's contact about the centre of disc k, in the disc's frame."""
     beta = 2 * np.pi * i / t.pins
@@ -109,7 +113,7 @@ def contact_angle(t, pin, k, i, ex, ey, ct, st):
     return np.arctan2(cy * ct - cx * st, cx * ct + cy * st)
 
 
-@compiled
+@inner
 def closings(t, u, theta, pin, flank, eps, radial, cam, bore):
     """Rows and errors of all contacts at one angle.
 

@@ -9,14 +9,14 @@ not small against that at its start is shortened (or stretched) to where it is, 
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.load_trial.kernel import add_bearing, compiled
+from benchmarks.load_trial.kernel import add_bearing, inner
 
 STEPS = 60  # at most, from a near pose
 HEAVY, DOWN = 256.0, 400  # without one: down from so many times the load by halves, with so many steps at each
 BALANCE = 1e-9  # force or moment left, of load / crank circle
 
 
-@compiled
+@inner
 def cholesky(m, n):
     """Put the lower factor of m, whose upper half is given, in its lower half; False where m is not positive."""
     for c in range(n):
@@ -35,7 +35,7 @@ def cholesky(m, n):
     return True
 
 
-@compiled
+@inner
 def assemble(t, x, pin, flank, eps, radial, cam, bore, clearance, load, g, blocks, coupling, crank):
     """Gradient g and second derivative (upper halves) of the energy at x."""
     nd, nc, a, rc = t.discs, t.cranks, t.eccentricity, t.crank_circle
@@ -114,7 +114,7 @@ def assemble(t, x, pin, flank, eps, radial, cam, bore, clearance, load, g, block
                 crank[q + 2, q + 2] += s * n2 * n2
 
 
-@compiled
+@inner
 def newton_step(t, g, blocks, coupling, crank, ridge, step):
     """Solve for step = -H^-1 g, the ridge (N/mm) added to the diagonal; False where H is not positive."""
     nd, nc = t.discs, t.cranks
@@ -173,7 +173,7 @@ def newton_step(t, g, blocks, coupling, crank, ridge, step):
     return True
 
 
-@compiled
+@inner
 def along(t, x, pin, flank, eps, radial, cam, bore, v, closing, rate):
     """Closings of all contacts at x and their change along v: pins, flanks, then bearings' two components each."""
     nd, nc, a, rc = t.discs, t.cranks, t.eccentricity, t.crank_circle
@@ -206,7 +206,7 @@ def along(t, x, pin, flank, eps, radial, cam, bore, v, closing, rate):
             at += 2
 
 
-@compiled
+@inner
 def slope(t, x, v, load, clearance, closing, rate, s):
     """Slope of the energy along v at x + s v, N mm."""
     nd, nc = t.discs, t.cranks

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from benchmarks.load_trial.kernel import Train, Unit, closings, compiled
+from benchmarks.load_trial.kernel import Train, Unit, closings, compiled, inner
 from benchmarks.load_trial.newton import BALANCE, DOWN, HEAVY, STEPS, along, assemble, newton_step, slope
 
 Array = npt.NDArray[np.float64]
 
 
-@compiled
+@inner
 def settle(t, x, load, most, pin, flank, eps, radial, cam, bore, clearance, g, blocks, coupling, crank, v, p, r):
     """Move x to the least energy; steps taken, -1 where the balance was not reached in ``most`` steps.
 

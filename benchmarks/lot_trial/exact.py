@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from benchmarks.load_trial import newton, planar
-from benchmarks.load_trial.kernel import Train, Unit, add_bearing, compiled
+from benchmarks.load_trial.kernel import Train, Unit, add_bearing, compiled, inner
 from benchmarks.load_trial.newton import BALANCE, STEPS, newton_step
 from benchmarks.load_trial.planar import Array, Solved, unknowns
 
@@ -78,19 +78,19 @@ class Springs(NamedTuple):
     open: Array  # (2,): a clearance that nothing crosses
 
 
-@compiled
+@inner
 def unit_vector(angle: float) -> complex:
     """Unit vector at an angle."""
     return complex(np.cos(angle), np.sin(angle))
 
 
-@compiled
+@inner
 def dot(a: complex, b: complex) -> float:
     """Scalar product of two plane vectors."""
     return a.real * b.real + a.imag * b.imag
 
 
-@compiled
+@inner
 def small_turn(angle: float) -> complex:
     """Unit vector at an angle that is mostly small."""
     if abs(angle) > 0.05:
@@ -99,7 +99,7 @@ def small_turn(angle: float) -> complex:
     return complex(1 - x / 2 * (1 - x / 12 * (1 - x / 30)), angle * (1 - x / 6 * (1 - x / 20)))
 
 
-@compiled
+@inner
 def curve(t: Any, pin: complex, cam: complex) -> tuple[complex, complex, complex]:
     """Point of the curve that pin 0 draws on a disc which turns by s, with two derivatives; in the disc's frame.
 
@@ -110,7 +110,7 @@ def curve(t: Any, pin: complex, cam: complex) -> tuple[complex, complex, complex
     return pin - cam, 1j * (n * cam - pin), n * n * cam - pin
 
 
-@compiled
+@inner
 def find_foot(t: Any, seen: complex, pin: complex, cam: complex, steps: int) -> tuple[complex, complex]:
     """Foot of the perpendicular from where a pin is seen on a disc, by so many of Newton's steps from a near one."""
     for _ in range(steps):
@@ -122,7 +122,7 @@ def find_foot(t: Any, seen: complex, pin: complex, cam: complex, steps: int) -> 
     return pin, cam
 
 
-@compiled
+@inner
 def touched(t: Any, pin: complex, cam: complex) -> tuple[complex, complex, complex]:
     """Point of the curve, normal into the pin, and where the pin touches the disc."""
     point, first, _ = curve(t, pin, cam)
@@ -130,7 +130,7 @@ def touched(t: Any, pin: complex, cam: complex) -> tuple[complex, complex, compl
     return point, outwards, point - t.pin_radius * outwards
 
 
-@compiled
+@inner
 def wave(u: Any, k: int, pitch: int, place: complex) -> float:
     """Waves of disc k at a place in its frame: of the pitch, or of the profile."""
     total, direction = 0.0, place * (1 / np.sqrt(dot(place, place)))
@@ -143,7 +143,7 @@ def wave(u: Any, k: int, pitch: int, place: complex) -> float:
     return total
 
 
-@compiled
+@inner
 def lobe(t: Any, u: Any, k: int, place: complex) -> float:
     """Material of the lobe of disc k at a place in its frame; counted as `kernel` says."""
     first = np.ceil(k * t.pins / t.discs - 1e-9) - k / t.discs + 0.5
@@ -152,7 +152,7 @@ def lobe(t: Any, u: Any, k: int, place: complex) -> float:
     return u.lobes[k, int(near) % t.lobes] * np.cos(np.pi * (at - near)) ** 2  # type: ignore[no-any-return]
 
 
-@compiled
+@inner
 def start_feet(t: Any, theta: float, c: Any) -> None:
     """Feet of pins that meet the discs where all is nominal: s is theta less the pin's angle."""
     for k in range(t.discs):
@@ -162,7 +162,7 @@ def start_feet(t: Any, theta: float, c: Any) -> None:
             c.foot[k, i, 1] = cam
 
 
-@compiled
+@inner
 def take_pins(t: Any, u: Any, theta: float, x: Array, c: Any, steps: int) -> None:
     """Rows and closings of all pins at a pose; feet by so many steps from the last ones."""
     for k in range(t.discs):
@@ -196,13 +196,13 @@ def take_pins(t: Any, u: Any, theta: float, x: Array, c: Any, steps: int) -> Non
             c.pin[k, i, 3] = depth + normal.real * x0 + normal.imag * x1 + n2 * x2
 
 
-@compiled
+@inner
 def chord(angle: float) -> complex:
     """Unit vector at an angle, less that at none, with all its digits."""
     return complex(-2 * np.sin(angle / 2) ** 2, np.sin(angle))
 
 
-@compiled
+@inner
 def take_bearings(t: Any, u: Any, theta: float, x: Array, c: Any) -> None:
     """Arms and gaps of all bearings at a pose."""
     carrier, nd = 3 * t.discs + 2, t.discs
@@ -230,7 +230,7 @@ def take_bearings(t: Any, u: Any, theta: float, x: Array, c: Any) -> None:
             c.arm[j, k, 2], c.arm[j, k, 3] = crank_arm.real, crank_arm.imag
 
 
-@compiled
+@inner
 def pressed(law: Any, stiffness: float, p: float) -> tuple[float, float]:
     """Force of a pin or a flank and its derivative."""
     if p <= 0.0:
@@ -239,7 +239,7 @@ def pressed(law: Any, stiffness: float, p: float) -> tuple[float, float]:
     return k * p, law.exponent * k
 
 
-@compiled
+@inner
 def lead(t: Any, u: Any, j: int, sun: float, planet: float) -> float:
     """Way by which teeth are ahead in mesh j, which sun and planet j see in these directions."""
     total = 0.0
@@ -253,7 +253,7 @@ def lead(t: Any, u: Any, j: int, sun: float, planet: float) -> float:
     return total
 
 
-@compiled
+@inner
 def take_flanks(t: Any, law: Any, u: Any, theta: float, x: Array, c: Any) -> float:
     """Rows and closings of both flanks of each mesh at a pose; moment that they put on the carrier there.
 
@@ -294,7 +294,7 @@ def take_flanks(t: Any, law: Any, u: Any, theta: float, x: Array, c: Any) -> flo
     return moment
 
 
-@compiled
+@inner
 def add_pins(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
     """Add pins of a power law to gradient and matrices."""
     for k in range(t.discs):
@@ -308,7 +308,7 @@ def add_pins(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
                     block[q, r] += stiffness * n[q] * n[r]
 
 
-@compiled
+@inner
 def add_flanks(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
     """Add flanks of a power law to gradient and matrices."""
     sun, first, block, coupling = 3 * t.discs, 3 * t.discs + 5, w.blocks[t.discs], w.coupling[t.discs]
@@ -330,7 +330,7 @@ def add_flanks(t: Any, law: Any, x: Array, c: Any, w: Any) -> None:
                     coupling[r, q + s] -= stiffness * n[r] * n[s]
 
 
-@compiled
+@inner
 def assemble(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: Any) -> None:
     """Gradient and second derivative of the energy at x."""
     t, nd = springs.train, springs.train.discs
@@ -354,7 +354,7 @@ def assemble(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: A
             )
 
 
-@compiled
+@inner
 def along(t: Any, x: Array, c: Any, w: Any) -> None:
     """Closings of all contacts at x and their change along the step."""
     nd, v = t.discs, w.v
@@ -370,7 +370,7 @@ def along(t: Any, x: Array, c: Any, w: Any) -> None:
             at += 2
 
 
-@compiled
+@inner
 def slope(springs: Any, x: Array, load: float, clearance: Array, w: Any, s: float) -> float:
     """Slope of the energy along the step at s of it, N mm."""
     t, law, flank_law, pins = springs.train, springs.law, springs.flank_law, springs.train.discs * springs.train.pins
@@ -384,7 +384,7 @@ def slope(springs: Any, x: Array, load: float, clearance: Array, w: Any, s: floa
     return total
 
 
-@compiled
+@inner
 def length(springs: Any, x: Array, load: float, clearance: Array, w: Any, start: float) -> float:
     """How far to go along the step: to where the slope, which grows, is small against that at its start."""
     low, high, s = 0.0, 0.0, 1.0
@@ -405,7 +405,7 @@ def length(springs: Any, x: Array, load: float, clearance: Array, w: Any, start:
     return s
 
 
-@compiled
+@inner
 def largest(t: Any, g: Array, turning: float) -> float:
     """Largest entry of a vector over the unknowns, those of angles times a factor; what is no number wins."""
     most, carrier = 0.0, 3 * t.discs + 2
@@ -417,7 +417,7 @@ def largest(t: Any, g: Array, turning: float) -> float:
     return most
 
 
-@compiled
+@inner
 def settle(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: Any) -> bool:
     """Move x to the least energy of contacts that stay linear; False where that is not reached."""
     t, ridge, count = springs.train, 0.0, 0
@@ -439,7 +439,7 @@ def settle(springs: Any, x: Array, load: float, clearance: Array, c: Any, w: Any
             x[i] += s * w.v[i]
 
 
-@compiled
+@inner
 def rest(springs: Any, u: Any, theta: float, load: float, x: Array, c: Any, w: Any) -> int:
     """Move x to the equilibrium at one angle; rounds taken, -1 where the output does not rest."""
     t, turned, before = springs.train, 3 * springs.train.discs + 4, w.before
