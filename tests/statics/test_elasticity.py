@@ -12,11 +12,12 @@ import rverror
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import REFERENCE_FORCE, ContactLaw, Reducer
 from rverror.model.effects import Effect, effect
+from rverror.statics import kernel
 from rverror.statics.energy import solve
-from rverror.statics.kernel import pressed
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
 from rverror.statics.prediction import Predictor
 
+pressed = kernel.pressed.py_func  # machine code holds it only in what calls it
 THETA = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(24), 1)
 LINE = ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9)
 LAWS = [
