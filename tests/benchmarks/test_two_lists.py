@@ -80,7 +80,7 @@ def test_every_line_says_its_origin_and_the_arithmetic_is_right(maker: tuple[rve
 def test_it_prints_its_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """At few angles: numbers of units are compared above."""
     monkeypatch.setattr(two_lists, "PLACES", two_lists.PLACES[::16])
-    two_lists.main([str(EXAMPLES / "rv40e.toml"), str(EXAMPLES / "rv40e-tolerances.toml"), "--units", "2", "--lines"])
+    two_lists.main([str(EXAMPLES / "rv40e.toml"), str(EXAMPLES / "rv40e-tolerances.toml"), "--units", "1", "--lines"])
     printed = capsys.readouterr().out
     assert "SIMULATED" in printed
     assert all(name in printed for name in two_lists.FIGURES)
