@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.tolerances.distribution import Scalar, normal_correlation_between
+from rverror.tolerances.distribution import Scalar, normal_correlation
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
 _HALVINGS = 30
@@ -80,12 +80,12 @@ def dependence(
     for e, (rows, value, terms) in inside.items():
         own = slice(place[rows.start], place[rows.start] + rows.stop - rows.start)
         count = (own.stop - own.start) // terms
-        value = laws[e].normal_correlation(value)
+        value = normal_correlation(laws[e], laws[e], value)
         within[own, own] = np.kron((1 - value) * np.eye(count) + value, np.eye(terms))
     across, between = np.zeros_like(within), np.zeros_like(within)
     for (e, f), value in pairs.items():
         try:
-            normal = normal_correlation_between(laws[e], laws[f], value)
+            normal = normal_correlation(laws[e], laws[f], value)
         except InputError as error:
             raise InputError(f"{labels[e]} and {labels[f]}: {error}") from error
         covariance = value * math.sqrt(laws[e].variance * laws[f].variance)

@@ -75,8 +75,6 @@ class VirtualUnits(Viewed):
     draws : str
         ``sobol`` or ``random``.
     seed : int
-    form : str
-        ``FoldedKernel`` or ``DirectKernel``.
     error_bound : float
         rad; no peak-to-peak is off by more, of waves left out and of rounding.
     kept : int
@@ -90,7 +88,6 @@ class VirtualUnits(Viewed):
     chunk: int
     draws: Draws
     seed: int
-    form: str
     error_bound: float
     kept: int
 
@@ -255,7 +252,7 @@ def virtual_units(
     draws : str
         ``sobol``: quasi-random units, up to 21201 variates each.  ``random``: plain random ones.
     tolerance : float
-        Bound on the error of a peak-to-peak that the form by orders may make, rad; 0 for the straightforward form.
+        Bound on the error that small waves left out may make of a peak-to-peak, rad; 0 leaves none out.
     progress : callable, optional
         Called with a line of text after each chunk.
 
@@ -328,7 +325,6 @@ def virtual_units(
         chunk=job.chunk,
         draws=draws,
         seed=job.seed,
-        form=type(job.sampler.kernel).__name__,
         error_bound=bound,
         kept=job.chunks - len(missing),
     )

@@ -46,6 +46,7 @@ from rverror.tolerances.distribution import (
     Triangular,
     TruncatedNormal,
     Uniform,
+    normal_correlation,
     normal_quantile,
     turned,
 )
@@ -166,7 +167,7 @@ class Block:
     @cached_property
     def _normal_correlation(self) -> float:
         assert isinstance(self.distribution, Scalar)
-        return self.distribution.normal_correlation(self.correlation)
+        return normal_correlation(self.distribution, self.distribution, self.correlation)
 
     def standard(self, uniforms: Array) -> Array:
         """Standard draws, shape (units, instances * terms), from the block's columns of the uniform variates.

@@ -1116,7 +1116,7 @@ def _of_error_budget(result: ErrorBudget) -> Table:
 def _of_virtual_units(result: VirtualUnits) -> Table:
     sizes = {name: (getattr(result, name), ANGLE) for name in ("peak_to_peak", "max", "rms", "offset")}
     variables = {**_along("virtual_unit", **sizes), **_single(error_bound=(result.error_bound, ANGLE))}
-    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk, "form": result.form}
+    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk}
     return Table("VirtualUnits", "virtual_unit", variables, about)
 
 
