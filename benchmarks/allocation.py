@@ -43,7 +43,7 @@ def main() -> None:
     model = rverror.Model(rverror.reducer("RV-40E"))
     tolerances = rverror.load_tolerances(TOLERANCES, model)
     stack = rverror.stack(model, tolerances)
-    settings = {"sample": options.sample, "verify": options.verify, **rverror.terms(tolerances)}
+    settings = {"sample": options.sample, "verify": options.verify}
 
     limits = [factor * options.limit * ARCSEC for factor in FRONT]
     singly = [timed(lambda limit=limit: rverror.allocate(stack, limit=limit, **settings)) for limit in limits]

@@ -14,6 +14,7 @@ from scipy.stats import qmc
 
 import rverror
 from rverror.base.units import ARCSEC
+from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import Budget, budget
 from rverror.tolerances.distribution import (
     Circle,
@@ -25,7 +26,8 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
-from rverror.tolerances.stacking import Block, Component, Stack, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
+from rverror.tolerances.tolerance import tolerance
 from rverror.tolerances.worst_pair import GroupWaves, diameter
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))

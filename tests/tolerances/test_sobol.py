@@ -16,7 +16,8 @@ import rverror
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.sobol import SobolIndices, sobol_indices, stack_indices
-from rverror.tolerances.stacking import stack, tolerance
+from rverror.tolerances.stacking import stack
+from rverror.tolerances.tolerance import tolerance
 
 
 def ishigami(uniforms: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy
 from rverror.model.catalogue import source
 from rverror.tolerances.distribution import Normal, Rayleigh
-from rverror.tolerances.stacking import Tolerance
+from rverror.tolerances.tolerance import Tolerance
 
 
 def tolerances_as_made(result: Lot) -> str:

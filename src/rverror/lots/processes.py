@@ -21,7 +21,7 @@ from rverror.geartrain.source import Index, IndexValue, Known, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.tolerances.loaded_units import Instance
-from rverror.tolerances.stacking import Tolerance
+from rverror.tolerances.tolerance import Tolerance
 
 _HARMONICS = 2  # of waves over a part, where no tolerances name them: runout and ovality
 

@@ -19,7 +19,8 @@ from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
 from rverror.tolerances.specification import Limit, limit
-from rverror.tolerances.stacking import Stack, Tolerance, stack
+from rverror.tolerances.stacking import Stack, stack
+from rverror.tolerances.tolerance import Tolerance
 
 #: Points of the Sobol indices where no number is given.
 INDEX_COUNT = 2**13

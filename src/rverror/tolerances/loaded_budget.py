@@ -17,7 +17,7 @@ from rverror.tolerances.loaded_yield import COUNT, Verified, loaded_units, verif
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.sobol import SobolIndices, indices_of_outputs, without_joined
 from rverror.tolerances.specification import Limit
-from rverror.tolerances.stacking import Tolerance
+from rverror.tolerances.tolerance import Tolerance
 
 #: Points of the Sobol indices at the load: (entries + 2) units each.
 POINTS = 128

@@ -29,7 +29,8 @@ from rverror.base.version import __version__
 from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
 from rverror.tolerances.extremes import TOLERANCE, Extremes, Kernel, kernel
-from rverror.tolerances.stacking import Stack, Tolerance, laid_out
+from rverror.tolerances.stacking import Stack, laid_out
+from rverror.tolerances.tolerance import Tolerance
 
 Result = TypeVar("Result")
 Draws = Literal["sobol", "random"]
@@ -212,14 +213,13 @@ class _Chunks:
 
 
 def virtual_units(
-    model: Model | Stack | None = None,
+    model: Model | Stack,
     tolerances: Sequence[Tolerance] | int | None = None,
     theta: Any | None = None,
     *,
     direction: float = 1.0,
     torque: Any | None = None,
     speed: Any | None = None,
-    stack: Stack | None = None,
     count: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
@@ -232,13 +232,12 @@ def virtual_units(
 
     Parameters
     ----------
-    model : Model
-        Or its `stack`; the number of units may then stand second.
+    model : Model or Stack
+        A stack, of `rverror.stack`, stands for model, tolerances and how they are asked; the number of units may then
+        stand second.
     tolerances : sequence of Tolerance
     theta, direction, torque, speed
         As for `rverror.stack`.
-    stack : Stack, optional
-        In place of model, tolerances and all that was said above.
     count : int
         Number of units; `COUNT` where left out.
     seed : int
@@ -276,7 +275,7 @@ def virtual_units(
     Examples
     --------
     >>> import rverror
-    >>> from rverror.tolerances.stacking import tolerance
+    >>> from rverror.tolerances.tolerance import tolerance
     >>> from rverror.base.units import ARCSEC
     >>> unit, cams = rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")]
     >>> units = virtual_units(unit, cams, count=2000)
@@ -293,7 +292,7 @@ def virtual_units(
     if isinstance(tolerances, int):
         count, tolerances = tolerances, None
     count = COUNT if count is None else count
-    stack = laid_out(model, tolerances, theta, stack, direction=direction, torque=torque, speed=speed)
+    stack = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
     check_seed(seed)

@@ -46,7 +46,8 @@ from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.tolerances.stacking import Stack
+from rverror.tolerances.tolerance import Tolerance
 from rverror.views.lot_words import process_name, shift_name
 from rverror.views.variables import (
     ANGLE,
