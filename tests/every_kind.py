@@ -183,7 +183,7 @@ def compensation() -> rverror.Compensation:
         correction=rverror.Correction(121.0, rverror.OrderTable(cases=cases)),
         orders=(
             CompensatedOrder(1.0, (HOSTILE,), 5 * ARCSEC, 0.25 * ARCSEC, "measured"),
-            CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "foretold"),
+            CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "predicted"),
         ),
         before=HeldError(4 * ARCSEC, math.nan, math.nan),
         after=HeldError(0.5 * ARCSEC, 0.4 * ARCSEC, 0.6 * ARCSEC),

@@ -393,8 +393,9 @@ def order_statistics(ordered: Array, probability: float, confidence: float) -> I
     binomial; infinite where there are too few numbers.
     """
     count, tail = ordered.size, (1 - confidence) / 2
-    below = _binomial_quantile(tail, count, probability)  # least l with P(K <= l) above the tail
-    above = _binomial_quantile(1 - tail, count, probability) + 1
+    # the least l with P(K <= l) above the tail
+    below, above = (int(scipy.stats.binom.ppf(share, count, probability)) for share in (tail, 1 - tail))
+    above += 1
     low = float(ordered[below - 1]) if below else -math.inf
     high = float(ordered[above - 1]) if above <= count else math.inf
     return IntervalEstimate(float(np.quantile(ordered, probability)), low, high, math.nan, math.nan)
@@ -535,9 +536,3 @@ def _pieces(thing: object) -> Iterator[bytes]:
         yield from _pieces(tuple((field.name, getattr(thing, field.name)) for field in fields(thing)))
     else:
         yield repr(thing).encode()
-
-
-def _binomial_quantile(share: float, count: int, probability: float) -> int:
-    """Least number k of hits with P(hits <= k) of at least that share."""
-    k = max(0, math.ceil(float(scipy.special.bdtrik(share, count, probability))))
-    return k - 1 if k and float(scipy.special.bdtr(k - 1, count, probability)) >= share else k

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import sheet_rows
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
@@ -44,7 +45,7 @@ def read_table(path: PathLike) -> TomlText:
         If the file cannot be read, a column is not known, or a cell cannot be what its column says.
     """
     name = str(path)
-    rows = [(number, row) for number, row in _READERS[Path(name).suffix.lower()](path) if _is_filled(row)]
+    rows = _rows(path)
     if not rows:
         raise InputError(f"{name}: the table is empty; {_EXAMPLE}")
     (line, heads), *body = rows
@@ -143,8 +144,46 @@ def _fit(where: str, cell: str) -> dict[str, Any]:
     return {"with": name.strip(), "classes": int(number), "opposite": bool(order)}
 
 
-def _is_filled(row: Sequence[str]) -> bool:
-    return any(row) and not row[0].startswith("#")
+def column_of(path: Path, name: str | None, dimension: str) -> list[float]:
+    """Values of a column ``name[unit]`` of a table, core units; of the only one where no name is given."""
+    rows = _rows(path)
+    example = f"size[{units.DISPLAY_UNITS[dimension]}]"
+    if not rows:
+        raise InputError(
+            f"{path}: the file is empty; write the column's name and unit, like '{example}', and values below"
+        )
+    (line, heads), *body = rows
+    titles = [head.partition("[")[0].strip() for head in heads]
+    if name is None and len(titles) > 1:
+        raise InputError(
+            f"{path}: {len(titles)} columns; say which: samples = {{ file = ..., column = '{titles[0]}' }}"
+        )
+    if name is not None and name not in titles:
+        raise InputError(
+            f"{path}: no column {shown(name)};{did_you_mean(name, titles)} the columns are {', '.join(titles)}"
+        )
+    at = 0 if name is None else titles.index(name)
+    unit = heads[at].partition("[")[2].rstrip("] ")
+    if not unit:
+        raise InputError(f"{path}, line {line}: {shown(heads[at])} has no unit; write it like '{example}'")
+    try:
+        factor = units.unit_factor(unit, dimension)
+    except ValueError as error:
+        raise InputError(f"{path}, line {line}: {error}") from error
+    values = []
+    for number, row in body:
+        try:
+            values.append(float(row[at]) * factor)
+        except (IndexError, ValueError) as error:
+            said = f"{shown(','.join(row))} has no number in column {at + 1}; correct it"
+            raise InputError(f"{path}, line {number}: {said}") from error
+    return values
+
+
+def _rows(path: PathLike) -> list[tuple[int, list[str]]]:
+    """Rows that hold anything, with their numbers."""
+    rows = _READERS.get(Path(str(path)).suffix.lower(), _csv_rows)(path)
+    return [(number, row) for number, row in rows if any(row) and not row[0].startswith("#")]
 
 
 def _csv_rows(path: PathLike) -> list[tuple[int, list[str]]]:
