@@ -152,9 +152,7 @@ def _budget(options: argparse.Namespace) -> None:
     if options.loaded_units is not None and not asked:
         raise InputError("--loaded-units: no unit is solved at a load; leave it out, or give --at '20 N*m'")
     limits = limits_of(options, model) if asked else ()
-    loaded = LOADED_COUNT if options.loaded_units is None else options.loaded_units
-    _at_least_one("--units", options.units)
-    _at_least_one("--loaded-units", loaded)
+    count, loaded = _count("--units", options.units), _count("--loaded-units", options.loaded_units, LOADED_COUNT)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
@@ -162,7 +160,7 @@ def _budget(options: argparse.Namespace) -> None:
             direction=_direction(options),
             torque=_load_of_speed(options, speed) or max((one.largest for one in limits), default=None) or None,
             speed=speed,
-            count=options.units,
+            count=count,
             limits=limits,
             loaded_count=loaded,
             seed=options.seed,
@@ -212,8 +210,7 @@ def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tu
         raise InputError(
             f"{loads[0]}: loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
         )
-    count = LOADED_COUNT if options.units is None else options.units
-    _at_least_one("--units", count)
+    count = _count("--units", options.units, LOADED_COUNT)
     with _executor(options.jobs), closing(_progress(options)) as progress:
         return allocate_at_load(
             model,
@@ -240,8 +237,7 @@ def _allocated_in_closed_form(
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     if limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
-    count = VERIFY if options.units is None else options.units
-    _at_least_one("--units", count)
+    count = _count("--units", options.units, VERIFY)
     factors = _FRONT if options.plot else (1.0,)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         front = cost_front(
@@ -323,10 +319,8 @@ def _direction(options: argparse.Namespace) -> float:
 
 
 def _speed(options: argparse.Namespace) -> float | None:
-    if options.speed is None:
-        return None
-    value = quantity("--speed", options.speed, "angular_speed", example="600 rpm")
-    if value < 0:
+    value = None if options.speed is None else quantity("--speed", options.speed, "angular_speed", example="600 rpm")
+    if value is not None and value < 0:
         raise InputError(f"--speed: {options.speed!r} is below 0; the direction is said by --direction")
     return value
 
@@ -353,9 +347,12 @@ def _share(text: str | None) -> float:
     return value
 
 
-def _at_least_one(name: str, number: int) -> None:
+def _count(name: str, given: int | None, default: int = 1) -> int:
+    """Number that is given, or the usual one."""
+    number = default if given is None else given
     if number < 1:
         raise InputError(f"{name}: {number} is below 1; give 1 or more")
+    return number
 
 
 @contextmanager
@@ -364,7 +361,7 @@ def _executor(jobs: int | None) -> Iterator[Executor | None]:
     if jobs is None:
         yield None
         return
-    _at_least_one("--jobs", jobs)
+    _count("--jobs", jobs)
     if jobs == 1:
         with at_most(1):
             yield None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -113,11 +113,12 @@ def compensate(
         data = _gathered(predicted, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
     made = _made(predicted, data, _wanted(model, data, unseen, asked), notes)
+    tested = [_tested(predicted, made.correction, one) for one in unseen]
     return replace(
         made,
         index=index,
-        unseen=tuple(_held_against(predicted, made.correction, one) for one in unseen),
-        traces=(*made.traces, *_unseen_traces(predicted, made.correction, unseen)),
+        unseen=tuple(one for one, _ in tested),
+        traces=(*made.traces, *(trace for _, traces in tested for trace in traces)),
     )
 
 
@@ -200,26 +201,27 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
     rows += [(case.condition, case.orders, case.waves) for case in data.cases]
     _check_left_out(data)
     cases: list[OrderCase] = []
-    laws: dict[tuple[float, float], str] = {}
+    words: dict[float, list[str]] = {}
     left: dict[float, list[float]] = {}
     after_tables: dict[TableCondition, float] = {}
     for sense in sorted({condition.direction for condition, _, _ in rows}, reverse=True):
         own = [row for row in rows if row[0].direction == sense]
         asked = dict.fromkeys([*(c for c, _, _ in own), *(c for c in wanted if c.direction == sense)])
         notes += _outside([c for c, _, _ in own], asked, bool(predicted.corrected))
-        if len(own) >= LEAST_CONDITIONS:
-            waves = _smooth(own, laws, left, after_tables)
-        else:
-            waves = _as_measured(own)
-            laws |= {(sense, k): "measured" for _, orders, _ in own for k in orders.tolist()}
+        laws = _laws_of(own)
+        after_tables |= laws.after
+        for k, rest in laws.left.items():
+            left.setdefault(k, []).extend(rest)
+        said = dict(laws.words)
         for condition in asked:
-            orders, values = waves(condition)
+            orders, values = laws.waves(condition)
             told, model_waves = predicted.waves(condition)
             every = np.union1d(orders, told)
             total = waves_at(every, orders, values) + waves_at(every, told, model_waves)
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
-            for k in told.tolist():
-                laws.setdefault((sense, k), "predicted")
+            said = dict.fromkeys(told.tolist(), "predicted") | said
+        for k, word in said.items():
+            words.setdefault(k, []).append(word)
     senses = {condition.direction for condition, _, _ in rows}
     notes += [
         f"no {'forward' if sense > 0 else 'reverse'} run: nothing is corrected in that direction"
@@ -232,12 +234,13 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
         _reach(data.records) if not data.cases else None,
     )
     before, after = _held(of_runs, data, after_tables)
-    listed = _listed(predicted.model, correction, of_runs, laws, left, [c for c, _, _ in rows])
+    listed = _listed(predicted.model, correction, of_runs, words, left, [c for c, _, _ in rows])
     stays = _stays(data, of_runs, listed, after)
     if not listed or after.rms >= before.rms:
         correction = replace(correction, table=OrderTable(cases=()))
         return Compensation(correction, (), before, before, predicted.model, stays=stays, notes=tuple(notes))
-    traces = tuple(_trace(one) for one in of_runs)
+    records = [(one.record, one.left) for one in of_runs]
+    traces = tuple(CompensatedTrace(r.name, r.theta, r.measured - r.measured.mean(), rest) for r, rest in records)
     return Compensation(
         correction, listed, before, after, predicted.model, stays=stays, notes=_said(predicted, notes), traces=traces
     )
@@ -270,16 +273,26 @@ def _check_left_out(data: _Data) -> None:
 _Row = tuple[TableCondition, Array, Waves]
 
 
-def _smooth(
-    own: Sequence[_Row],
-    laws: dict[tuple[float, float], str],
-    left: dict[float, list[float]],
-    after: dict[TableCondition, float],
-) -> Any:
-    """Laws of every order over the conditions of one direction."""
-    orders = np.unique(np.concatenate([k for _, k, _ in own]))
+@dataclass(frozen=True)
+class _Laws:
+    """What the waves of one direction are under any condition."""
+
+    waves: Callable[[TableCondition], tuple[Array, Waves]]
+    words: dict[float, str]  # by order
+    left: dict[float, list[float]] = field(default_factory=dict)  # of each order in the conditions left out, rad
+    after: dict[TableCondition, float] = field(default_factory=dict)  # squares that they leave, rad^2
+
+
+def _laws_of(own: Sequence[_Row]) -> _Laws:
+    """Laws of every order over the conditions of one direction; of few conditions their own waves."""
     conditions = [c for c, _, _ in own]
+    if len(own) < LEAST_CONDITIONS:
+        cases = tuple(OrderCase(condition=c, orders=k, waves=z) for c, k, z in own)
+        measured = Correction(1.0, OrderTable(cases=cases))
+        return _Laws(measured.waves, dict.fromkeys(measured.orders.tolist(), "measured"))
+    orders = np.unique(np.concatenate([k for _, k, _ in own]))
     found: dict[float, ConditionLaw] = {}
+    after: dict[TableCondition, float] = {}
     for k in orders.tolist():
         having = [n for n, (_, known, _) in enumerate(own) if k in known]
         waves = np.array([own[n][2][np.searchsorted(own[n][1], k)] for n in having])
@@ -288,20 +301,12 @@ def _smooth(
             after[conditions[n]] = after.get(conditions[n], 0.0) + 0.5 * rest**2
         if law.terms:
             found[k] = law
-            laws[conditions[0].direction, k] = law.text
-            left.setdefault(k, []).extend(np.abs(law.left).tolist())
-    told = np.array(list(found))
 
-    def waves_at(condition: TableCondition) -> tuple[Array, Waves]:
-        return told, np.array([law(condition) for law in found.values()], dtype=np.complex128)
+    def of_laws(condition: TableCondition) -> tuple[Array, Waves]:
+        return np.array(list(found)), np.array([law(condition) for law in found.values()], dtype=np.complex128)
 
-    return waves_at
-
-
-def _as_measured(own: Sequence[_Row]) -> Any:
-    """Each condition's own waves, straight from load to load."""
-    cases = tuple(OrderCase(condition=c, orders=k, waves=z) for c, k, z in own)
-    return Correction(1.0, OrderTable(cases=cases)).waves
+    left = {k: np.abs(law.left).tolist() for k, law in found.items()}
+    return _Laws(of_laws, {k: law.text for k, law in found.items()}, left, after)
 
 
 def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> list[str]:
@@ -363,7 +368,7 @@ def _listed(
     model: Model,
     correction: Correction,
     found: Sequence[RepeatingOrders],
-    laws: dict[tuple[float, float], str],
+    words: dict[float, list[str]],
     left: dict[float, list[float]],
     measured: Sequence[TableCondition],
 ) -> tuple[CompensatedOrder, ...]:
@@ -378,12 +383,11 @@ def _listed(
             rest.setdefault(k, []).extend(one.lines(k))
     listed = []
     for k, values in squares.items():
-        words = list(dict.fromkeys(law for (_, order), law in laws.items() if order == k))
         size = math.sqrt(float(np.mean(values)))
         remains = math.sqrt(float(np.mean(np.square(rest[k])))) if k in rest else math.nan
         if size > 0:
             frames = tuple(frames_of_order(model.mechanism, k))
-            listed.append(CompensatedOrder(k, frames, size, remains, "; ".join(words)))
+            listed.append(CompensatedOrder(k, frames, size, remains, "; ".join(dict.fromkeys(words.get(k, ())))))
     return tuple(sorted(listed, key=lambda one: -one.amplitude))
 
 
@@ -431,44 +435,24 @@ def _said(predicted: PredictedWaves, notes: list[str]) -> tuple[str, ...]:
 # --- data that no fit saw ---------------------------------------------------------------------------------------------
 
 
-def _held_against(predicted: PredictedWaves, correction: Correction, one: Run | OrderTable) -> Unseen:
+def _tested(
+    predicted: PredictedWaves, correction: Correction, one: Run | OrderTable
+) -> tuple[Unseen, tuple[CompensatedTrace, ...]]:
+    """Error of a run or table without and with the correction, in place of an earlier one; of a run its traces."""
     old = from_effects(correction.ratio, predicted.old)
     if isinstance(one, OrderTable):
-        before, after = [], []
+        squares = []
         for case in one.cases:
             new, replaced = (waves_at(case.orders, *table.waves(case.condition)) for table in (correction, old))
-            before.append(0.5 * float(np.sum(np.abs(case.waves) ** 2)))
-            after.append(0.5 * float(np.sum(np.abs(case.waves + new - replaced) ** 2)))
-        return Unseen(one.path, math.sqrt(float(np.mean(before))), math.sqrt(float(np.mean(after))))
-    parts = _parts(predicted, correction, one)
-    sizes = [math.sqrt(float(np.mean(np.concatenate([part[at] for part in parts]) ** 2))) for at in (1, 2)]
-    return Unseen(one.path, sizes[0], sizes[1])
-
-
-def _parts(predicted: PredictedWaves, correction: Correction, run: Run) -> list[tuple[Array, Array, Array]]:
-    """Angles, error without and with the correction of each direction of a run, offset taken off."""
-    theta, error = run.nominal_angle(predicted.model), run.error(predicted.model)
-    old = from_effects(correction.ratio, predicted.old)
-    parts = []
-    for sense in np.unique(run.direction):
-        at = run.direction == sense
-        condition = condition_of(run, theta, float(sense), abs(correction.ratio))
+            squares.append([0.5 * np.sum(np.abs(waves) ** 2) for waves in (case.waves, case.waves + new - replaced)])
+        return Unseen(one.path, *np.sqrt(np.mean(squares, axis=0)).tolist()), ()
+    theta, error = one.nominal_angle(predicted.model), one.error(predicted.model)
+    traces = []
+    for sense in np.unique(one.direction):
+        at = one.direction == sense
+        condition = condition_of(one, theta, float(sense), abs(correction.ratio))
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
-        parts.append((theta[at], error[at] - error[at].mean(), changed - changed.mean()))
-    return parts
-
-
-def _unseen_traces(
-    predicted: PredictedWaves, correction: Correction, unseen: Sequence[Run | OrderTable]
-) -> tuple[CompensatedTrace, ...]:
-    return tuple(
-        CompensatedTrace(one.path, *part, unseen=True)
-        for one in unseen
-        if isinstance(one, Run)
-        for part in _parts(predicted, correction, one)
-    )
-
-
-def _trace(one: RepeatingOrders) -> CompensatedTrace:
-    record = one.record
-    return CompensatedTrace(record.name, record.theta, record.measured - record.measured.mean(), one.left)
+        sides = error[at] - error[at].mean(), changed - changed.mean()
+        traces.append(CompensatedTrace(one.path, theta[at], *sides, unseen=True))
+    errors = (np.concatenate([getattr(trace, side) for trace in traces]) for side in ("before", "after"))
+    return Unseen(one.path, *(math.sqrt(float(np.mean(error**2))) for error in errors)), tuple(traces)
