@@ -358,10 +358,7 @@ class _UnreachableError(InputError):
 
 
 def _angle(limit: Any) -> float:
-    try:
-        value = units.to_core(limit, "angle")
-    except ValueError as error:
-        raise InputError(f"limit: {error}") from error
+    value = units.named_core("limit", limit, "angle")
     if value <= 0:
         raise InputError(f"limit = {limit!r}: must be above 0; give an angle such as '60 arcsec'")
     return value

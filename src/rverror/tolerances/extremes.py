@@ -52,11 +52,6 @@ class Kernel:
     levels: tuple[Array, ...]
     weights: Array  #: (r,); mean square over the revolution of each wave
 
-    @property
-    def work(self) -> int:
-        """Multiplications that one combination takes."""
-        return self.factor.size + sum(level.size for level in self.levels)
-
     def extremes(self, values: Array) -> Extremes:
         """Sizes of ``nominal + values @ waveforms`` in its unit, for each row of values, shape (units, m)."""
         high, low, rms = np.empty((3, len(values)))
@@ -99,10 +94,6 @@ class Kernel:
         """Bound on the error of each peak-to-peak, of waves left out and of rounding, for each row of values."""
         return np.asarray(2 * (np.abs(values) @ self.slack + self.nominal_slack), dtype=np.float64)
 
-    def bound_within(self, reach: float) -> float:
-        """Bound on the error of any peak-to-peak whose values lie within +-reach."""
-        return 2 * (reach * float(self.slack.sum()) + self.nominal_slack)
-
 
 def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE) -> Kernel:
     """Make waveforms ready.
@@ -116,7 +107,7 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
         Largest value that will multiply a waveform.
     tolerance : float
         Largest error of a peak-to-peak by waves left out, as long as no value exceeds `reach`; in the unit of the
-        waveforms.  0 leaves none out.  Rounding comes to it: `Kernel.bound_within` tells both together.
+        waveforms.  0 leaves none out.  Rounding comes to it: `Kernel.bound` tells both together.
 
     Raises
     ------

@@ -388,12 +388,12 @@ def tolerance(
         beside = [name for name, value in {**said, "mean": mean}.items() if value is not None]
         if beside:
             raise InputError(f"{key}: {beside[0]} beside samples; samples say it themselves, leave it out")
-        measured = tuple(_core(f"{key}: samples", value, dimension) for value in samples)
+        measured = tuple(units.named_core(f"{key}: samples", value, dimension) for value in samples)
         law = SampledAmplitude(measured) if phase else Samples(measured)
         size = law.width
         if isinstance(law, Samples):
             means = {p.name: law.mean for p in chosen}
-    limits = None if bounds is None else tuple(_core(f"{key}: bounds", value, dimension) for value in bounds)
+    limits = None if bounds is None else tuple(units.named_core(f"{key}: bounds", value, dimension) for value in bounds)
     return Tolerance(
         key,
         size,
@@ -456,12 +456,12 @@ def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]
         for name in mean:
             if name not in known:
                 raise InputError(f"{key}: mean of {name!r};{_names('parameters', list(known), name)}")
-        return {name: _core(f"{key}: mean of {name}", value, known[name]) for name, value in mean.items()}
+        return {name: units.named_core(f"{key}: mean of {name}", value, known[name]) for name, value in mean.items()}
     if len(chosen) > 1:
         raise InputError(
             f"{key}: mean = {mean!r}: which parameter? give a table, like {{ {chosen[0].name} = {mean!r} }}"
         )
-    return {chosen[0].name: _core(f"{key}: mean", mean, chosen[0].dimension)}
+    return {chosen[0].name: units.named_core(f"{key}: mean", mean, chosen[0].dimension)}
 
 
 def check_tolerances(tolerances: object) -> None:
@@ -477,13 +477,6 @@ def check_tolerances(tolerances: object) -> None:
 
 def _in_vectors(names: Sequence[str]) -> bool:
     return all(pair in PAIRS for pair in zip(names[::2], names[1::2], strict=False)) and len(names) % 2 == 0
-
-
-def _core(what: str, value: Any, dimension: str) -> float:
-    try:
-        return units.to_core(value, dimension)
-    except ValueError as error:
-        raise InputError(f"{what}: {error}") from error
 
 
 def _names(what: str, known: Sequence[str], word: str) -> str:
