@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from rverror.tolerances.sampling import VirtualUnits, virtual_units
     from rverror.tolerances.specification import Limit, limit
     from rverror.tolerances.stacking import Stack, stack
-    from rverror.tolerances.tolerance import Tolerance, tolerance
+    from rverror.tolerances.declared import Tolerance, tolerance
     from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
     # Lots: what the processes made, told from many measured units.
@@ -163,7 +163,7 @@ _LATER = {
     "RunsCompared": "life.result",
     "SpeedResponse": "dynamics.at_speed",
     "Stack": "tolerances.stacking",
-    "Tolerance": "tolerances.tolerance",
+    "Tolerance": "tolerances.declared",
     "TorsionCurve": "statics.rigidity",
     "Trend": "life.result",
     "UnitError": "parts.unit",
@@ -232,7 +232,7 @@ _LATER = {
     "to_pandas": "views.tables",
     "to_text": "views.report",
     "to_xarray": "views.tables",
-    "tolerance": "tolerances.tolerance",
+    "tolerance": "tolerances.declared",
     "tolerances_as_made": "lots.as_made",
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",

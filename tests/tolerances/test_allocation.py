@@ -17,11 +17,11 @@ from rverror.tolerances.blocks import Block
 from rverror.tolerances.constraints import Quantile, WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.cost_model import cost_model
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
 from rverror.tolerances.least_cost import Found
 from rverror.tolerances.sampling import virtual_units
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.tolerance import tolerance
 
 ANGLES = 48
 QUICK = {"sample": 4096, "verify": 8192}

@@ -16,6 +16,7 @@ import rverror
 from rverror.base.units import ARCSEC
 from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import Budget, budget
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import (
     Circle,
     Distribution,
@@ -27,7 +28,6 @@ from rverror.tolerances.distribution import (
     Uniform,
 )
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.tolerance import tolerance
 from rverror.tolerances.worst_pair import GroupWaves, diameter
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))

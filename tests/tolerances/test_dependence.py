@@ -17,10 +17,10 @@ from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
 from rverror.tolerances.constraints import WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Reciprocal
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Scalar, Uniform, normal_correlation
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.tolerance import tolerance
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = 2 * np.pi * np.arange(240) / 240

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.base.units import ARCSEC
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.extremes import REACH, TOLERANCE, kernel
 from rverror.tolerances.stacking import stack
-from rverror.tolerances.tolerance import tolerance
 
 SIZES = ("peak_to_peak", "max", "rms", "offset")
 

@@ -22,10 +22,10 @@ import rverror
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.blocks import Block
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Normal, Rayleigh, Uniform
 from rverror.tolerances.sampling import IntervalEstimate, VirtualUnits, uniforms, virtual_units
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.tolerance import tolerance
 
 module = importlib.import_module("rverror.tolerances.sampling")  # the package has a function of this name
 N = 32

@@ -16,9 +16,9 @@ import rverror
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances import sobol
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.sobol import SobolIndices, stack_indices
 from rverror.tolerances.stacking import stack
-from rverror.tolerances.tolerance import tolerance
 
 
 def sobol_indices(*arguments: Any, **settings: Any) -> SobolIndices:

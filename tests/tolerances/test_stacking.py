@@ -15,6 +15,7 @@ import rverror
 from rverror.base.errors import InputError
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.tolerances.blocks import Block
+from rverror.tolerances.declared import PAIRS, Tolerance, tolerance
 from rverror.tolerances.distribution import (
     Circle,
     Distribution,
@@ -28,7 +29,6 @@ from rverror.tolerances.distribution import (
     Uniform,
 )
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.tolerance import PAIRS, Tolerance, tolerance
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = np.linspace(0, 2 * np.pi, 64, endpoint=False)

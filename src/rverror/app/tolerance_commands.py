@@ -30,12 +30,12 @@ from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.statics.loaded_state import reducer_of
 from rverror.tolerances.allocation import VERIFY, Allocation, FrontPoint, cost_front
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import error_budget
 from rverror.tolerances.loaded_allocation import allocate_at_load
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
-from rverror.tolerances.tolerance import Tolerance
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.report import to_text
 

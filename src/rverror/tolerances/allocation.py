@@ -25,11 +25,11 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.tolerances.constraints import MeanSquare, Quantile, WorstPeakToPeak
 from rverror.tolerances.cost_model import CostModel, cost_model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.least_cost import CLOSE, ROUNDS, Constraint, Found, Row, least_cost, multipliers_of
 from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import check_share, virtual_units
 from rverror.tolerances.stacking import Stack, laid_out
-from rverror.tolerances.tolerance import Tolerance
 
 Kind = Literal["worst", "yield", "rms", "load"]
 

@@ -129,7 +129,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     --------
     >>> import rverror
     >>> from rverror.tolerances.stacking import stack
-    >>> from rverror.tolerances.tolerance import tolerance
+    >>> from rverror.tolerances.declared import tolerance
     >>> unit = rverror.Model(rverror.reducer("RV-40E"))
     >>> result = budget(stack(unit, [tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]))
     >>> f"{result.worst.peak_to_peak * 180 / np.pi * 3600:.2f}"  # arcsec

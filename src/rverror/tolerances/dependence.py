@@ -16,9 +16,9 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
 from rverror.tolerances.blocks import Block, Component
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.distribution import Scalar, normal_correlation
 from rverror.tolerances.selection import SelectedFit
-from rverror.tolerances.tolerance import Tolerance
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
 _TAKES_PART = 1e-6  # of the square of a direction
@@ -175,7 +175,7 @@ def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float
 
     Examples
     --------
-    >>> from rverror.tolerances.tolerance import tolerance
+    >>> from rverror.tolerances.declared import tolerance
     >>> cams = tolerance("crank.eccentricity", "5 um", name="cams")
     >>> correlations([cams, tolerance("cycloid.disc_bore_position", "5 um", correlated_with={"cams": 0.5})])
     {(0, 1): 0.5}
@@ -206,7 +206,7 @@ def fits(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], SelectedFit]:
 
     Examples
     --------
-    >>> from rverror.tolerances.tolerance import tolerance
+    >>> from rverror.tolerances.declared import tolerance
     >>> cams = tolerance("crank.eccentricity", "5 um", name="cams", parameters=["radial"])
     >>> fit = {"with": "cams", "classes": 3}
     >>> fits([cams, tolerance("cycloid.disc_bore_position", "5 um", parameters=["radial"], fit=fit)])

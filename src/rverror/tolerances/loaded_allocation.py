@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -19,12 +19,12 @@ from rverror.model.effects import Model
 from rverror.tolerances.allocation import Allocation, closed_form_quantile, described, rates_of, step_of
 from rverror.tolerances.constraints import Quantile, ranked
 from rverror.tolerances.cost_model import CostModel, cost_model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.least_cost import CLOSE, Constraint, Found, least_cost
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
 from rverror.tolerances.loaded_yield import COUNT, Verified, counted, loaded_units, standard_draws, verified
 from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.specification import Limit
-from rverror.tolerances.tolerance import Tolerance
 
 #: Units on which the widths are optimised.
 SAMPLE = 384
@@ -107,16 +107,8 @@ def allocate_at_load(
     units = loaded_units(model, tolerances, limits, direction=direction)
     if any(one.value is None for one in units.limits):
         raise InputError("limits: one has no value; give it, such as limit('transmission_error', '60 arcsec')")
-    search = _Search(
-        units,
-        cost_model(units.stack.labels, units.stack.width, units.stack.choices),
-        sample=sample,
-        verify=verify,
-        confidence=confidence,
-        seed=seed,
-        progress=progress or (lambda text: None),
-    )
-    return search.allocation()
+    costs = cost_model(units.stack.labels, units.stack.width, units.stack.choices)
+    return _Search(units, costs, sample, verify, confidence, seed, progress or (lambda text: None)).allocation()
 
 
 # --- quantiles of what units use of their limits ----------------------------------------------------------------------
@@ -206,23 +198,21 @@ class LoadedQuantile(Constraint):
 # --- the search -------------------------------------------------------------------------------------------------------
 
 
+@dataclass
 class _Search:
     """Rounds of linearisation, and verifications, for one set of limits."""
 
-    def __init__(
-        self,
-        units: LoadedUnits,
-        costs: CostModel,
-        *,
-        sample: int,
-        verify: int,
-        confidence: float,
-        seed: int,
-        progress: Callable[[str], None],
-    ) -> None:
+    units: LoadedUnits
+    costs: CostModel
+    sample: int
+    verify: int
+    confidence: float
+    seed: int
+    progress: Callable[[str], None]
+
+    def __post_init__(self) -> None:
         """Draw the sample, and see how many bad units a verification may have."""
-        self.units, self.costs, self.verify, self.confidence = units, costs, verify, confidence
-        self.seed, self.progress = seed, progress
+        units, verify = self.units, self.verify
         self.level = min(one.level for one in units.limits)
         self.bad, self.most = -1, max(one.level for one in units.limits)
         while share_interval(verify - self.bad - 1, verify, 1 - self._leaves(0))[0] >= self.most:
@@ -237,8 +227,8 @@ class _Search:
         self.beyond = self.bad // 2
         #: And for each limit, as others may have other bad units.
         self.beyond_each = self.beyond // len(units.limits)
-        self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
-        turns = units.solved(np.zeros((1, self.drawn.shape[1])), costs.given).turns[0]
+        self.drawn = standard_draws(units.stack, self.sample, seed=self.seed, stream=0)
+        turns = units.solved(np.zeros((1, self.drawn.shape[1])), self.costs.given).turns[0]
         self.still = turns / np.array([one.allowed for one in units.limits])
         self.ratios: list[Array] = []
         self._solved: Solved | None = None

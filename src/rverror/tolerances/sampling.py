@@ -28,9 +28,9 @@ from rverror.base.units import named_core
 from rverror.base.version import __version__
 from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.extremes import TOLERANCE, Extremes, Kernel, kernel
 from rverror.tolerances.stacking import Stack, laid_out
-from rverror.tolerances.tolerance import Tolerance
 
 Result = TypeVar("Result")
 Draws = Literal["sobol", "random"]
@@ -275,7 +275,7 @@ def virtual_units(
     Examples
     --------
     >>> import rverror
-    >>> from rverror.tolerances.tolerance import tolerance
+    >>> from rverror.tolerances.declared import tolerance
     >>> from rverror.base.units import ARCSEC
     >>> unit, cams = rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")]
     >>> units = virtual_units(unit, cams, count=2000)

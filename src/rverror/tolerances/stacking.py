@@ -28,9 +28,9 @@ from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
 from rverror.tolerances.blocks import Block, Component, WorstGroup
 from rverror.tolerances.cost import Choice
+from rverror.tolerances.declared import Tolerance, check_tolerances
 from rverror.tolerances.dependence import Dependence, correlations, dependence, fits, places
 from rverror.tolerances.distribution import Scalar, normal_quantile
-from rverror.tolerances.tolerance import Tolerance, check_tolerances
 
 #: Angles of one revolution where none are given: the mesh orders of an RV-40E need them.
 ANGLES = 4096

@@ -17,12 +17,12 @@ from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.declared import Tolerance, tolerance
 from rverror.tolerances.dependence import correlations, fits
 from rverror.tolerances.distribution import Lognormal
 from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.tolerance import Tolerance, tolerance
 from rverror.tolerances.tolerance_table import column_of, is_table, read_table
 
 _TAKEN_OUT = "\0"

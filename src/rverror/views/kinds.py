@@ -43,11 +43,11 @@ from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.stacking import Stack
-from rverror.tolerances.tolerance import Tolerance
 from rverror.views.lot_words import process_name, shift_name
 from rverror.views.variables import (
     ANGLE,
