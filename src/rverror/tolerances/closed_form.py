@@ -251,7 +251,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     if centred[high] < centred[low]:
         high, low = low, high
     difference = deviation[:, high] - deviation[:, low]
-    swing, lengths = _towards(groups, difference)
+    swing, lengths = towards(groups, difference)
     entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
     parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
     parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
@@ -259,7 +259,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     deviating = np.abs(centred) + GroupWaves(groups, deviation).size()
     at = int(deviating.argmax())
     sign = -1.0 if centred[at] < 0 else 1.0
-    largest, _ = _towards(groups, sign * deviation[:, at])
+    largest, _ = towards(groups, sign * deviation[:, at])
     of_component = width[stack.entry]
     worst = WorstCase(
         lower=at_middle - reach,
@@ -276,7 +276,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     return worst, parts
 
 
-def _towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
+def towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
     """Standard values at the limits that make ``values @ gradient`` largest, and what each group adds to it."""
     values = np.zeros(gradient.size)
     parts = np.zeros(len(groups))

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.tolerances.closed_form import by_entry
+from rverror.tolerances.closed_form import by_entry, towards
 from rverror.tolerances.cost_model import CostModel, Mask
 from rverror.tolerances.extremes import kernel
 from rverror.tolerances.least_cost import CLOSE, ROUNDS, Constraint, Found, Row, minimised, pulled_in
@@ -86,11 +86,8 @@ class WorstPeakToPeak(Constraint):
         _, i, j = GroupWaves(stack.worst_groups, stack.scaled(widths), at_middle).farthest()
         i, j = (i, j) if at_middle[i] >= at_middle[j] else (j, i)
         between = stack.influence[:, i] - stack.influence[:, j]
-        lengths = [
-            group.radius * float(np.hypot.reduce(between[group.components].sum(axis=0))) for group in stack.worst_groups
-        ]
         own = self.middle[:, i] - self.middle[:, j]
-        np.add.at(own, self.owners, lengths)
+        np.add.at(own, self.owners, towards(stack.worst_groups, between)[1])
         return own, float(stack.nominal[i] - stack.nominal[j])
 
     def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:

@@ -350,7 +350,8 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
     """
     _check_draws(draws, dimensions)
     rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
-    points = _sobol(dimensions, rng) if draws == "sobol" and dimensions else None
+    sobol = draws == "sobol" and dimensions
+    points = scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng) if sobol else None
     for start in range(0, count, _STEP):
         rows = min(_STEP, count - start)
         if points is None:
@@ -358,11 +359,6 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
         else:
             whole = 1 << (rows - 1).bit_length()  # scipy warns of any other number
             yield points.random(whole)[:rows] + _CELL / 2
-
-
-def _sobol(dimensions: int, rng: np.random.Generator) -> Any:
-
-    return scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng)
 
 
 def _check_draws(draws: str, dimensions: int) -> None:
