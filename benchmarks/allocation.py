@@ -1,9 +1,8 @@
 """Cost of an allocation: the shipped RV-40E tolerances, 99 % of the units within 60 arcsec, and a front of five limits.
 
-    python benchmarks/allocation.py [--limit 60] [--sample 16384] [--verify 65536] [--repeats 3]
+    python benchmarks/allocation.py [--limit 60] [--sample 16384] [--verify 65536]
 
-Two ratios.  A solution asks for the peak-to-peaks of a sample again and again: by orders, and by the plain product of
-all draws with all waves.  A front asks for least costs at five limits: as one task, which draws its units once and
+A front asks for least costs at five limits: as one task, which draws its units once and
 starts each limit from the nearest one, and as five allocations.  Processor time, which other work on the machine does
 not stretch; BLAS runs on one thread unless the environment says otherwise.
 """
@@ -23,8 +22,6 @@ from typing import Any  # noqa: E402
 
 import rverror  # noqa: E402
 from rverror import ARCSEC  # noqa: E402
-from rverror.tolerances.extremes import direct_kernel  # noqa: E402
-from rverror.tolerances.limited_error import Quantile  # noqa: E402
 
 TOLERANCES = Path(__file__).parents[1] / "examples" / "rv40e-tolerances.toml"
 FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)
@@ -42,28 +39,11 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=60.0, help="arcsec")
     parser.add_argument("--sample", type=int, default=2**14)
     parser.add_argument("--verify", type=int, default=2**16)
-    parser.add_argument("--repeats", type=int, default=3)
     options = parser.parse_args()
     model = rverror.Model(rverror.reducer("RV-40E"))
     tolerances = rverror.load_tolerances(TOLERANCES, model)
     stack = rverror.stack(model, tolerances)
-    settings = {"sample": options.sample, "verify": options.verify, **rverror.terms(tolerances)}
-
-    by_orders = Quantile(stack, level=0.99, sample=options.sample, seed=0)
-    plain = Quantile(stack, level=0.99, sample=options.sample, seed=0)
-    plain.kernel = direct_kernel(stack.scaled(), stack.nominal)
-    times: dict[str, list[float]] = {"by orders": [], "plain product": []}
-    for repeat in range(options.repeats):
-        widths = stack.width * (1 + 0.01 * repeat)  # what was asked before is known
-        found = []
-        for name, one in zip(times, (by_orders, plain), strict=True):
-            seconds, (value, _) = timed(lambda one=one, widths=widths: one.measure(widths))
-            times[name].append(seconds)
-            found.append(value / ARCSEC)
-        print(f"quantile {found[0]:.6f} arcsec by orders, {found[1]:.6f} by the plain product")
-    best = {name: min(seconds) for name, seconds in times.items()}
-    print(f"peak-to-peaks of {options.sample} units: " + ", ".join(f"{name} {s:.3f} s" for name, s in best.items()))
-    print(f"ratio {best['plain product'] / best['by orders']:.2f}")
+    settings = {"sample": options.sample, "verify": options.verify}
 
     limits = [factor * options.limit * ARCSEC for factor in FRONT]
     singly = [timed(lambda limit=limit: rverror.allocate(stack, limit=limit, **settings)) for limit in limits]

@@ -32,5 +32,5 @@ print(rverror.to_text(budget, limit=40 * ARCSEC))
 
 # %%
 stack = rverror.stack(model, tolerances)
-bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14, **rverror.terms(tolerances))
+bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14)
 print(rverror.to_text(bought))

@@ -21,7 +21,6 @@ from rverror.matching.at_load import Quantity
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.tolerances import full_budget
-from rverror.tolerances.allocation import terms
 from rverror.tolerances.cost import Grades, Reciprocal
 from rverror.tolerances.specification import Limit
 
@@ -184,7 +183,7 @@ def compensation() -> rverror.Compensation:
         correction=rverror.Correction(121.0, rverror.OrderTable(cases=cases)),
         orders=(
             CompensatedOrder(1.0, (HOSTILE,), 5 * ARCSEC, 0.25 * ARCSEC, "measured"),
-            CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "foretold"),
+            CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "predicted"),
         ),
         before=HeldError(4 * ARCSEC, math.nan, math.nan),
         after=HeldError(0.5 * ARCSEC, 0.4 * ARCSEC, 0.6 * ARCSEC),
@@ -349,8 +348,8 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         budget = rverror.error_budget(
             MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
         )
-    allocation = rverror.allocate(stack, **terms(TOLERANCES), limit="60 arcsec", kind="worst", verify=1024)
-    front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], **terms(TOLERANCES), kind="worst", verify=1024)
+    allocation = rverror.allocate(stack, limit="60 arcsec", kind="worst", verify=1024)
+    front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], kind="worst", verify=1024)
     few = THETA[:6]
     return {
         "Reducer": (MODEL.mechanism, {}),

@@ -55,7 +55,7 @@ print(f"{'all':46} {sum(item.cost.cost(item.width) for item in tolerances):5.1f}
 theta = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
 stack = rverror.stack(model, tolerances, theta=theta)
 few = {"sample": 2**10, "verify": 2**12}
-found = rverror.allocate(stack, limit="26 arcsec", **few, **rverror.terms(tolerances))
+found = rverror.allocate(stack, limit="26 arcsec", **few)
 found
 
 # %%
@@ -102,7 +102,7 @@ for rate in found.tighten_first:
 # finer pins. On the right it runs out into the base prices.
 
 # %%
-points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few, **rverror.terms(tolerances))
+points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few)
 front = sorted((*points, rverror.FrontPoint(found.limit, found)), key=lambda point: point.limit)
 found.plot(kind="front", front=front)
 

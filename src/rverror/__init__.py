@@ -82,13 +82,14 @@ if TYPE_CHECKING:
     # Tolerances: what they make of the error, and which to buy.
     from rverror.tolerances import cost as costs
     from rverror.tolerances import distribution as distributions
-    from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms
+    from rverror.tolerances.allocation import Allocation, FrontPoint, allocate, cost_front, terms  # noqa: F401
     from rverror.tolerances.closed_form import Budget, budget
     from rverror.tolerances.full_budget import ErrorBudget, error_budget
     from rverror.tolerances.loaded_allocation import allocate_at_load
     from rverror.tolerances.sampling import VirtualUnits, virtual_units
     from rverror.tolerances.specification import Limit, limit
-    from rverror.tolerances.stacking import Stack, Tolerance, stack, tolerance
+    from rverror.tolerances.stacking import Stack, stack
+    from rverror.tolerances.declared import Tolerance, tolerance
     from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
     # Lots: what the processes made, told from many measured units.
@@ -162,7 +163,7 @@ _LATER = {
     "RunsCompared": "life.result",
     "SpeedResponse": "dynamics.at_speed",
     "Stack": "tolerances.stacking",
-    "Tolerance": "tolerances.stacking",
+    "Tolerance": "tolerances.declared",
     "TorsionCurve": "statics.rigidity",
     "Trend": "life.result",
     "UnitError": "parts.unit",
@@ -231,7 +232,7 @@ _LATER = {
     "to_pandas": "views.tables",
     "to_text": "views.report",
     "to_xarray": "views.tables",
-    "tolerance": "tolerances.stacking",
+    "tolerance": "tolerances.declared",
     "tolerances_as_made": "lots.as_made",
     "torsion_curve": "statics.rigidity",
     "torsional_stiffness": "statics.rigidity",
@@ -384,7 +385,6 @@ __all__ = [
     "simulate_runs",
     "speed_response",
     "stack",
-    "terms",
     "to_core",
     "to_csv",
     "to_display",

@@ -134,7 +134,7 @@ def test_the_reducer_of_ratio_81(tmp_path: Path) -> None:
     assert held["after"]["rms_arcsec"] < 1.5
 
 
-def test_a_load_that_no_run_has_is_foretold_by_causes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_load_that_no_run_has_is_predicted_by_causes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Fitted at 5 and 200 N*m, held against 60: the causes are looked for, and what is between is no straight line."""
     unit = bench("real-11")
     fit = [str(unit / f"{way}_{load}Nm.csv") for way in ("forward", "reverse") for load in (5, 200)]

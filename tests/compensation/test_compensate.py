@@ -29,7 +29,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean((values - values.mean()) ** 2))) / ARCSEC
 
 
-def test_named_causes_foretell_a_load_at_which_a_plain_table_fails() -> None:
+def test_named_causes_predict_a_load_at_which_a_plain_table_fails() -> None:
     """A clearance makes other orders at another load; sizes as a diagnosis finds them, a few per cent off."""
     fit = runs_of(SOFT, ((1.0, 30e3), (-1.0, 30e3)), points=1024, turns=2, rms=0.3)
     unseen = runs_of(SOFT, ((1.0, 200e3), (-1.0, 200e3)), points=1024, turns=1, rms=0.3, seed=1)
@@ -41,7 +41,7 @@ def test_named_causes_foretell_a_load_at_which_a_plain_table_fails() -> None:
         assert other.after > 2 * one.after
     assert with_causes.after.rms / ARCSEC < 0.33
     assert alone.after.rms / ARCSEC < 0.33
-    assert any("200 N*m is outside" in note and "the causes foretell" in note for note in with_causes.notes)
+    assert any("200 N*m is outside" in note and "the causes predict" in note for note in with_causes.notes)
     assert any("200 N*m is outside" in note and "as at the nearest" in note for note in alone.notes)
 
 

@@ -10,7 +10,8 @@ import pytest
 import rverror
 from rverror.base.units import ARCSEC, to_display
 from rverror.tolerances.closed_form import Budget, Contribution, budget
-from rverror.tolerances.stacking import Tolerance, stack, tolerance
+from rverror.tolerances.declared import Tolerance, tolerance
+from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances
 
 ROOT = Path(__file__).resolve().parents[2]

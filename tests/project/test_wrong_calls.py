@@ -34,7 +34,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "budget": ((STACK,), {}),
     "compensate": ((MODEL, [RUN]), {}),
     "contact_pressure": ((MODEL, THETA), {"torque": 20e3, "disc_width": 9.0, "gear_width": 8.0}),
-    "cost_front": ((STACK, [CAMS[0].cost], ["60 arcsec"]), {"kind": "worst", "verify": 1000}),
+    "cost_front": ((STACK,), {"limits": ["60 arcsec"], "kind": "worst", "verify": 1000}),
     "diagnose": ((MODEL, [RUN]), {}),
     "effect": (("crank.index",), {"crank": 0, "angle": "1 mrad"}),
     "duty_efficiency": (
@@ -80,7 +80,6 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "simulate_runs": ((MODEL,), {"points": 64}),
     "speed_response": ((MODEL, 10.0), {"torque": 20e3}),
     "stack": ((MODEL, CAMS, THETA), {}),
-    "terms": ((CAMS,), {}),
     "tolerance": (("crank.eccentricity", "5 um"), {}),
     "torsion_curve": ((MODEL, THETA), {"torques": [20e3]}),
     "torsional_stiffness": ((MODEL, THETA), {}),
@@ -196,7 +195,7 @@ def test_what_is_mistaken_is_told(name: str, tmp_path: Path, monkeypatch: pytest
         (lambda: rverror.diagnose(MODEL, RUN), "give a list of runs"),
         (lambda: rverror.diagnose([RUN], MODEL), "model is a list"),
         (lambda: rverror.virtual_units(STACK, THETA, torque=20e3), "beside a stack"),
-        (lambda: rverror.virtual_units(count=3), "give a model and its tolerances"),
+        (lambda: rverror.virtual_units(None, count=3), "model"),
         (lambda: rverror.allocate(MODEL, "tolerances.toml", limit=1e-4), r"give load_tolerances\(path\)"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,13 +12,16 @@ from hypothesis import strategies as st
 import rverror
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
-from rverror.tolerances.allocation import Allocation, allocate, cost_front, terms
-from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.allocation import Allocation, allocate, cost_front
+from rverror.tolerances.blocks import Block
+from rverror.tolerances.constraints import Quantile, WorstPeakToPeak
+from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.cost_model import cost_model
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
-from rverror.tolerances.limited_error import Quantile, WorstPeakToPeak
-from rverror.tolerances.market import Found, market_of
+from rverror.tolerances.least_cost import Found
 from rverror.tolerances.sampling import virtual_units
-from rverror.tolerances.stacking import Block, Stack, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
 
 ANGLES = 48
 QUICK = {"sample": 4096, "verify": 8192}
@@ -30,6 +34,13 @@ def laid_out(waves, blocks, *, width=None, nominal=None):
     width = np.ones(len(blocks)) if width is None else width
     nominal = np.zeros(waves.shape[1]) if nominal is None else nominal
     return Stack(nominal, waves, (), entry, width, tuple(f"t{e}" for e in range(len(blocks))), tuple(blocks))
+
+
+def buying(given, costs, bounds=None, fixed=None):
+    """The stack with what may be bought for each entry."""
+    count = len(costs)
+    rows = zip(costs, bounds or [None] * count, fixed or [False] * count, strict=True)
+    return replace(given, choices=tuple(Choice(*row) for row in rows))
 
 
 def random_stack(seed, *, entries=(2, 7), nominal=0.0):
@@ -137,7 +148,7 @@ def test_two_sources_of_reciprocal_cost_in_closed_form(p, q, a, b, limit):
     """Lagrange: widths as sqrt(price / effect), cost (sqrt(2 a p) + sqrt(2 b q))^2 / limit."""
     costs = [Reciprocal(p, 1.0), Reciprocal(q, 1.0, base=2.0)]
     bounds = [(1e-4, 1e4)] * 2
-    found = allocate(opposed(a, b), costs, limit=limit, kind="worst", bounds=bounds, verify=1000)
+    found = allocate(buying(opposed(a, b), costs, bounds), limit=limit, kind="worst", verify=1000)
     root = math.sqrt(2 * a * p) + math.sqrt(2 * b * q)
     assert found.cost == pytest.approx(2.0 + root**2 / limit, rel=1e-6)
     assert found.widths[0] == pytest.approx(limit * math.sqrt(p / (2 * a)) / root, rel=1e-6)
@@ -150,7 +161,7 @@ def test_mean_square_in_closed_form(power):
     """Lagrange: power p / T**(power + 1) = lambda S T, the mean square of +-size with width T being size^2 T^2 / 3."""
     sizes, prices, limit = np.array([1.0, 0.4, 2.5]), np.array([3.0, 8.0, 1.0]), 0.7
     costs = [(Reciprocal, ReciprocalSquare)[power - 1](float(p), 1.0) for p in prices]
-    found = allocate(opposed(*sizes), costs, limit=limit, kind="rms", bounds=[(1e-4, 1e4)] * 3, verify=1000)
+    found = allocate(buying(opposed(*sizes), costs, [(1e-4, 1e4)] * 3), limit=limit, kind="rms", verify=1000)
     widths = (prices / sizes**2) ** (1 / (power + 2))
     widths *= limit / math.sqrt((sizes**2 * widths**2).sum() / 3)
     assert found.widths == pytest.approx(widths, rel=1e-6)
@@ -178,7 +189,7 @@ def test_yield_of_one_order_in_closed_form(level):
     """Widths as (price / size^2)^(1/3); the price of a sample is below 0.2 %, that of the interval is its width."""
     limit = 3.0
     costs = [Reciprocal(float(p), 1.0) for p in PRICES]
-    found = allocate(one_order(), costs, limit=limit, level=level, sample=8192, verify=2**15)
+    found = allocate(buying(one_order(), costs), limit=limit, level=level, sample=8192, verify=2**15)
     true = rayleigh_quantile(found.widths, level)
     assert limit * 0.96 < true <= limit
     assert found.closed_form.low <= true <= found.closed_form.high == found.value <= limit
@@ -248,7 +259,7 @@ def test_smooth_costs_against_a_convex_solver(seed, kind):
     given = random_stack(seed, nominal=seed % 2)
     costs = random_curves(seed, given)
     limit = a_limit(given, costs, kind, 0.1 + 0.08 * seed)
-    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    found = allocate(buying(given, costs), limit=limit, kind=kind, verify=1000)
     assert found.cost == pytest.approx(by_cvxpy(given, costs, limit, kind), rel=1e-6)
     assert limited(given, np.array(found.widths), kind) <= limit * (1 + 1e-12)
     assert found.value <= limit
@@ -269,7 +280,7 @@ def test_smooth_costs_beside_grades_against_all_grades_by_a_convex_solver(seed, 
         held = np.full(len(costs), np.nan)
         held[tables] = widths
         best = min(best, by_cvxpy(given, costs, limit, kind, held))
-    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    found = allocate(buying(given, costs), limit=limit, kind=kind, verify=1000)
     assert found.cost == pytest.approx(best, rel=1e-6)
     assert found.gap < 1e-6
     assert limited(given, np.array(found.widths), kind) <= limit * (1 + 1e-12)
@@ -285,7 +296,7 @@ def test_yield_against_a_convex_solver_for_the_units_at_the_limit(seed):
     given = random_stack(seed + 20, entries=(2, 6), nominal=seed % 2)
     costs = random_curves(seed + 20, given)
     limit = a_limit(given, costs, "yield", 0.3 + 0.04 * seed)
-    found = allocate(given, costs, limit=limit, verify=4096)
+    found = allocate(buying(given, costs), limit=limit, verify=4096)
     widths = np.array(found.widths)
     draws = given.standard(np.random.default_rng(7).random((120_000, given.dimensions)))
     made = draws @ given.scaled(widths) + given.nominal
@@ -323,7 +334,7 @@ def test_grades_against_all_combinations(seed, kind):
     costs = random_tables(seed + 70, given)
     tried = [(cost, limited(given, widths, kind)) for cost, widths in all_grades(costs)]
     limit = np.quantile([value for _, value in tried], 0.1 + 0.08 * seed) * 1.0001
-    found = allocate(given, costs, limit=limit, kind=kind, verify=1000)
+    found = allocate(buying(given, costs), limit=limit, kind=kind, verify=1000)
     assert found.cost == pytest.approx(min(cost for cost, value in tried if value <= limit), rel=1e-12)
     assert found.gap < 1e-9
     assert limited(given, np.array(found.widths), kind) <= limit
@@ -343,7 +354,7 @@ def test_grades_at_a_yield_against_all_combinations(seed):
     place = int(gaps[len(gaps) // 5 :].argmax()) + len(gaps) // 5
     limit = values[place] * gaps[place] ** 0.6
     assert gaps[place] > 1.05
-    found = allocate(given, costs, limit=limit, **QUICK)
+    found = allocate(buying(given, costs), limit=limit, **QUICK)
     assert found.cost == pytest.approx(min(cost for value, cost in tried if value <= limit), rel=1e-12)
     assert found.closed_form.high <= limit
     assert "all that cost less were tried" in found.proof
@@ -353,21 +364,23 @@ def test_grades_at_a_yield_against_all_combinations(seed):
 def test_trying_all_that_cost_less_finds_the_least_from_the_dearest(seed):
     given = random_stack(seed + 90, entries=(3, 5), nominal=seed % 2)
     costs = random_tables(seed + 90, given)
-    market = market_of(given.labels, given.width, costs, None, None)
+    offered = cost_model(given.labels, given.width, tuple(map(Choice, costs)))
     sample, plain = (Quantile(given, level=0.99, sample=2048, seed=seed) for _ in range(2))
     values = [(cost, plain.measure(widths)[0]) for cost, widths in all_grades(costs)]
     limit = np.quantile([value for _, value in values], 0.3) * 1.0001
-    sample.measure(market.low)
-    dearest = Found(market.low, (0,) * len(costs))
-    found = sample.refined(market, limit, dearest)
-    assert market.total(found.widths) == pytest.approx(min(cost for cost, value in values if value <= limit), rel=1e-12)
+    sample.measure(offered.low)
+    dearest = Found(offered.low, (0,) * len(costs))
+    found = sample.refined(offered, limit, dearest)
+    assert offered.total(found.widths) == pytest.approx(
+        min(cost for cost, value in values if value <= limit), rel=1e-12
+    )
 
 
 def test_many_grades_at_a_yield_are_not_called_proven():
     waves = np.outer(np.linspace(0.5, 2.0, 10), [1.0, -1.0])
     given = laid_out(waves, [Block(e, e, 1, 1, Normal()) for e in range(10)])
     table = Grades((0.4, 0.63, 1.0, 1.6), (8.0, 4.0, 2.0, 1.0), ("IT4", "IT5", "IT6", "IT7"))  # 4^10 combinations
-    found = allocate(given, [table] * 10, limit=4.0, **QUICK)
+    found = allocate(buying(given, [table] * 10), limit=4.0, **QUICK)
     assert found.closed_form.high <= 4.0
     assert "not proven" in found.proof
     assert found.gap is None
@@ -394,7 +407,7 @@ def test_never_above_the_limit(seed, share):
     given = random_stack(seed + 120, entries=(3, 5), nominal=seed % 2)
     costs = random_tables(seed + 120, given, share=share)
     limit = a_limit(given, costs, "yield", 0.3 + 0.1 * seed)
-    found = allocate(given, costs, limit=limit, seed=seed, **QUICK)
+    found = allocate(buying(given, costs), limit=limit, seed=seed, **QUICK)
     assert found.value == found.closed_form.high <= limit
     again = virtual_units(
         laid_out(given.influence, given.blocks, width=np.array(found.widths), nominal=given.nominal),
@@ -413,8 +426,8 @@ def test_a_front_finds_what_allocations_find_one_by_one():
     given = random_stack(30, entries=(3, 4), nominal=1)
     costs = random_curves(30, given)
     limits = [2e-3, 2.6e-3]
-    front = cost_front(given, costs, limits, sample=2048, verify=2048)
-    alone = allocate(given, costs, limit=limits[1], sample=2048, verify=2048)
+    front = cost_front(buying(given, costs), limits=limits, sample=2048, verify=2048)
+    alone = allocate(buying(given, costs), limit=limits[1], sample=2048, verify=2048)
     assert front[1].allocation.cost == pytest.approx(alone.cost, rel=5e-4)  # what a sample costs, as the page says
     assert [point.allocation.value <= limit for point, limit in zip(front, limits, strict=True)] == [True, True]
 
@@ -431,9 +444,9 @@ def test_prices_are_differences_of_the_least_cost(seed, kind):
     limit = limited(given, np.array([low for low, _ in bounds]), kind) * 1.2
 
     def least(limit, bounds):
-        return allocate(given, costs, limit=limit, kind=kind, bounds=bounds, verify=1000).cost
+        return allocate(buying(given, costs, bounds), limit=limit, kind=kind, verify=1000).cost
 
-    found = allocate(given, costs, limit=limit, kind=kind, bounds=bounds, verify=1000)
+    found = allocate(buying(given, costs, bounds), limit=limit, kind=kind, verify=1000)
     h = 1e-5
     price = (least(limit * (1 - h), bounds) - least(limit * (1 + h), bounds)) / (2 * h * limit)
     assert found.shadow_price == pytest.approx(price * ARCSEC, rel=1e-4)
@@ -455,7 +468,8 @@ def test_shadow_price_of_a_yield_is_a_difference(nominal):
     costs = random_curves(3, given)
     limit = a_limit(given, costs, "yield", 0.5)
     below, here, above = (
-        point.allocation for point in cost_front(given, costs, [0.96 * limit, limit, 1.04 * limit], **QUICK)
+        point.allocation
+        for point in cost_front(buying(given, costs), limits=[0.96 * limit, limit, 1.04 * limit], **QUICK)
     )
     assert here.shadow_price == pytest.approx((below.cost - above.cost) / (0.08 * limit) * ARCSEC, rel=0.03)
 
@@ -464,7 +478,7 @@ def test_shadow_price_of_a_yield_is_a_difference(nominal):
 def test_rates_are_differences_at_the_widths_as_given(kind):
     given = random_stack(8, entries=(4, 5))
     costs = random_curves(8, given)
-    found = allocate(given, costs, limit=a_limit(given, costs, kind, 0.5), kind=kind, sample=2**15, verify=1000)
+    found = allocate(buying(given, costs), limit=a_limit(given, costs, kind, 0.5), kind=kind, sample=2**15, verify=1000)
     assert [rate.label for rate in found.rates] == list(given.labels)
     draws = given.standard(np.random.default_rng(5).random((2**15, given.dimensions)))
 
@@ -492,7 +506,7 @@ def test_rates_of_grades_are_steps_to_the_neighbours():
     table = Grades((0.5, 1.0, 3.0), (9.0, 5.0, 1.0), ("fine", "middle", "wide"))
     ends = Grades((1.0, 2.0), (4.0, 1.0), ("a", "b"))
     finer = Grades((2.0, 4.0), (4.0, 1.0), ("a", "b"))
-    found = allocate(given, [table, ends, finer], limit=20.0, kind="worst", verify=1000)
+    found = allocate(buying(given, [table, ends, finer]), limit=20.0, kind="worst", verify=1000)
     middle, finest, unknown = found.rates
     assert (middle.tighten, middle.relax) == pytest.approx((4.0 / 1.0 * ARCSEC, 4.0 / 4.0 * ARCSEC))
     assert finest.tighten is None
@@ -508,12 +522,12 @@ def test_what_does_not_count_is_relaxed_to_its_bound():
     waves = np.array([[1.0, -1.0], [3.0, 3.0]])
     given = laid_out(waves, [Block(e, e, 1, 1, Uniform()) for e in range(2)])
     for kind in ("worst", "rms", "yield"):
-        found = allocate(given, [Reciprocal(1.0, 1.0)] * 2, limit=1.0, kind=kind, **QUICK)
+        found = allocate(buying(given, [Reciprocal(1.0, 1.0)] * 2), limit=1.0, kind=kind, **QUICK)
         assert found.widths[1] == 10.0
         assert (found.rates[1].relax, found.rates[1].tighten) == (math.inf, None)
         assert found.relax_first[0].label == "t1"
         table = Grades((0.5, 2.0), (9.0, 1.0), ("fine", "wide"))
-        found = allocate(given, [Reciprocal(1.0, 1.0), table], limit=1.0, kind=kind, **QUICK)
+        found = allocate(buying(given, [Reciprocal(1.0, 1.0), table]), limit=1.0, kind=kind, **QUICK)
         assert found.grades == (None, "wide")
 
 
@@ -532,7 +546,7 @@ def case(seed, share):
 def test_a_looser_limit_never_costs_more(seed, kind, share, place, looser):
     unit, costs = case(seed, share)
     limit = a_limit(unit, costs, kind, place)
-    tight, loose = (allocate(unit, costs, limit=limit * f, kind=kind, verify=1000) for f in (1.0, looser))
+    tight, loose = (allocate(buying(unit, costs), limit=limit * f, kind=kind, verify=1000) for f in (1.0, looser))
     assert loose.cost <= tight.cost * (1 + 1e-7)
 
 
@@ -547,7 +561,7 @@ def test_prices_scale_the_cost(seed, kind, share, place, factor):
         for c in costs
     ]
     limit = a_limit(unit, costs, kind, place)
-    one, other = (allocate(unit, c, limit=limit, kind=kind, verify=1000) for c in (costs, dearer))
+    one, other = (allocate(buying(unit, c), limit=limit, kind=kind, verify=1000) for c in (costs, dearer))
     assert other.cost == pytest.approx(factor * one.cost, rel=1e-6)
 
 
@@ -562,18 +576,18 @@ def test_fixed_entries_stay_and_freedom_saves(seed, kind, share, place, which):
         row[which] = unit.width[which]
     low, high = (limited(unit, row, kind) for row in held)
     limit = low * (high / low) ** place
-    kept = allocate(unit, costs, limit=limit, kind=kind, fixed=fixed, verify=1000)
+    kept = allocate(buying(unit, costs, fixed=fixed), limit=limit, kind=kind, verify=1000)
     assert kept.widths[which] == unit.width[which]
     assert kept.fixed == tuple(fixed)
     assert (kept.rates[which].relax, kept.rates[which].tighten) == (None, None)
-    free = allocate(unit, costs, limit=limit, kind=kind, verify=1000)
+    free = allocate(buying(unit, costs), limit=limit, kind=kind, verify=1000)
     assert free.cost <= kept.cost * (1 + 1e-7)
 
 
 @pytest.mark.parametrize("kind", ["worst", "rms", "yield"])
 def test_a_limit_beyond_all_bounds_buys_the_widest(kind):
     given, costs = case(5, 0.5)
-    found = allocate(given, costs, limit=1e3, kind=kind, **QUICK)
+    found = allocate(buying(given, costs), limit=1e3, kind=kind, **QUICK)
     assert found.widths == pytest.approx(widest(given, costs))
     assert not found.shadow_price
 
@@ -582,7 +596,7 @@ def test_seeds_fix_everything():
     given = random_stack(2)
     costs = random_curves(2, given)
     limit = a_limit(given, costs, "yield", 0.5)
-    one, same, other = (allocate(given, costs, limit=limit, seed=seed, **QUICK) for seed in (4, 4, 5))
+    one, same, other = (allocate(buying(given, costs), limit=limit, seed=seed, **QUICK) for seed in (4, 4, 5))
     assert one == same
     assert one.widths != other.widths
     assert one.cost == pytest.approx(other.cost, rel=0.05)
@@ -595,12 +609,12 @@ def test_front_of_costs():
     given = random_stack(6, entries=(3, 4))
     costs = random_curves(6, given)
     least = limited(given, finest(given, costs), "worst")
-    front = cost_front(given, costs, [0.9 * least, 2 * least, 4 * least], kind="worst", verify=1000)
+    front = cost_front(buying(given, costs), limits=[0.9 * least, 2 * least, 4 * least], kind="worst", verify=1000)
     assert [point.allocation is None for point in front] == [True, False, False]
     assert "raise the limit" in front[0].reason
     assert front[1].reason == ""
     assert front[1].allocation.cost > front[2].allocation.cost
-    alone = allocate(given, costs, limit=2 * least, kind="worst", verify=1000)
+    alone = allocate(buying(given, costs), limit=2 * least, kind="worst", verify=1000)
     assert front[1].allocation.cost == pytest.approx(alone.cost, rel=1e-9)
 
 
@@ -617,10 +631,9 @@ def test_tolerances_of_a_reducer():
     ]
     unit = rverror.Model(rverror.reducer("RV-40E"))
     laid = stack(unit, tolerances, theta=2 * np.pi * np.arange(480) / 480)
-    settings_ = terms(tolerances)
     # not wider than a workshop's parts are
-    assert settings_["bounds"] == [(0.001, 0.02), (0.002, 0.005), (0.0005, 0.03), (0.0008, 0.05)]
-    found = allocate(laid, **settings_, limit="20 arcsec", **QUICK)
+    assert [c.bounds for c in laid.choices] == [(0.001, 0.02), (0.002, 0.005), (0.0005, 0.03), (0.0008, 0.05)]
+    found = allocate(laid, limit="20 arcsec", **QUICK)
     assert isinstance(found, Allocation)
     assert found.limit == pytest.approx(20 * ARCSEC)
     assert found.value <= found.limit
@@ -650,8 +663,7 @@ CURVE = Reciprocal(1.0, 1.0)
             {"verify": 1800, "confidence": 1 - 2e-8},
             "verify = 1800: too few units for the level 0.99; give 1833 or more",
         ),
-        ({"costs": [CURVE]}, "costs: 1 given; give one for each of the 2 tolerances"),
-        ({"bounds": [None]}, "bounds: 1 given"),
+        ({"costs": [CURVE]}, "choices: 1 given; give one for each of the 2 tolerances"),
         ({"costs": [CURVE, None]}, "t1: has no cost; give it one, or fixed = true"),
         ({"fixed": [True, True]}, "all tolerances are fixed"),
         ({"bounds": [(0.0, 1.0), None]}, "t0: bounds 0 to 1; give a least width above 0"),
@@ -664,8 +676,10 @@ CURVE = Reciprocal(1.0, 1.0)
     ],
 )
 def test_arguments_that_are_refused(settings_, says):
+    said = {"costs": [CURVE] * 2, "bounds": [None] * 2, "fixed": [False] * 2, "limit": 1.0} | settings_
+    choices = tuple(map(Choice, said.pop("costs"), said.pop("bounds"), said.pop("fixed")))
     with pytest.raises(InputError, match=says):
-        allocate(opposed(1.0, 2.0), **({"costs": [CURVE] * 2, "limit": 1.0} | settings_))
+        allocate(replace(opposed(1.0, 2.0), choices=choices), **said)
 
 
 @pytest.mark.parametrize(
@@ -675,7 +689,7 @@ def test_arguments_that_are_refused(settings_, says):
 def test_limit_that_cannot_be_met(kind, least, name):
     """Says the least that can be reached, and what weighs most in it."""
     with pytest.raises(InputError) as raised:
-        allocate(opposed(1.0, 2.0), [CURVE] * 2, limit=0.1, kind=kind, **QUICK)
+        allocate(buying(opposed(1.0, 2.0), [CURVE] * 2), limit=0.1, kind=kind, **QUICK)
     said = str(raised.value)
     assert "\n" not in said
     assert "raise the limit or allow finer widths, first of t1" in said

@@ -14,7 +14,9 @@ from scipy.stats import qmc
 
 import rverror
 from rverror.base.units import ARCSEC
+from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import Budget, budget
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import (
     Circle,
     Distribution,
@@ -25,7 +27,7 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
-from rverror.tolerances.stacking import Block, Component, Stack, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.worst_pair import GroupWaves, diameter
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))

@@ -22,15 +22,6 @@ def test_cost_above_the_base_is_a_power_of_the_width(curve, power, price, at, ba
     assert cost.cost(at * factor) - base == pytest.approx(price / factor**power, rel=1e-6, abs=1e-9 * base)
 
 
-@pytest.mark.parametrize("curve", [Reciprocal, ReciprocalSquare])
-@given(price=AMOUNT, at=WIDTH, width=WIDTH)
-def test_slope_is_the_derivative(curve, price, at, width):
-    cost = curve(price=price, at=at)
-    h = 1e-4 * width
-    difference = (cost.cost(width + h) - cost.cost(width - h)) / (2 * h)
-    assert cost.slope(width) == pytest.approx(difference, rel=1e-6)
-
-
 def test_grades_are_kept_finest_first():
     assert TABLE.widths == (0.003, 0.005, 0.010)
     assert TABLE.prices == (30.0, 18.0, 9.0)
@@ -51,12 +42,6 @@ def test_grades_are_kept_finest_first():
 )
 def test_a_width_costs_what_the_next_finer_grade_costs(width, price):
     assert TABLE.cost(width) == price
-
-
-def test_slope_of_grades_leads_to_the_next_wider():
-    assert TABLE.slope(0.003) == pytest.approx(-12.0 / 0.002)
-    assert TABLE.slope(0.005) == pytest.approx(-9.0 / 0.005)
-    assert TABLE.slope(0.010) == 0.0
 
 
 def test_a_width_finer_than_all_grades_is_refused():
@@ -81,10 +66,9 @@ def test_curves_refuse_what_is_no_cost(curve, values, says):
 
 @pytest.mark.parametrize("cost", [Reciprocal(1.0, 1.0), ReciprocalSquare(1.0, 1.0), TABLE])
 @pytest.mark.parametrize("width", [0.0, -1.0, math.nan, math.inf])
-@pytest.mark.parametrize("asked", ["cost", "slope"])
-def test_no_cost_of_no_width(cost, width, asked):
+def test_no_cost_of_no_width(cost, width):
     with pytest.raises(InputError, match="give a finite width above 0"):
-        getattr(cost, asked)(width)
+        cost.cost(width)
 
 
 @pytest.mark.parametrize(

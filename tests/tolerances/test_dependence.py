@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.errors import InputError
 from rverror.tolerances.allocation import allocate
+from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
-from rverror.tolerances.cost import Reciprocal
-from rverror.tolerances.distribution import Lognormal, Normal, Rayleigh, Scalar, Uniform, normal_correlation_between
-from rverror.tolerances.limited_error import WorstPeakToPeak
+from rverror.tolerances.constraints import WorstPeakToPeak
+from rverror.tolerances.cost import Choice, Reciprocal
+from rverror.tolerances.declared import tolerance
+from rverror.tolerances.distribution import Lognormal, Normal, Scalar, Uniform, normal_correlation
 from rverror.tolerances.sobol import stack_indices
-from rverror.tolerances.stacking import Block, Component, Stack, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = 2 * np.pi * np.arange(240) / 240
@@ -156,17 +159,15 @@ def test_what_is_correlated_has_no_sobol_index_of_its_own() -> None:
     assert np.isnan(indices.first[:3]).all()
     assert indices.total[3] > 0.9  # the others only move the offset
     with pytest.raises(InputError, match=r"'rms'.*'yield'"):
-        allocate(given, [Reciprocal(1.0, 1e-3)] * 4, limit="9 arcsec", kind="rms", verify=1000)
+        allocate(given, limit="9 arcsec", kind="rms", verify=1000)
 
 
 def test_normal_variables_between_two_laws() -> None:
     """Uniform with normal: E[z (2 Phi(z) - 1)] = 1/sqrt(pi), so the images have r sqrt(3/pi)."""
-    r = normal_correlation_between(Uniform(), Normal(), 0.6)
+    r = normal_correlation(Uniform(), Normal(), 0.6)
     assert r == pytest.approx(0.6 * math.sqrt(math.pi / 3), rel=1e-6)
     with pytest.raises(InputError, match=r"only -0\.977 to 0\.977"):
-        normal_correlation_between(Uniform(), Normal(), 0.98)
-    for law in (Uniform(), Lognormal(shape=0.5), Rayleigh()):
-        assert normal_correlation_between(law, law, 0.4) == pytest.approx(law.normal_correlation(0.4), rel=1e-6)
+        normal_correlation(Uniform(), Normal(), 0.98)
 
 
 # --- limits that are not alike to both sides of the mean --------------------------------------------------------------
@@ -231,5 +232,6 @@ def test_allocation_at_the_worst_case_holds_skewed_limits(seed: int) -> None:
     assert row @ given.width + offset == pytest.approx(np.ptp(corners(given, given.width), axis=1).max())
     limit = 0.6 * np.ptp(corners(given, given.width), axis=1).max() + 0.4 * np.ptp(given.nominal)
     costs = [Reciprocal(1.0, 1.0), Reciprocal(2.0, 1.0), Reciprocal(0.5, 1.0)]
-    found = allocate(given, costs, limit=limit, kind="worst", verify=1000)
+    given = replace(given, choices=tuple(map(Choice, costs)))
+    found = allocate(given, limit=limit, kind="worst", verify=1000)
     assert np.ptp(corners(given, np.array(found.widths)), axis=1).max() == pytest.approx(limit, rel=1e-9)

@@ -27,6 +27,7 @@ from rverror.tolerances.distribution import (
     Triangular,
     TruncatedNormal,
     Uniform,
+    normal_correlation,
     normal_quantile,
     turned,
 )
@@ -127,16 +128,22 @@ def test_normal_values_are_finite_at_both_ends() -> None:
 
 @given(st.floats(0.01, 0.99))
 def test_quadrature_finds_the_closed_correlations(correlation: float) -> None:
-    """The general rule, on the two distributions whose answer is known."""
-    by_quadrature = Scalar.normal_correlation
-    assert by_quadrature(Uniform(), correlation) == pytest.approx(2 * math.sin(math.pi * correlation / 6), abs=1e-6)
-    assert by_quadrature(Normal(), correlation) == pytest.approx(correlation, abs=1e-6)
+    """On distributions whose answer is known."""
+    known = [
+        (Uniform(), 2 * math.sin(math.pi * correlation / 6)),
+        (Normal(), correlation),
+        (Rayleigh(), correlation),
+        (Lognormal(shape=0.5), math.log1p(correlation * math.expm1(0.25)) / 0.25),
+        (Lognormal(shape=-1.5), math.log1p(correlation * math.expm1(2.25)) / 2.25),
+    ]
+    for law, expected in known:
+        assert normal_correlation(law, law, correlation) == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize("law", SCALARS, ids=repr)
 def test_no_and_full_correlation_stay(law: Scalar) -> None:
-    assert law.normal_correlation(0.0) == pytest.approx(0)
-    assert law.normal_correlation(1.0) == pytest.approx(1)
+    assert normal_correlation(law, law, 0.0) == pytest.approx(0)
+    assert normal_correlation(law, law, 1.0) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("law", PLANES, ids=lambda law: law.name)

@@ -12,16 +12,9 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.tolerances.extremes import (
-    REACH,
-    TOLERANCE,
-    DirectKernel,
-    FoldedKernel,
-    direct_kernel,
-    folded_kernel,
-    kernel,
-)
-from rverror.tolerances.stacking import stack, tolerance
+from rverror.tolerances.declared import tolerance
+from rverror.tolerances.extremes import REACH, TOLERANCE, kernel
+from rverror.tolerances.stacking import stack
 
 SIZES = ("peak_to_peak", "max", "rms", "offset")
 
@@ -61,11 +54,11 @@ def combinations(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return waveforms, nominal, rng.normal(size=(draw(st.integers(1, 4)), m))
 
 
-@given(combinations(), st.sampled_from([direct_kernel, folded_kernel, kernel]))
-def test_sizes_are_those_of_plain_sums(given_arrays, make) -> None:
+@given(combinations(), st.sampled_from([TOLERANCE, 0.0]))
+def test_sizes_are_those_of_plain_sums(given_arrays, tolerance) -> None:
     waveforms, nominal, values = given_arrays
     copies = [array.copy() for array in given_arrays]
-    ready = make(waveforms, nominal)
+    ready = kernel(waveforms, nominal, tolerance=tolerance)
     found, bound = ready.extremes(values), ready.bound(values)
     scale = 1 + np.abs(values) @ np.abs(waveforms).max(axis=1) + np.abs(nominal).max()
     high, low = ready.places(values)
@@ -86,8 +79,8 @@ def test_sizes_are_those_of_plain_sums(given_arrays, make) -> None:
 def test_bound_holds_where_waves_are_left_out_on_purpose(given_arrays, coarse) -> None:
     waveforms, nominal, values = given_arrays
     values = np.clip(values, -2, 2)
-    ready = folded_kernel(waveforms, nominal, reach=2.0, tolerance=coarse)
-    assert ready.bound_within(2.0) <= coarse
+    ready = kernel(waveforms, nominal, reach=2.0, tolerance=coarse)
+    assert ready.bound(np.full((1, len(waveforms)), 2.0))[0] <= coarse
     exact = np.ptp(nominal + values @ waveforms, axis=1)
     off, bound = np.abs(ready.extremes(values).peak_to_peak - exact), ready.bound(values)
     assert (off <= bound + 1e-12).all()
@@ -98,7 +91,7 @@ def test_bound_is_reached() -> None:
     """A wave that is left out altogether, and alone in its combination, is off by the whole bound."""
     theta = 2 * np.pi * np.arange(64) / 64
     waveforms = np.array([np.cos(theta), 1e-3 * np.cos(3 * theta)])
-    ready = folded_kernel(waveforms, np.zeros(64), reach=1.0, tolerance=0.05)
+    ready = kernel(waveforms, np.zeros(64), reach=1.0, tolerance=0.05)
     values = np.array([[0.0, 1.0], [1.0, 1.0]])
     assert sum(len(level) for level in ready.levels) == 1
     off = np.abs(ready.extremes(values).peak_to_peak - np.ptp(values @ waveforms, axis=1))
@@ -117,31 +110,27 @@ def test_bound_covers_rounding() -> None:
     waveforms = np.concatenate([waveforms, -waveforms * (1 + 1e-12)])
     values = np.tile(rng.normal(size=(50, m // 2)), 2)
     wide = values.astype(np.longdouble) @ waveforms.astype(np.longdouble)
-    bounds = []
-    for make in (direct_kernel, folded_kernel):
-        ready = make(waveforms, np.zeros(n))
-        off = np.abs(ready.extremes(values).peak_to_peak - np.ptp(wide, axis=1).astype(np.float64))
-        bounds.append(ready.bound(values))
-        assert off.max() > 0
-        assert (off <= bounds[-1]).all()
-    assert bounds[1].max() < 1e-4  # of waves of 1e6
-    assert (bounds[1] > bounds[0]).all()  # more sums one after another
+    ready = kernel(waveforms, np.zeros(n))
+    off = np.abs(ready.extremes(values).peak_to_peak - np.ptp(wide, axis=1).astype(np.float64))
+    assert off.max() > 0
+    assert (off <= ready.bound(values)).all()
+    assert ready.bound(values).max() < 1e-4  # of waves of 1e6
 
 
 def test_a_common_repeat_is_summed_on_one_repeat() -> None:
     theta = 2 * np.pi * np.arange(4096) / 4096
     pair = 5 * ARCSEC * np.array([np.cos(40 * theta), np.sin(40 * theta)])
-    first, *others = folded_kernel(pair, 0 * theta).levels
+    first, *others = kernel(pair, 0 * theta).levels
     assert first.shape == (2, 256)  # 40 = 8 * 5
     assert not any(len(level) for level in others)
     alone = 5 * ARCSEC * np.cos(121 * theta)[None]
-    assert folded_kernel(alone, 0 * theta).levels[0].shape == (1, 2048)
+    assert kernel(alone, 0 * theta).levels[0].shape == (1, 2048)
 
 
 def test_odd_numbers_of_angles_are_not_folded() -> None:
     theta = 2 * np.pi * np.arange(405) / 405
     pair = 5 * ARCSEC * np.array([np.cos(40 * theta), np.sin(40 * theta)])
-    assert [level.shape for level in folded_kernel(pair, 0 * theta).levels] == [(2, 405)]
+    assert [level.shape for level in kernel(pair, 0 * theta).levels] == [(2, 405)]
 
 
 def test_the_nominal_alone() -> None:
@@ -156,30 +145,19 @@ def test_rows_do_not_depend_on_their_block() -> None:
     rng = np.random.default_rng(0)
     theta = 2 * np.pi * np.arange(4096) / 4096
     waveforms = ARCSEC * np.array([np.cos(k * theta) for k in (1, 40, 78)])
-    values = rng.normal(size=(1500, 3))  # several blocks of either form, the last one short
-    for make in (direct_kernel, folded_kernel):
-        ready = make(waveforms, 0 * theta)
-        whole = ready.extremes(values)
-        for u in (0, 63, 64, 511, 512, 1499):
-            alone = ready.extremes(values[u : u + 1])
-            for name in SIZES:
-                assert getattr(whole, name)[u] == pytest.approx(getattr(alone, name)[0], rel=1e-11, abs=1e-18)
+    values = rng.normal(size=(1500, 3))  # several blocks, the last one short
+    ready = kernel(waveforms, 0 * theta)
+    whole = ready.extremes(values)
+    for u in (0, 63, 64, 511, 512, 1499):
+        alone = ready.extremes(values[u : u + 1])
+        for name in SIZES:
+            assert getattr(whole, name)[u] == pytest.approx(getattr(alone, name)[0], rel=1e-11, abs=1e-18)
 
 
-def test_form_is_chosen_by_what_it_costs() -> None:
-    rng = np.random.default_rng(0)
-    noise = ARCSEC * rng.normal(size=(30, 256))
-    assert isinstance(kernel(noise, noise[0]), DirectKernel)
+def test_rounding_that_exceeds_the_tolerance_is_told() -> None:
     theta = 2 * np.pi * np.arange(4096) / 4096
-    waves = ARCSEC * np.array([np.cos(40 * theta + p) for p in range(9)])
-    assert isinstance(kernel(waves, 0 * theta), FoldedKernel)
-    assert isinstance(kernel(waves, 0 * theta, tolerance=0.0), DirectKernel)
-    square = np.tile([1.0, -1.0], 32)[None]  # nothing is left out, yet sums round
-    assert isinstance(kernel(square, np.zeros(64), tolerance=1e-12), FoldedKernel)
-    assert isinstance(kernel(square, np.zeros(64), tolerance=1e-15), DirectKernel)
-    huge = kernel(1e9 * waves, 0 * theta)
-    assert isinstance(huge, DirectKernel)
-    assert huge.bound_within(REACH) > TOLERANCE
+    waves = 1e9 * ARCSEC * np.array([np.cos(40 * theta + p) for p in range(9)])
+    assert kernel(waves, 0 * theta).bound(np.full((1, 9), REACH))[0] > TOLERANCE
 
 
 def test_rv40e_by_orders() -> None:
@@ -190,9 +168,9 @@ def test_rv40e_by_orders() -> None:
     tolerances += [tolerance("sensor.encoder_eccentricity", "10 arcsec")]
     unit = stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
     folded = kernel(unit.scaled(), unit.nominal)
-    assert isinstance(folded, FoldedKernel)
-    assert folded.bound_within(REACH) < TOLERANCE
-    assert folded.work < 0.2 * unit.influence.size
+    assert folded.bound(np.full((1, len(unit.influence)), REACH))[0] < TOLERANCE
+    work = folded.factor.size + sum(level.size for level in folded.levels)  # multiplications of a combination
+    assert work < 0.2 * unit.influence.size
     values = np.random.default_rng(1).normal(size=(200, len(unit.influence)))
     te = unit.nominal + values @ unit.scaled()
     found, bound = folded.extremes(values), folded.bound(values)

@@ -14,7 +14,6 @@ import rverror
 from pages import ROOT
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.tolerances.allocation import terms
 from rverror.views.plots import budgets as budget_plot
 from rverror.views.plots.drawing import to_bytes
 
@@ -349,11 +348,10 @@ def test_a_tolerance_without_cost_cannot_be_allocated(tmp_path: Path, capsys: py
     assert "cost" in error
 
 
-def test_terms_are_those_of_the_file(files: tuple[str, str]) -> None:
-    items = rverror.load_tolerances(files[1])
-    found = terms(items)
-    assert found["fixed"] == [False, False, True]
-    assert found["costs"][2] is None
+def test_what_may_be_bought_is_that_of_the_file(files: tuple[str, str]) -> None:
+    choices = [item.choice for item in rverror.load_tolerances(files[1])]
+    assert [choice.fixed for choice in choices] == [False, False, True]
+    assert choices[2].cost is None
 
 
 def test_the_shipped_example_is_read_and_budgeted() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.base.errors import InputError
-from rverror.tolerances.allocation import Allocation, allocate, terms
+from rverror.tolerances.allocation import Allocation, allocate
 from rverror.tolerances.gear_grades import CLASSES, KEYS, class_of, gear_limit, gear_tolerance
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.stacking import stack
@@ -158,7 +158,7 @@ def test_both_standards_and_a_curve_in_one_allocation(path, kind):
         return budget.worst.peak_to_peak if kind == "worst" else budget.rms
 
     limit = size([item.width for item in items]) * 0.9
-    found = allocate(laid, **terms(items), limit=limit, kind=kind, verify=2000)
+    found = allocate(laid, limit=limit, kind=kind, verify=2000)
     assert isinstance(found, Allocation)
     best = math.inf
     tables = [list(zip(item.cost.widths, item.cost.prices, strict=True)) for item in items[:3]]

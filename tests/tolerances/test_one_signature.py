@@ -29,7 +29,6 @@ def test_virtual_units_of_either() -> None:
     for same in (
         rverror.virtual_units(stack, 64),
         rverror.virtual_units(stack, count=64),
-        rverror.virtual_units(stack=stack, count=64),
     ):
         np.testing.assert_array_equal(same.peak_to_peak, asked.peak_to_peak)
     assert rverror.error_budget(MODEL, CAMS, THETA, direction=-1, count=64, index_count=64).units.count == 64
@@ -38,12 +37,12 @@ def test_virtual_units_of_either() -> None:
 def test_allocation_of_either() -> None:
     stack, how = rverror.stack(MODEL, CAMS, THETA), {"limit": "90 arcsec", "kind": "worst", "verify": 1000}
     asked = rverror.allocate(MODEL, CAMS, THETA, **how)
-    said = rverror.terms(CAMS)
-    for same in (
-        rverror.allocate(stack, **said, **how),
-        rverror.allocate(stack=stack, **said, **how),
-        rverror.allocate(stack, said["costs"], bounds=said["bounds"], **how),
-    ):
-        assert same.widths == asked.widths
-    kept = rverror.allocate(MODEL, CAMS, THETA, bounds=[(0.001, 0.002)], **how)
-    assert kept.widths[0] <= 0.002 < asked.widths[0]  # what is said beside the tolerances counts
+    assert rverror.allocate(stack, **how).widths == asked.widths
+    (front,) = rverror.cost_front(MODEL, CAMS, THETA, limits=[how["limit"]], kind="worst", verify=1000)
+    assert front.allocation is not None
+    assert front.allocation.widths == asked.widths
+
+
+def test_terms_of_before_warn_and_change_nothing() -> None:
+    with pytest.warns(DeprecationWarning, match="a stack knows what its tolerances cost"):
+        assert rverror.terms(CAMS) == {}

@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 
 import rverror
 from rverror.base.errors import InputError
+from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Samples, Triangular, TruncatedNormal, Uniform
 from rverror.tolerances.selection import SelectedFit
 from rverror.tolerances.sobol import stack_indices
-from rverror.tolerances.stacking import Block, Component, Stack, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.tolerance_file import load_tolerances
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
@@ -367,4 +369,4 @@ def test_sorted_parts_have_no_other_correlation():
     with pytest.raises(InputError, match="matched already; parts are matched in pairs"):
         stack(UNIT, [*items, replace(items[1], name="again")], THETA)
     with pytest.raises(InputError, match="correlation between tolerances"):
-        rverror.allocate(stack(UNIT, items, THETA), [None, None], limit="60 arcsec", kind="rms", fixed=[False] * 2)
+        rverror.allocate(stack(UNIT, items, THETA), limit="60 arcsec", kind="rms")

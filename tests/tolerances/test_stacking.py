@@ -14,6 +14,8 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.errors import InputError
 from rverror.model.catalogue import CATALOGUE, source
+from rverror.tolerances.blocks import Block
+from rverror.tolerances.declared import PAIRS, Tolerance, tolerance
 from rverror.tolerances.distribution import (
     Circle,
     Distribution,
@@ -26,7 +28,7 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
-from rverror.tolerances.stacking import PAIRS, Block, Stack, Tolerance, stack, tolerance
+from rverror.tolerances.stacking import Stack, stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = np.linspace(0, 2 * np.pi, 64, endpoint=False)

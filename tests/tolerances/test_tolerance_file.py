@@ -17,8 +17,8 @@ import rverror
 from pages import ROOT
 from rverror.base.errors import InputError
 from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, SampledAmplitude, Samples
-from rverror.tolerances.stacking import tolerance
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))

@@ -17,14 +17,13 @@ from rverror.app.terminal import (
     add_output,
     add_results,
     check_outputs,
+    check_results,
     given_twice,
     quantity,
     rounded,
     say_replaced,
     tell,
-    write_json,
-    write_output,
-    write_picture,
+    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
@@ -40,8 +39,7 @@ from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
-from rverror.views.envelope import input_files
-from rverror.views.report import to_html, to_json, to_text
+from rverror.views.report import to_text
 
 
 def add_commands(commands: Any) -> None:
@@ -83,6 +81,7 @@ def add_commands(commands: Any) -> None:
 def _compensate(options: argparse.Namespace) -> None:
     inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
     check_outputs([options.output, options.json, options.html, options.plot, options.save], inputs)
+    check_results(options, inputs)
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
@@ -102,30 +101,21 @@ def _compensate(options: argparse.Namespace) -> None:
     mapping = read_command.given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
-    figure = _figure_maker() if options.plot else None
     made = compensate(_with_causes(model, runs, unseen, torques), runs, torques=torques, unseen=unseen)
     print(to_text(made), end="")
     table = _written(made, options, torques)
-    files = input_files(inputs)
-    if options.json:
-        write_json(options.json, to_json(made, files=files, table=table))
-    if figure is not None and made.worth:
-        write_picture(options.plot, figure(made))
-    if options.html:
-        write_output(options.html, to_html(made, files=files, table=table))
+    options.plot = options.plot if made.worth else None
+
+    def picture() -> Any:
+        from rverror.views.plots.compensated import compensation_figure
+
+        return compensation_figure(made)
+
+    write_results(made, options, picture, inputs, table=table)
     if options.save and table is not None:
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]
         append_effects(options.model, options.save, effects, overwrite=True)
-
-
-def _figure_maker() -> Any:
-    """Check that plots can be made before the work starts."""
-    from rverror.views.plots.compensated import compensation_figure
-    from rverror.views.plots.figure import new_figure
-
-    new_figure(1)  # raises without matplotlib
-    return compensation_figure
 
 
 def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[float]) -> WrittenTable | None:

@@ -108,15 +108,17 @@ def check_results(options: argparse.Namespace, inputs: Sequence[str]) -> None:
         check_axes(None)
 
 
-def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any], inputs: Sequence[str]) -> None:
-    """Write a result, or several of one kind, as the options of `add_results` ask."""
+def write_results(
+    found: Any, options: argparse.Namespace, draw: Callable[[], Any], inputs: Sequence[str], **more: Any
+) -> None:
+    """Write a result, or several of one kind, as the options of `add_results` ask; with `more` told of it."""
     from rverror.views.envelope import input_files  # half of all modules
     from rverror.views.report import to_html, to_json
 
     if options.json:
-        write_json(options.json, to_json(found, files=input_files(inputs)))
+        write_json(options.json, to_json(found, files=input_files(inputs), **more))
     if options.html:
-        write_output(options.html, to_html(found, files=input_files(inputs)))
+        write_output(options.html, to_html(found, files=input_files(inputs), **more))
     if options.plot:
         write_picture(options.plot, draw().figure)
 

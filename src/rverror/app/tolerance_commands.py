@@ -14,13 +14,11 @@ from rverror.app.terminal import (
     add_command,
     add_results,
     arm,
-    check_outputs,
+    check_results,
     quantity,
     say_replaced,
     tell,
-    write_json,
-    write_output,
-    write_picture,
+    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
@@ -31,16 +29,15 @@ from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.statics.loaded_state import reducer_of
-from rverror.tolerances.allocation import VERIFY, Allocation, FrontPoint, cost_front, terms
+from rverror.tolerances.allocation import VERIFY, Allocation, FrontPoint, cost_front
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import error_budget
 from rverror.tolerances.loaded_allocation import allocate_at_load
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
-from rverror.tolerances.stacking import Tolerance, stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
-from rverror.views.envelope import input_files
-from rverror.views.report import to_html, to_json, to_text
+from rverror.views.report import to_text
 
 _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
 
@@ -143,7 +140,7 @@ def _add_inputs(command: argparse.ArgumentParser, *, plot: str) -> None:
 
 
 def _budget(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.html, options.plot)
+    model, tolerances = _inputs(options)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     speed = _speed(options)
     still = _of_load(options) + ["--arm"] * (options.arm is not None)
@@ -155,9 +152,7 @@ def _budget(options: argparse.Namespace) -> None:
     if options.loaded_units is not None and not asked:
         raise InputError("--loaded-units: no unit is solved at a load; leave it out, or give --at '20 N*m'")
     limits = limits_of(options, model) if asked else ()
-    loaded = LOADED_COUNT if options.loaded_units is None else options.loaded_units
-    _at_least_one("--units", options.units)
-    _at_least_one("--loaded-units", loaded)
+    count, loaded = _count("--units", options.units), _count("--loaded-units", options.loaded_units, LOADED_COUNT)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
         found = error_budget(
             model,
@@ -165,7 +160,7 @@ def _budget(options: argparse.Namespace) -> None:
             direction=_direction(options),
             torque=_load_of_speed(options, speed) or max((one.largest for one in limits), default=None) or None,
             speed=speed,
-            count=options.units,
+            count=count,
             limits=limits,
             loaded_count=loaded,
             seed=options.seed,
@@ -176,19 +171,17 @@ def _budget(options: argparse.Namespace) -> None:
     print(to_text(found, limit=limit), end="")
     if found.units.kept:
         tell(f"{options.resume}: {found.units.kept} chunks were there from before")
-    files = input_files([options.model, options.tolerances])
-    if options.json:
-        write_json(options.json, to_json(found, limit=limit, files=files))
-    if options.html:
-        write_output(options.html, to_html(found, limit=limit, files=files))
-    if options.plot:
+
+    def picture() -> Any:
         from rverror.views.plots.budgets import budget_figure
 
-        write_picture(options.plot, budget_figure(found, limit=limit))
+        return budget_figure(found, limit=limit)
+
+    write_results(found, options, picture, [options.model, options.tolerances], limit=limit)
 
 
 def _allocate(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options, options.json, options.html, options.plot, options.save)
+    model, tolerances = _inputs(options)
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: tuple[FrontPoint, ...] = ()
@@ -197,18 +190,16 @@ def _allocate(options: argparse.Namespace) -> None:
     else:
         found, front = _allocated_in_closed_form(options, model, tolerances)
     print(to_text(found), end="")
-    files = input_files([options.model, options.tolerances])
-    if options.json:
-        write_json(options.json, to_json(found, files=files))
-    if options.html:
-        write_output(options.html, to_html(found, files=files))
     if options.save:
         say_replaced(options.save)
         save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
-    if options.plot:
+
+    def picture() -> Any:
         from rverror.views.plots.budgets import allocation_figure, front_figure
 
-        write_picture(options.plot, front_figure(front, found) if front else allocation_figure(found))
+        return front_figure(front, found) if front else allocation_figure(found)
+
+    write_results(found, options, picture, [options.model, options.tolerances])
 
 
 def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:
@@ -219,8 +210,7 @@ def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tu
         raise InputError(
             f"{loads[0]}: loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
         )
-    count = LOADED_COUNT if options.units is None else options.units
-    _at_least_one("--units", count)
+    count = _count("--units", options.units, LOADED_COUNT)
     with _executor(options.jobs), closing(_progress(options)) as progress:
         return allocate_at_load(
             model,
@@ -247,21 +237,23 @@ def _allocated_in_closed_form(
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     if limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
-    count = VERIFY if options.units is None else options.units
-    _at_least_one("--units", count)
-    torque = _load_of_speed(options, speed)
-    laid_out = stack(model, tolerances, direction=_direction(options), torque=torque, speed=speed)
-    settings: dict[str, Any] = {
-        **terms(tolerances),
-        "kind": options.kind,
-        "level": _share(options.level),
-        "verify": count,
-        "seed": options.seed,
-    }
+    count = _count("--units", options.units, VERIFY)
     factors = _FRONT if options.plot else (1.0,)
     with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
-        limits = [limit * factor for factor in factors]
-        front = cost_front(laid_out, limits=limits, executor=executor, progress=progress, **settings)
+        front = cost_front(
+            model,
+            tolerances,
+            direction=_direction(options),
+            torque=_load_of_speed(options, speed),
+            speed=speed,
+            limits=[limit * factor for factor in factors],
+            kind=options.kind,
+            level=_share(options.level),
+            verify=count,
+            seed=options.seed,
+            executor=executor,
+            progress=progress,
+        )
     asked = front[factors.index(1.0)]
     if asked.allocation is None:
         raise InputError(asked.reason)
@@ -306,16 +298,12 @@ def _load_of_speed(options: argparse.Namespace, speed: float | None) -> float | 
     return _above_zero("--at", options.at, "torque", "20 N*m") if speed is not None else None
 
 
-def _inputs(options: argparse.Namespace, *outputs: str | None) -> tuple[Model, tuple[Tolerance, ...]]:
+def _inputs(options: argparse.Namespace) -> tuple[Model, tuple[Tolerance, ...]]:
     """Model and tolerances, once the outputs are known to be usable."""
     inputs = [options.model, options.tolerances]
     for path in inputs:
         check_name(path)
-    check_outputs(outputs, inputs)
-    if options.plot:
-        from rverror.views.plots.figure import new_figure
-
-        new_figure()  # before the work starts
+    check_results(options, inputs)
     if options.seed < 0:
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     model = load_model(options.model)
@@ -331,10 +319,8 @@ def _direction(options: argparse.Namespace) -> float:
 
 
 def _speed(options: argparse.Namespace) -> float | None:
-    if options.speed is None:
-        return None
-    value = quantity("--speed", options.speed, "angular_speed", example="600 rpm")
-    if value < 0:
+    value = None if options.speed is None else quantity("--speed", options.speed, "angular_speed", example="600 rpm")
+    if value is not None and value < 0:
         raise InputError(f"--speed: {options.speed!r} is below 0; the direction is said by --direction")
     return value
 
@@ -361,9 +347,12 @@ def _share(text: str | None) -> float:
     return value
 
 
-def _at_least_one(name: str, number: int) -> None:
+def _count(name: str, given: int | None, default: int = 1) -> int:
+    """Number that is given, or the usual one."""
+    number = default if given is None else given
     if number < 1:
         raise InputError(f"{name}: {number} is below 1; give 1 or more")
+    return number
 
 
 @contextmanager
@@ -372,7 +361,7 @@ def _executor(jobs: int | None) -> Iterator[Executor | None]:
     if jobs is None:
         yield None
         return
-    _at_least_one("--jobs", jobs)
+    _count("--jobs", jobs)
     if jobs == 1:
         with at_most(1):
             yield None

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from rverror.base.errors import InputError
+
 if TYPE_CHECKING:
     import pint
 
@@ -287,7 +289,7 @@ def named_core(name: str, value: Any, dimension: str) -> float:
 
     Raises
     ------
-    ValueError
+    InputError
         As `to_core`.
 
     Examples
@@ -298,7 +300,7 @@ def named_core(name: str, value: Any, dimension: str) -> float:
     try:
         return to_core(value, dimension)
     except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
+        raise InputError(f"{name}: {error}") from error
 
 
 def to_core_array(value: Any, dimension: str) -> npt.NDArray[np.float64]:

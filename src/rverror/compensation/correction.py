@@ -80,9 +80,9 @@ class Correction:
         known = {case.condition.torque: case for case in cases}
         if condition.torque in known or condition.torque is None or None in known:
             case = known.get(condition.torque, cases[0])
-            return orders, _at(case, orders)
+            return orders, waves_at(orders, case.orders, case.waves)
         loads = sorted(load for load in known if load is not None)
-        rows = np.array([_at(known[load], orders) for load in loads])
+        rows = np.array([waves_at(orders, known[load].orders, known[load].waves) for load in loads])
         share = np.interp(condition.torque, loads, np.arange(len(loads)))
         low = min(int(share), len(loads) - 1)
         high = min(low + 1, len(loads) - 1)
@@ -267,11 +267,12 @@ def _distance(one: TableCondition, other: TableCondition) -> int:
     return int(off)
 
 
-def _at(case: OrderCase, orders: Array) -> Waves:
-    """Waves of a case at given orders, zero where it has none."""
-    waves = np.zeros(orders.size, dtype=np.complex128)
-    waves[np.searchsorted(orders, case.orders)] = case.waves
-    return waves
+def waves_at(wanted: Array, orders: Array, waves: Waves) -> Waves:
+    """Waves at wanted orders, zero where there is none."""
+    found = np.zeros(wanted.size, dtype=np.complex128)
+    _, here, there = np.intersect1d(wanted, orders, assume_unique=True, return_indices=True)
+    found[here] = waves[there]
+    return found
 
 
 def only(case: OrderCase, wanted: npt.NDArray[np.bool_]) -> OrderCase:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,20 +14,20 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
-from rverror.compensation.correction import Correction, from_effects
-from rverror.compensation.foretold import Foretold
+from rverror.compensation.correction import Correction, from_effects, waves_at
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, Compensation, HeldError, Unseen
 from rverror.compensation.over_conditions import LEAST_CONDITIONS, VARIABLES, ConditionLaw, law_of
-from rverror.compensation.regular import (
+from rverror.compensation.predicted_waves import PredictedWaves
+from rverror.compensation.repeating import (
     CHANCE,
     DirectedRun,
-    Regular,
+    RepeatingOrders,
     at_orders,
     candidates_of,
     condition_of,
     merged,
     records_of,
-    regular,
+    repeating_orders,
 )
 from rverror.geartrain.mechanism import core_torque
 from rverror.model.catalogue import source
@@ -59,8 +59,8 @@ def compensate(
 
     Of samples an order is taken that stands out of the noise between the orders and lowers the squared error of every
     turn, or stretch, left out in its turn.  Of order tables, or of four conditions and more, each order has in each
-    direction the polynomial of load, speed and temperature that foretells the conditions left out.  What the model's
-    effects foretell at the load of a run goes before; they say what loads do that no run has.
+    direction the polynomial of load, speed and temperature that predicts the conditions left out.  What the model's
+    effects predict at the load of a run goes before; they say what loads do that no run has.
 
     Parameters
     ----------
@@ -106,18 +106,19 @@ def compensate(
     index = _one_zero([*runs, *unseen])
     asked = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
     notes: list[str] = []
-    foretold = Foretold(model, notes, marked=index != "unknown")
-    data = _gathered(foretold, runs, notes)
-    if foretold.tells and not _helps(data):
-        foretold = Foretold(replace(model, effects=foretold.passive), notes, marked=False)
-        data = _gathered(foretold, runs, notes)
+    predicted = PredictedWaves(model, notes, marked=index != "unknown")
+    data = _gathered(predicted, runs, notes)
+    if predicted.corrected and not _helps(data):
+        predicted = PredictedWaves(replace(model, effects=predicted.passive), notes, marked=False)
+        data = _gathered(predicted, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
-    made = _made(foretold, data, _wanted(model, data, unseen, asked), notes)
+    made = _made(predicted, data, _wanted(model, data, unseen, asked), notes)
+    tested = [_tested(predicted, made.correction, one) for one in unseen]
     return replace(
         made,
         index=index,
-        unseen=tuple(_held_against(foretold, made.correction, one) for one in unseen),
-        traces=(*made.traces, *_unseen_traces(foretold, made.correction, unseen)),
+        unseen=tuple(one for one, _ in tested),
+        traces=(*made.traces, *(trace for _, traces in tested for trace in traces)),
     )
 
 
@@ -126,7 +127,7 @@ def compensate(
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """Records of samples with their candidates, and cases of tables less what the model foretells."""
+    """Records of samples with their candidates, and cases of tables less what the model predicts."""
 
     records: list[DirectedRun]
     candidates: list[Array]
@@ -135,21 +136,19 @@ class _Data:
     measured: list[Waves]
 
 
-def _gathered(foretold: Foretold, runs: Sequence[Run | OrderTable], notes: list[str]) -> _Data:
-    model = foretold.model
+def _gathered(predicted: PredictedWaves, runs: Sequence[Run | OrderTable], notes: list[str]) -> _Data:
+    model = predicted.model
     data = _Data([], [], set(), [], [])
-    old = from_effects(model.mechanism.ratio, foretold.old)
+    old = from_effects(model.mechanism.ratio, predicted.old)
     for one in runs:
         if isinstance(one, OrderTable):
             for case in one.cases:
-                known = dict(zip(*(part.tolist() for part in foretold.waves(case.condition)), strict=True))
-                before = dict(zip(*(part.tolist() for part in old.waves(case.condition)), strict=True))
-                rest = [known.get(k, 0.0) + before.get(k, 0.0) for k in case.orders.tolist()]
-                data.cases.append(replace(case, waves=case.waves - np.array(rest)))
+                known = [waves_at(case.orders, *one.waves(case.condition)) for one in (predicted, old)]
+                data.cases.append(replace(case, waves=case.waves - sum(known)))
                 data.measured.append(case.waves)
             continue
         fresh: list[str] = []
-        for record in records_of(one, model, foretold, fresh):
+        for record in records_of(one, model, predicted, fresh):
             candidates, folded = candidates_of(model.mechanism, record)
             data.records.append(replace(record, slowest=float(candidates[0])) if candidates.size else record)
             data.candidates.append(candidates)
@@ -195,35 +194,34 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 # --- the correction ---------------------------------------------------------------------------------------------------
 
 
-def _made(foretold: Foretold, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
-    of_runs = [regular(record, c) for record, c in zip(data.records, data.candidates, strict=True)]
+def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
+    of_runs = [repeating_orders(record, c) for record, c in zip(data.records, data.candidates, strict=True)]
     of_runs = _with_the_others(of_runs)
     rows = [(one.record.condition, one.orders, one.waves) for one in merged(of_runs)]
     rows += [(case.condition, case.orders, case.waves) for case in data.cases]
     _check_left_out(data)
     cases: list[OrderCase] = []
-    laws: dict[tuple[float, float], str] = {}
+    words: dict[float, list[str]] = {}
     left: dict[float, list[float]] = {}
     after_tables: dict[TableCondition, float] = {}
     for sense in sorted({condition.direction for condition, _, _ in rows}, reverse=True):
         own = [row for row in rows if row[0].direction == sense]
         asked = dict.fromkeys([*(c for c, _, _ in own), *(c for c in wanted if c.direction == sense)])
-        notes += _outside([c for c, _, _ in own], asked, foretold.tells)
-        if len(own) >= LEAST_CONDITIONS:
-            waves = _smooth(own, laws, left, after_tables)
-        else:
-            waves = _as_measured(own)
-            laws |= {(sense, k): "measured" for _, orders, _ in own for k in orders.tolist()}
+        notes += _outside([c for c, _, _ in own], asked, bool(predicted.corrected))
+        laws = _laws_of(own)
+        after_tables |= laws.after
+        for k, rest in laws.left.items():
+            left.setdefault(k, []).extend(rest)
+        said = dict(laws.words)
         for condition in asked:
-            orders, values = waves(condition)
-            told, model_waves = foretold.waves(condition)
+            orders, values = laws.waves(condition)
+            told, model_waves = predicted.waves(condition)
             every = np.union1d(orders, told)
-            total = np.zeros(every.size, dtype=np.complex128)
-            total[np.searchsorted(every, orders)] += values
-            total[np.searchsorted(every, told)] += model_waves
+            total = waves_at(every, orders, values) + waves_at(every, told, model_waves)
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
-            for k in told.tolist():
-                laws.setdefault((sense, k), "foretold")
+            said = dict.fromkeys(told.tolist(), "predicted") | said
+        for k, word in said.items():
+            words.setdefault(k, []).append(word)
     senses = {condition.direction for condition, _, _ in rows}
     notes += [
         f"no {'forward' if sense > 0 else 'reverse'} run: nothing is corrected in that direction"
@@ -231,21 +229,24 @@ def _made(foretold: Foretold, data: _Data, wanted: Sequence[TableCondition], not
         if sense not in senses
     ]
     correction = Correction(
-        foretold.model.mechanism.ratio, OrderTable(cases=tuple(cases)), _reach(data.records) if not data.cases else None
+        predicted.model.mechanism.ratio,
+        OrderTable(cases=tuple(cases)),
+        _reach(data.records) if not data.cases else None,
     )
     before, after = _held(of_runs, data, after_tables)
-    listed = _listed(foretold.model, correction, of_runs, laws, left, [c for c, _, _ in rows])
+    listed = _listed(predicted.model, correction, of_runs, words, left, [c for c, _, _ in rows])
     stays = _stays(data, of_runs, listed, after)
     if not listed or after.rms >= before.rms:
         correction = replace(correction, table=OrderTable(cases=()))
-        return Compensation(correction, (), before, before, foretold.model, stays=stays, notes=tuple(notes))
-    traces = tuple(_trace(one) for one in of_runs)
+        return Compensation(correction, (), before, before, predicted.model, stays=stays, notes=tuple(notes))
+    records = [(one.record, one.left) for one in of_runs]
+    traces = tuple(CompensatedTrace(r.name, r.theta, r.measured - r.measured.mean(), rest) for r, rest in records)
     return Compensation(
-        correction, listed, before, after, foretold.model, stays=stays, notes=_said(foretold, notes), traces=traces
+        correction, listed, before, after, predicted.model, stays=stays, notes=_said(predicted, notes), traces=traces
     )
 
 
-def _with_the_others(found: list[Regular]) -> list[Regular]:
+def _with_the_others(found: list[RepeatingOrders]) -> list[RepeatingOrders]:
     """Where a law is looked for over conditions, every run has the orders of all of its direction."""
     result = []
     for one in found:
@@ -272,16 +273,26 @@ def _check_left_out(data: _Data) -> None:
 _Row = tuple[TableCondition, Array, Waves]
 
 
-def _smooth(
-    own: Sequence[_Row],
-    laws: dict[tuple[float, float], str],
-    left: dict[float, list[float]],
-    after: dict[TableCondition, float],
-) -> Any:
-    """Laws of every order over the conditions of one direction."""
-    orders = np.unique(np.concatenate([k for _, k, _ in own]))
+@dataclass(frozen=True)
+class _Laws:
+    """What the waves of one direction are under any condition."""
+
+    waves: Callable[[TableCondition], tuple[Array, Waves]]
+    words: dict[float, str]  # by order
+    left: dict[float, list[float]] = field(default_factory=dict)  # of each order in the conditions left out, rad
+    after: dict[TableCondition, float] = field(default_factory=dict)  # squares that they leave, rad^2
+
+
+def _laws_of(own: Sequence[_Row]) -> _Laws:
+    """Laws of every order over the conditions of one direction; of few conditions their own waves."""
     conditions = [c for c, _, _ in own]
+    if len(own) < LEAST_CONDITIONS:
+        cases = tuple(OrderCase(condition=c, orders=k, waves=z) for c, k, z in own)
+        measured = Correction(1.0, OrderTable(cases=cases))
+        return _Laws(measured.waves, dict.fromkeys(measured.orders.tolist(), "measured"))
+    orders = np.unique(np.concatenate([k for _, k, _ in own]))
     found: dict[float, ConditionLaw] = {}
+    after: dict[TableCondition, float] = {}
     for k in orders.tolist():
         having = [n for n, (_, known, _) in enumerate(own) if k in known]
         waves = np.array([own[n][2][np.searchsorted(own[n][1], k)] for n in having])
@@ -290,20 +301,12 @@ def _smooth(
             after[conditions[n]] = after.get(conditions[n], 0.0) + 0.5 * rest**2
         if law.terms:
             found[k] = law
-            laws[conditions[0].direction, k] = law.text
-            left.setdefault(k, []).extend(np.abs(law.left).tolist())
-    told = np.array(list(found))
 
-    def waves_at(condition: TableCondition) -> tuple[Array, Waves]:
-        return told, np.array([law(condition) for law in found.values()], dtype=np.complex128)
+    def of_laws(condition: TableCondition) -> tuple[Array, Waves]:
+        return np.array(list(found)), np.array([law(condition) for law in found.values()], dtype=np.complex128)
 
-    return waves_at
-
-
-def _as_measured(own: Sequence[_Row]) -> Any:
-    """Each condition's own waves, straight from load to load."""
-    cases = tuple(OrderCase(condition=c, orders=k, waves=z) for c, k, z in own)
-    return Correction(1.0, OrderTable(cases=cases)).waves
+    left = {k: np.abs(law.left).tolist() for k, law in found.items()}
+    return _Laws(of_laws, {k: law.text for k, law in found.items()}, left, after)
 
 
 def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> list[str]:
@@ -317,7 +320,7 @@ def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> lis
         if beyond:
             what = name.replace("input_", "")
             held = (
-                "the causes foretell it, orders are taken as at the nearest"
+                "the causes predict it, orders are taken as at the nearest"
                 if named and name == "torque"
                 else ("waves are taken as at the nearest that was")
             )
@@ -337,7 +340,9 @@ def _reach(records: Sequence[DirectedRun]) -> tuple[float, float] | None:
 # --- what it leaves ---------------------------------------------------------------------------------------------------
 
 
-def _held(found: Sequence[Regular], data: _Data, after: dict[TableCondition, float]) -> tuple[HeldError, HeldError]:
+def _held(
+    found: Sequence[RepeatingOrders], data: _Data, after: dict[TableCondition, float]
+) -> tuple[HeldError, HeldError]:
     """Error of what was left out: stretches, with what a law over the conditions leaves of their waves; conditions."""
     before_squares = np.concatenate([np.zeros(0), *(one.before for one in found)])
     after_squares = np.concatenate([np.zeros(0), *(one.after + after.get(one.record.condition, 0.0) for one in found)])
@@ -362,8 +367,8 @@ def _interval(squares: Array) -> HeldError:
 def _listed(
     model: Model,
     correction: Correction,
-    found: Sequence[Regular],
-    laws: dict[tuple[float, float], str],
+    found: Sequence[RepeatingOrders],
+    words: dict[float, list[str]],
     left: dict[float, list[float]],
     measured: Sequence[TableCondition],
 ) -> tuple[CompensatedOrder, ...]:
@@ -378,17 +383,16 @@ def _listed(
             rest.setdefault(k, []).extend(one.lines(k))
     listed = []
     for k, values in squares.items():
-        words = list(dict.fromkeys(law for (_, order), law in laws.items() if order == k))
         size = math.sqrt(float(np.mean(values)))
         remains = math.sqrt(float(np.mean(np.square(rest[k])))) if k in rest else math.nan
         if size > 0:
             frames = tuple(frames_of_order(model.mechanism, k))
-            listed.append(CompensatedOrder(k, frames, size, remains, "; ".join(words)))
+            listed.append(CompensatedOrder(k, frames, size, remains, "; ".join(dict.fromkeys(words.get(k, ())))))
     return tuple(sorted(listed, key=lambda one: -one.amplitude))
 
 
 def _stays(
-    data: _Data, found: Sequence[Regular], listed: Sequence[CompensatedOrder], after: HeldError
+    data: _Data, found: Sequence[RepeatingOrders], listed: Sequence[CompensatedOrder], after: HeldError
 ) -> tuple[str, ...]:
     """What stays, and why."""
     told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
@@ -404,10 +408,10 @@ def _stays(
         count = max(c.size for c in data.candidates)
         told.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
     if not taken and data.cases:
-        told.append("no order has a law over the conditions that foretells those left out")
+        told.append("no order has a law over the conditions that predicts those left out")
     known = {k for case in data.cases for k in case.orders.tolist()}
     if lost := sorted(known - taken):
-        told.append(f"orders {', '.join(map(brief, lost))}: no law foretells the conditions left out")
+        told.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
     if known:
         told.append("orders that the table does not hold: nothing is known of them")
     if data.folded:
@@ -417,8 +421,8 @@ def _stays(
     return tuple(told)
 
 
-def _said(foretold: Foretold, notes: list[str]) -> tuple[str, ...]:
-    readings = sorted({e.key for e in foretold.told if source(e.key).acts == "reading"})
+def _said(predicted: PredictedWaves, notes: list[str]) -> tuple[str, ...]:
+    readings = sorted({e.key for e in predicted.corrected if source(e.key).acts == "reading"})
     more = []
     if readings:
         more.append(
@@ -431,47 +435,24 @@ def _said(foretold: Foretold, notes: list[str]) -> tuple[str, ...]:
 # --- data that no fit saw ---------------------------------------------------------------------------------------------
 
 
-def _held_against(foretold: Foretold, correction: Correction, one: Run | OrderTable) -> Unseen:
-    old = from_effects(correction.ratio, foretold.old)
+def _tested(
+    predicted: PredictedWaves, correction: Correction, one: Run | OrderTable
+) -> tuple[Unseen, tuple[CompensatedTrace, ...]]:
+    """Error of a run or table without and with the correction, in place of an earlier one; of a run its traces."""
+    old = from_effects(correction.ratio, predicted.old)
     if isinstance(one, OrderTable):
-        before, after = [], []
+        squares = []
         for case in one.cases:
-            added = np.zeros(case.orders.size, dtype=np.complex128)
-            for sign, table in ((1, correction), (-1, old)):
-                known = dict(zip(*(part.tolist() for part in table.waves(case.condition)), strict=True))
-                added += sign * np.array([known.get(k, 0.0) for k in case.orders.tolist()])
-            before.append(0.5 * float(np.sum(np.abs(case.waves) ** 2)))
-            after.append(0.5 * float(np.sum(np.abs(case.waves + added) ** 2)))
-        return Unseen(one.path, math.sqrt(float(np.mean(before))), math.sqrt(float(np.mean(after))))
-    parts = _parts(foretold, correction, one)
-    sizes = [math.sqrt(float(np.mean(np.concatenate([part[at] for part in parts]) ** 2))) for at in (1, 2)]
-    return Unseen(one.path, sizes[0], sizes[1])
-
-
-def _parts(foretold: Foretold, correction: Correction, run: Run) -> list[tuple[Array, Array, Array]]:
-    """Angles, error without and with the correction of each direction of a run, offset taken off."""
-    theta, error = run.nominal_angle(foretold.model), run.error(foretold.model)
-    old = from_effects(correction.ratio, foretold.old)
-    parts = []
-    for sense in np.unique(run.direction):
-        at = run.direction == sense
-        condition = condition_of(run, theta, float(sense), abs(correction.ratio))
+            new, replaced = (waves_at(case.orders, *table.waves(case.condition)) for table in (correction, old))
+            squares.append([0.5 * np.sum(np.abs(waves) ** 2) for waves in (case.waves, case.waves + new - replaced)])
+        return Unseen(one.path, *np.sqrt(np.mean(squares, axis=0)).tolist()), ()
+    theta, error = one.nominal_angle(predicted.model), one.error(predicted.model)
+    traces = []
+    for sense in np.unique(one.direction):
+        at = one.direction == sense
+        condition = condition_of(one, theta, float(sense), abs(correction.ratio))
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
-        parts.append((theta[at], error[at] - error[at].mean(), changed - changed.mean()))
-    return parts
-
-
-def _unseen_traces(
-    foretold: Foretold, correction: Correction, unseen: Sequence[Run | OrderTable]
-) -> tuple[CompensatedTrace, ...]:
-    return tuple(
-        CompensatedTrace(one.path, *part, unseen=True)
-        for one in unseen
-        if isinstance(one, Run)
-        for part in _parts(foretold, correction, one)
-    )
-
-
-def _trace(one: Regular) -> CompensatedTrace:
-    record = one.record
-    return CompensatedTrace(record.name, record.theta, record.measured - record.measured.mean(), one.left)
+        sides = error[at] - error[at].mean(), changed - changed.mean()
+        traces.append(CompensatedTrace(one.path, theta[at], *sides, unseen=True))
+    errors = (np.concatenate([getattr(trace, side) for trace in traces]) for side in ("before", "after"))
+    return Unseen(one.path, *(math.sqrt(float(np.mean(error**2))) for error in errors)), tuple(traces)

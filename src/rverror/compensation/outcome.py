@@ -25,7 +25,7 @@ class CompensatedOrder:
     left : float
         The same of what stretches or conditions left out keep of it, rad.
     law : str
-        How it hangs on direction and condition; ``"measured"`` where each condition has its own wave, ``"foretold"``
+        How it hangs on direction and condition; ``"measured"`` where each condition has its own wave, ``"predicted"``
         where the model alone says it.
     """
 

@@ -1,4 +1,4 @@
-"""Waves of an order over load, speed and temperature: the smooth law that foretells conditions that were left out."""
+"""Waves of an order over load, speed and temperature: the smooth law that predicts conditions that were left out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ConditionLaw:
     Attributes
     ----------
     terms : tuple of tuple of int
-        Exponents of torque, speed and temperature of each term; empty where no law foretells what was left out.
+        Exponents of torque, speed and temperature of each term; empty where no law predicts what was left out.
     sizes : ndarray of complex, shape (terms,)
         rad, of variables over their largest value.
     scales : tuple of float
@@ -36,7 +36,7 @@ class ConditionLaw:
     spans : tuple of tuple of two float
         Between which each variable was measured.
     left : ndarray of complex, shape (conditions,)
-        Wave of each condition less what the others foretell, rad.
+        Wave of each condition less what the others predict, rad.
     """
 
     terms: tuple[Exponents, ...]

@@ -13,8 +13,8 @@ from rverror.base.units import DISPLAY_UNITS, parse, to_display
 from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy
 from rverror.model.catalogue import source
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.distribution import Normal, Rayleigh
-from rverror.tolerances.stacking import Tolerance
 
 
 def tolerances_as_made(result: Lot) -> str:

@@ -32,8 +32,8 @@ from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsi
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, reducer_of
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.distribution import OUTSIDE
-from rverror.tolerances.stacking import Tolerance
 
 #: False alarms of groups, changes and outsiders: in so many of all lots that have none, each.
 LEVEL = 0.01

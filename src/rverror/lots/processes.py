@@ -20,8 +20,8 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import Index, IndexValue, Known, Parameter, Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import Instance
-from rverror.tolerances.stacking import Tolerance
 
 _HARMONICS = 2  # of waves over a part, where no tolerances name them: runout and ovality
 

@@ -20,9 +20,10 @@ from rverror.model.effects import Effect, Model
 from rverror.parts.measured import MeasuredPart
 from rverror.parts.mounting import Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.tolerances.blocks import Component
 from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits, Turn, instances_of
 from rverror.tolerances.specification import Limit
-from rverror.tolerances.stacking import Component, Stack
+from rverror.tolerances.stacking import Stack
 
 #: Angles of a turn at which waves are added; no power of two, so that no order of an RV reducer stands still on them.
 ANGLES = 480

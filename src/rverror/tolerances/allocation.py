@@ -7,53 +7,40 @@ Page ``theory/allocation.md``.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.errors import InputError, check_each
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
-from rverror.tolerances.cost import Cost, Grades
-from rverror.tolerances.limited_error import MeanSquare, Quantile, WorstPeakToPeak
+from rverror.tolerances.constraints import MeanSquare, Quantile, WorstPeakToPeak
+from rverror.tolerances.cost_model import CostModel, cost_model
+from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.least_cost import CLOSE, ROUNDS, Constraint, Found, Row, least_cost, multipliers_of
 from rverror.tolerances.loaded_yield import Verified
-from rverror.tolerances.market import (
-    CLOSE,
-    ROUNDS,
-    Found,
-    Limited,
-    Market,
-    Row,
-    least_cost,
-    market_of,
-    multipliers_of,
-    slope_of,
-)
 from rverror.tolerances.sampling import check_share, virtual_units
-from rverror.tolerances.stacking import Stack, Tolerance, check_tolerances, laid_out
+from rverror.tolerances.stacking import Stack, laid_out
 
 Kind = Literal["worst", "yield", "rms", "load"]
 
 #: Units on which a yield is optimised, and fresh units that check the result; in closed form both.
 SAMPLE, VERIFY = 2**14, 2**16
 
-_KINDS = ("worst", "yield", "rms")
 _NEAR = 5e-4  # relative; of a quantile of fresh units to its limit
 _FEWEST_BEYOND = 10  # units beyond a quantile that make it worth computing
 _IDLE = 1e-12  # of the largest wave: rounding, where a tolerance only moves the offset
 _AT_BOUND = 1e-7  # of a width to its bound, relative
 _ATTEMPTS = 12  # to bring a quantile of fresh units close to its limit, once it is met
-
-
-_COSTS = "give a cost for each entry, as of terms(tolerances)['costs']"
 
 
 @dataclass(frozen=True)
@@ -217,20 +204,16 @@ class FrontPoint:
 
 
 def allocate(
-    model: Model | Stack | None = None,
-    tolerances: Sequence[Tolerance] | Sequence[Cost | None] | None = None,
+    model: Model | Stack,
+    tolerances: Sequence[Tolerance] | None = None,
     theta: Any | None = None,
     *,
     direction: float = 1.0,
     torque: Any | None = None,
     speed: Any | None = None,
     limit: Any,
-    stack: Stack | None = None,
-    costs: Sequence[Cost | None] | None = None,
     kind: Kind = "yield",
     level: float = 0.99,
-    bounds: Sequence[tuple[float, float] | None] | None = None,
-    fixed: Sequence[bool] | None = None,
     sample: int = SAMPLE,
     verify: int = VERIFY,
     confidence: float = 0.95,
@@ -242,28 +225,19 @@ def allocate(
 
     Parameters
     ----------
-    model : Model
-        Or its `stack`; the costs may then stand second.
+    model : Model or Stack
+        A stack, of `rverror.stack`, stands for model, tolerances and how they are asked.
     tolerances : sequence of Tolerance
-        Costs, bounds and what is fixed are theirs where nothing else is given.
+        With their costs, bounds and what is fixed.
     theta, direction, torque, speed
         As for `rverror.stack`.
     limit : float, str or quantity
         Of the p-p or rms, rad or with a unit.
-    stack : Stack, optional
-        In place of model, tolerances and all that was said above.
-    costs : sequence of Reciprocal, ReciprocalSquare, Grades or None, optional
-        Cost of each entry; None, no cost, for fixed entries only.  Needed beside a stack.
     kind : str
         What is limited: ``"worst"`` the p-p of the worst parts within their tolerances, ``"yield"`` the quantile
         `level` of the p-p over units, ``"rms"`` the root of the mean square over angles and units.
     level : float
         The quantile, above 0 and below 1; 0.99 for a yield of 99 %.
-    bounds : sequence of (float, float) or None, optional
-        Least and largest width of each entry, core units.  Where None: a tenth to ten times the width as given for
-        smooth costs, all its grades for a table.
-    fixed : sequence of bool, optional
-        Entries that keep their width.
     sample, verify : int
         Units on which a yield is optimised and, drawn afresh, checked: in closed form, contacts closed, both.
     confidence : float
@@ -289,13 +263,14 @@ def allocate(
     --------
     Two sources whose p-p are 2 and 1 rad per mm at equal prices: the stronger gets the finer tolerance.
 
-    >>> from rverror.tolerances.cost import Reciprocal
+    >>> from rverror.tolerances.cost import Choice, Reciprocal
     >>> from rverror.tolerances.distribution import Uniform
-    >>> from rverror.tolerances.stacking import Block
+    >>> from rverror.tolerances.blocks import Block
     >>> waves = np.array([[1.0, -1.0], [0.5, -0.5]])
     >>> blocks = tuple(Block(e, e, 1, 1, Uniform()) for e in range(2))
-    >>> stack = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), blocks)
-    >>> found = allocate(stack, [Reciprocal(1.0, 1.0)] * 2, limit=2.0, kind="worst", verify=1000)
+    >>> choices = (Choice(Reciprocal(1.0, 1.0)),) * 2
+    >>> stack = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), blocks, choices=choices)
+    >>> found = allocate(stack, limit=2.0, kind="worst", verify=1000)
     >>> [round(width, 6) for width in found.widths]  # as 1 : sqrt(2), 2 a + b = 2
     [0.585786, 0.828427]
 
@@ -307,79 +282,34 @@ def allocate(
     >>> allocate(unit, cams, limit="40 arcsec", kind="worst", verify=1000).kind
     'worst'
     """
-    said: dict[str, Any] = {"costs": costs, "bounds": bounds, "fixed": fixed}
-    if stack is None and not isinstance(model, Stack):
-        laid = laid_out(model, tolerances, theta, None, direction=direction, torque=torque, speed=speed)
-        items = cast("Sequence[Tolerance]", tolerances)
-        if torque is not None and speed is None and not any("torque" in source(item.key).needs for item in items):
-            raise InputError("torque: the closed form knows no load; leave it out, or use allocate_at_load")
-        said = {name: own if said[name] is None else said[name] for name, own in terms(items).items()}
-    else:
-        laid = laid_out(model, None, theta, stack, direction=direction, torque=torque, speed=speed)
-        said["costs"] = tolerances if costs is None else costs
-        check_each("costs", said["costs"], (*get_args(Cost), type(None)), _COSTS)
-    task = _task(
-        laid,
-        **said,
-        kind=kind,
-        level=level,
-        sample=sample,
-        verify=verify,
-        confidence=confidence,
-        seed=seed,
-        executor=executor,
-        progress=progress,
-    )
-    return _solve(task, _angle(limit))
-
-
-def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
-    """Costs, bounds and what is fixed, of tolerances, as `allocate` and `cost_front` take them.
-
-    Parameters
-    ----------
-    tolerances : sequence of Tolerance
-        Those of the stack, in its order.
-
-    Returns
-    -------
-    dict
-        ``costs``, ``bounds`` and ``fixed``.
-
-    Examples
-    --------
-    >>> from rverror.tolerances.cost import Reciprocal
-    >>> from rverror.tolerances.stacking import tolerance
-    >>> terms([tolerance("crank.eccentricity", 0.005, cost=Reciprocal(12.0, 0.005))])["bounds"]
-    [(0.0005, 0.03)]
-    """
-    check_tolerances(tolerances)
-    return {
-        "costs": [item.cost for item in tolerances],
-        "bounds": [_span(item) for item in tolerances],
-        "fixed": [item.fixed for item in tolerances],
-    }
-
-
-def _span(item: Tolerance) -> tuple[float, float]:
-    """Bounds of a tolerance; grades that are not bounded may all be bought, but for clearances that would vanish."""
-    low, high = item.span
-    if item.bounds is not None or not isinstance(item.cost, Grades):
-        return low, high
-    room = high if high < 10 * item.width else math.inf
-    return item.cost.widths[0], min(max(item.cost.widths), room)
+    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
+    if torque is not None and speed is None and not any("torque" in source(part.key).needs for part in laid.components):
+        raise InputError("torque: the closed form knows no load; leave it out, or use allocate_at_load")
+    task = _Task(laid, kind, level, sample, verify, confidence, seed, executor, progress or (lambda text: None))
+    return task.solved(_angle(limit))
 
 
 def cost_front(
-    stack: Stack, costs: Sequence[Cost | None], limits: Sequence[Any], **options: Any
+    model: Model | Stack,
+    tolerances: Sequence[Tolerance] | None = None,
+    theta: Any | None = None,
+    *,
+    direction: float = 1.0,
+    torque: Any | None = None,
+    speed: Any | None = None,
+    limits: Sequence[Any],
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
 ) -> tuple[FrontPoint, ...]:
     """Least cost for each of a row of limits.
 
     Parameters
     ----------
-    stack, costs
+    model, tolerances, theta, direction, torque, speed
         As for `allocate`.
     limits : sequence of float, str or quantity
+    progress : callable, optional
+        Called with a line of text as the work goes on.
     **options
         Everything else that `allocate` takes.
 
@@ -395,33 +325,57 @@ def cost_front(
 
     Examples
     --------
-    >>> from rverror.tolerances.cost import Reciprocal
+    >>> from rverror.tolerances.cost import Choice, Reciprocal
     >>> from rverror.tolerances.distribution import Uniform
-    >>> from rverror.tolerances.stacking import Block
+    >>> from rverror.tolerances.blocks import Block
     >>> block, wave = Block(0, 0, 1, 1, Uniform()), np.array([[1.0, -1.0]])
-    >>> one = Stack(np.zeros(2), wave, (), np.zeros(1, int), np.ones(1), ("a",), (block,))
-    >>> front = cost_front(one, [Reciprocal(1.0, 1.0)], [2.0, 1.0], kind="worst", verify=1000)
+    >>> costs = (Choice(Reciprocal(1.0, 1.0)),)
+    >>> one = Stack(np.zeros(2), wave, (), np.zeros(1, int), np.ones(1), ("a",), (block,), choices=costs)
+    >>> front = cost_front(one, limits=[2.0, 1.0], kind="worst", verify=1000)
     >>> [round(point.allocation.cost, 6) for point in front]  # half the limit, twice the price
     [1.0, 2.0]
     """
-    check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
-    check_each("costs", costs, (*get_args(Cost), type(None)), _COSTS)
     check_each("limits", limits, object, "give a list of limits, such as ['40 arcsec', '60 arcsec']")
-    task = _task(stack, costs, **options)
+    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
+    task = _Task(laid, progress=progress or (lambda text: None), **options)
     points = []
     for limit in map(_angle, limits):
         try:
-            points.append(FrontPoint(limit, _solve(task, limit)))
+            points.append(FrontPoint(limit, task.solved(limit)))
         except _UnreachableError as error:
             points.append(FrontPoint(limit, None, str(error)))
     return tuple(points)
+
+
+def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
+    """Nothing: a stack knows what its tolerances cost.  Of before, until the next version."""
+    warnings.warn("rverror.terms: a stack knows what its tolerances cost; leave it out", DeprecationWarning, 2)
+    return {}
 
 
 class _UnreachableError(InputError):
     """The limit cannot be met."""
 
 
+def _angle(limit: Any) -> float:
+    value = units.named_core("limit", limit, "angle")
+    if value <= 0:
+        raise InputError(f"limit = {limit!r}: must be above 0; give an angle such as '60 arcsec'")
+    return value
+
+
 # --- one task, any limit -----------------------------------------------------------------------------------------
+
+
+#: What each kind limits, and its name for people.
+_KINDS: dict[str, tuple[Callable[[_Task], Constraint], str]] = {
+    "worst": (lambda task: WorstPeakToPeak(task.stack), "worst-case p-p"),
+    "yield": (
+        lambda task: Quantile(task.stack, level=task.level, sample=task.sample, seed=task.seed),
+        "p-p at {:g} % yield (closed form)",
+    ),
+    "rms": (lambda task: MeanSquare(task.stack), "rms"),
+}
 
 
 @dataclass(frozen=True)
@@ -429,203 +383,173 @@ class _Task:
     """All but the limit."""
 
     stack: Stack
-    market: Market
-    limited: Limited
-    kind: Kind
-    level: float
-    verify: int
-    confidence: float
-    seed: int
-    executor: Executor | None
-    progress: Callable[[str], None]
+    kind: Kind = "yield"
+    level: float = 0.99
+    sample: int = SAMPLE
+    verify: int = VERIFY
+    confidence: float = 0.95
+    seed: int = 0
+    executor: Executor | None = None
+    progress: Callable[[str], None] = print
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        if self.kind not in _KINDS:
+            raise InputError(f"kind = {self.kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
+        if self.kind == "rms" and self.stack.dependence is not None:
+            raise InputError("kind = 'rms': not with correlation between tolerances; use kind = 'yield' or 'worst'")
+        for name, share in (("level", self.level), ("confidence", self.confidence)):
+            check_share(name, share, 0.99)
+        fewest = math.ceil(_FEWEST_BEYOND / min(self.level, 1 - self.level))
+        ending = math.ceil(math.log((1 - self.confidence) / 2) / math.log(self.level))  # for an interval that ends
+        for name, number, least in (("sample", self.sample, fewest), ("verify", self.verify, max(fewest, ending))):
+            if number < least:
+                raise InputError(f"{name} = {number}: too few units for the level {self.level:g}; give {least} or more")
+
+    @cached_property
+    def costs(self) -> CostModel:
+        """What may be bought; of what makes no wave the widest alone."""
+        stack = self.stack
+        waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
+        size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])
+        return cost_model(stack.labels, stack.width, stack.choices).relaxed(size <= _IDLE * size.max())
+
+    @cached_property
+    def constraint(self) -> Constraint:
+        """What is limited."""
+        return _KINDS[self.kind][0](self)
 
     def checked(self, widths: Array) -> ClosedFormQuantile:
         """Quantile of the p-p of fresh units, the same ones at every call."""
-        stack = replace(self.stack, width=widths)
-        seed = self.seed + 1  # the sample has the seed itself
-        drawn = virtual_units(
-            stack,
+        return closed_form_quantile(
+            replace(self.stack, width=widths),
+            self.level,
+            self.confidence,
             self.verify,
-            seed=seed,
-            draws="random",
+            seed=self.seed + 1,  # the sample has the seed itself
             executor=self.executor,
             progress=lambda text: self.progress(f"checking by {text}"),
         )
-        found = drawn.quantile(self.level, confidence=self.confidence)
-        return ClosedFormQuantile(self.level, found.value, found.low, found.high, self.confidence, self.verify, seed)
 
-    def counted(self, widths: Array, checked: ClosedFormQuantile) -> float:
+    def counted(self, widths: Array, checked: ClosedFormQuantile | None = None) -> float:
         """What is compared with the limit, rad."""
-        return checked.high if self.kind == "yield" else self.limited.measure(widths)[0]
+        if self.kind != "yield":
+            return self.constraint.measure(widths)[0]
+        return (checked or self.checked(widths)).high
 
     @cached_property
     def checked_before(self) -> ClosedFormQuantile:
         """With the widths as given."""
-        return self.checked(self.market.given)
-
-    @cached_property
-    def value_before(self) -> float:
-        """What is limited, with the widths as given."""
-        return self.counted(self.market.given, self.checked_before)
+        return self.checked(self.costs.given)
 
     @cached_property
     def least_value(self) -> float:
         """What is limited, with all widths at their least."""
-        low = self.market.low
-        return self.checked(low).high if self.kind == "yield" else self.limited.measure(low)[0]
+        return self.counted(self.costs.low)
 
     @cached_property
     def rates(self) -> tuple[Rate, ...]:
-        """Exchange of cost against the limited error at the widths as given."""
-        return rates_of(self.market, slope_of(self.limited, self.market.given), step=step_of(self.kind))
+        """Exchange of cost against what is limited at the widths as given."""
+        return rates_of(self.costs, self.constraint.measure(self.costs.given)[1][0], step=step_of(self.kind))
 
     def unreachable(self, limit: float) -> _UnreachableError:
         """Why the limit cannot be met, and what can be done."""
-        market = self.market
-        part = market.low * slope_of(self.limited, market.low)
-        label = market.labels[int(part.argmax())]
-        name = {"worst": "worst-case p-p", "rms": "rms", "yield": f"p-p at {100 * self.level:g} % yield (closed form)"}
+        low = self.costs.low
+        label = self.costs.labels[int((low * self.constraint.measure(low)[1][0]).argmax())]
         return _UnreachableError(
-            f"limit {limit / ARCSEC:.4g} arcsec: with every width at its least the {name[self.kind]} is "
-            f"{self.least_value / ARCSEC:.4g} arcsec; raise the limit or allow finer widths, first of {label}"
+            f"limit {limit / ARCSEC:.4g} arcsec: with every width at its least the "
+            f"{_KINDS[self.kind][1].format(100 * self.level)} is {self.least_value / ARCSEC:.4g} arcsec; raise the "
+            f"limit or allow finer widths, first of {label}"
         )
 
+    def solved(self, limit: float) -> Allocation:
+        """Least cost for one limit."""
+        rows: list[Row] = []
+        if self.least_value > limit:
+            raise self.unreachable(limit)
+        if self.kind == "yield":
+            found, target, checked = self._verified(limit, rows)
+            value, row = self.constraint.measure(found.widths)  # what the check brought the sample to
+            target, rows = min(target, value), [row]
+        else:
+            exact = least_cost(self.costs, self.constraint, limit, rows)
+            if exact is None:
+                raise self.unreachable(limit)
+            found, target, checked = exact, limit, self.checked(exact.widths)
+        return described(
+            self.stack,
+            self.costs,
+            self.constraint,
+            found,
+            kind=self.kind,
+            level=self.level,
+            limit=limit,
+            target=target,
+            rows=rows,
+            value_before=self.counted(self.costs.given, self.checked_before),
+            value=self.counted(found.widths, checked),
+            closed_form_before=self.checked_before,
+            closed_form=checked,
+            rates=self.rates,
+        )
 
-def _angle(limit: Any) -> float:
-    try:
-        value = units.to_core(limit, "angle")
-    except ValueError as error:
-        raise InputError(f"limit: {error}") from error
-    if value <= 0:
-        raise InputError(f"limit = {limit!r}: must be above 0; give an angle such as '60 arcsec'")
-    return value
-
-
-def _task(
-    stack: Stack,
-    costs: Sequence[Cost | None],
-    *,
-    kind: Kind = "yield",
-    level: float = 0.99,
-    bounds: Sequence[tuple[float, float] | None] | None = None,
-    fixed: Sequence[bool] | None = None,
-    sample: int = SAMPLE,
-    verify: int = VERIFY,
-    confidence: float = 0.95,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> _Task:
-    if kind not in _KINDS:
-        raise InputError(f"kind = {kind!r}: must be one of {', '.join(map(repr, _KINDS))}")
-    if kind == "rms" and stack.dependence is not None:
-        raise InputError("kind = 'rms': not with correlation between tolerances; use kind = 'yield' or 'worst'")
-    for name, share in (("level", level), ("confidence", confidence)):
-        check_share(name, share, 0.99)
-    fewest = math.ceil(_FEWEST_BEYOND / min(level, 1 - level))
-    ending = math.ceil(math.log((1 - confidence) / 2) / math.log(level))  # units for an interval that ends
-    for name, number, least in (("sample", sample, fewest), ("verify", verify, max(fewest, ending))):
-        if number < least:
-            raise InputError(f"{name} = {number}: too few units for the level {level:g}; give {least} or more")
-    waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
-    size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])
-    market = market_of(stack.labels, stack.width, costs, bounds, fixed).relaxed(size <= _IDLE * size.max())
-    limited: Limited = MeanSquare(stack)
-    if kind == "yield":
-        limited = Quantile(stack, level=level, sample=sample, seed=seed)
-    if kind == "worst":
-        limited = WorstPeakToPeak(stack)
-    tell = progress or (lambda text: None)
-    return _Task(stack, market, limited, kind, level, verify, confidence, seed, executor, tell)
-
-
-def _solve(task: _Task, limit: float) -> Allocation:
-    """Least cost for one limit."""
-    if task.least_value > limit:
-        raise task.unreachable(limit)
-    rows: list[Row] = []
-    if task.kind == "yield":
-        found, target, checked = _checked(task, limit, rows)
-    else:
-        exact = least_cost(task.market, task.limited, limit, rows)
-        if exact is None:
-            raise task.unreachable(limit)
-        found, target, checked = exact, limit, task.checked(exact.widths)
-    return _described(task, limit, target, found, rows, checked)
-
-
-def _checked(task: _Task, limit: float, rows: list[Row]) -> tuple[Found, float, ClosedFormQuantile]:
-    """Least cost whose quantile of fresh units meets the limit, the target that led there, and the check."""
-    market, target = task.market, limit
-    best: tuple[Found, float, ClosedFormQuantile] | None = None
-    for attempt in range(ROUNDS):
-        task.progress(f"least cost within {limit / ARCSEC:g} arcsec, solution {attempt + 1}")
-        found = least_cost(market, task.limited, target, rows)
-        if found is None:
-            break
-        held = market.holding(found.grades)
-        checked = task.checked(found.widths)
-        high = checked.high
-        if limit < high <= limit * (1 + _NEAR) and held.smooth.any():  # a hair above needs no new solution
-            found, checked = _shrunk(task, held, found, limit, checked)
-        if checked.high <= limit and (best is None or market.total(found.widths) < market.total(best[0].widths)):
-            best = found, target, checked
-        room = bool((held.smooth & (found.widths < held.high)).any())
-        met = limit * (1 - _NEAR if room else 0) <= checked.high <= limit
-        if best is not None and (met or attempt >= _ATTEMPTS):
-            break
-        target *= limit / high * (1 - CLOSE)
-        if not room:  # the next combination of grades, not this one again
-            target = min(target, task.limited.measure(found.widths)[0] * (1 - 2 * CLOSE))
-        market = replace(market, given=np.where(market.smooth, found.widths, market.given))
-    if best is not None:
+    def _verified(self, limit: float, rows: list[Row]) -> tuple[Found, float, ClosedFormQuantile]:
+        """Least cost whose quantile of fresh units meets the limit, the target that led there, and the check."""
+        costs, target = self.costs, limit
+        best: tuple[Found, float, ClosedFormQuantile] | None = None
+        for attempt in range(ROUNDS):
+            self.progress(f"least cost within {limit / ARCSEC:g} arcsec, solution {attempt + 1}")
+            found = least_cost(costs, self.constraint, target, rows)
+            if found is None:
+                break
+            held = costs.holding(found.grades)
+            checked = self.checked(found.widths)
+            high = checked.high
+            if limit < high <= limit * (1 + _NEAR) and held.smooth.any():  # a hair above needs no new solution
+                found, checked = self._shrunk(held, found, limit, checked)
+            if checked.high <= limit and (best is None or costs.total(found.widths) < costs.total(best[0].widths)):
+                best = found, target, checked
+            room = bool((held.smooth & (found.widths < held.high)).any())
+            met = limit * (1 - _NEAR if room else 0) <= checked.high <= limit
+            if best is not None and (met or attempt >= _ATTEMPTS):
+                break
+            target *= limit / high * (1 - CLOSE)
+            if not room:  # the next combination of grades, not this one again
+                target = min(target, self.constraint.measure(found.widths)[0] * (1 - 2 * CLOSE))
+            costs = replace(costs, given=np.where(costs.smooth, found.widths, costs.given))
+        if best is None:
+            raise self.unreachable(limit)
         return best
-    raise task.unreachable(limit)
+
+    def _shrunk(
+        self, costs: CostModel, found: Found, limit: float, checked: ClosedFormQuantile
+    ) -> tuple[Found, ClosedFormQuantile]:
+        """Smooth widths made smaller until the quantile of fresh units meets the limit, further at each step."""
+        for step in range(10):
+            factor = (limit / checked.high * (1 - CLOSE)) ** (2**step)
+            widths = np.where(costs.smooth, np.clip(found.widths * factor, costs.low, costs.high), found.widths)
+            found, checked = replace(found, widths=widths), self.checked(widths)
+            if checked.high <= limit:
+                break
+        return found, checked
 
 
-def _shrunk(
-    task: _Task, market: Market, found: Found, limit: float, checked: ClosedFormQuantile
-) -> tuple[Found, ClosedFormQuantile]:
-    """Smooth widths made smaller until the quantile of fresh units meets the limit, further at each step."""
-    for step in range(10):
-        factor = (limit / checked.high * (1 - CLOSE)) ** (2**step)
-        widths = np.where(market.smooth, np.clip(found.widths * factor, market.low, market.high), found.widths)
-        found = replace(found, widths=widths)
-        checked = task.checked(widths)
-        if checked.high <= limit:
-            break
-    return found, checked
+def closed_form_quantile(
+    stack: Stack, level: float, confidence: float, count: int, *, seed: int, **how: Any
+) -> ClosedFormQuantile:
+    """Quantile of the p-p of units drawn plainly; `how` goes to `virtual_units`."""
+    drawn = virtual_units(stack, count=count, seed=seed, draws="random", **how)
+    found = drawn.quantile(level, confidence=confidence)
+    return ClosedFormQuantile(level, found.value, found.low, found.high, confidence, count, seed)
 
 
-def _described(
-    task: _Task, limit: float, target: float, found: Found, rows: list[Row], checked: ClosedFormQuantile
-) -> Allocation:
-    """The result for people."""
-    if task.kind == "yield":  # what the check brought the sample to
-        value, row = task.limited.measure(found.widths)
-        target, rows = min(target, value), [row]
-    return described(
-        task.stack,
-        task.market,
-        task.limited,
-        found,
-        kind=task.kind,
-        level=task.level,
-        limit=limit,
-        target=target,
-        rows=rows,
-        value_before=task.value_before,
-        value=task.counted(found.widths, checked),
-        closed_form_before=task.checked_before,
-        closed_form=checked,
-        rates=task.rates,
-    )
+# --- the result for people -----------------------------------------------------------------------------------------
 
 
 def described(
     stack: Stack,
-    market: Market,
-    limited: Limited,
+    costs: CostModel,
+    constraint: Constraint,
     found: Found,
     *,
     kind: Kind,
@@ -640,13 +564,13 @@ def described(
     Parameters
     ----------
     stack : Stack
-    market : Market
-    limited : Limited
+    costs : CostModel
+    constraint : Constraint
     found : Found
     kind, level, limit
         As in `Allocation`.
     target : float
-        What `limited` was brought to, where that is not the limit.
+        What the constraint was brought to, where that is not the limit.
     rows : list of Row
         That may bind.
     **told
@@ -657,34 +581,32 @@ def described(
     Allocation
     """
     widths = found.widths
-    held = market.holding(found.grades)
+    held = costs.holding(found.grades)
     grades: list[str | None] = [None] * widths.size
-    for (entry, table, _), grade in zip(market.tables, found.grades, strict=True):
+    for (entry, table, _), grade in zip(costs.tables, found.grades, strict=True):
         grades[entry] = table.names[grade]
-    _, row = limited.measure(widths)
-    multipliers = multipliers_of(held, limited, target, [*rows, row], widths)
-    # a row's target is the limit, or its square; that of the sample goes with the limit
-    price = float(multipliers.values.sum()) * (2 * limit if limited.power == 2 else target / limit)
-    cost = market.total(widths)
-    lower = max(found.lower, -math.inf if market.tables else multipliers.lower)
+    multipliers = multipliers_of(held, target, [*rows, constraint.measure(widths)[1]], widths)
+    price = multipliers.total * target / limit  # the target of the sample goes with the limit
+    cost = costs.total(widths)
+    lower = max(found.lower, -math.inf if costs.tables else multipliers.lower)
     exact = kind in ("worst", "rms")
     first = [stack.components[block.components.start] for block in stack.blocks] if stack.components else []
     return Allocation(
-        labels=market.labels,
+        labels=costs.labels,
         keys=tuple(component.key for component in first),
         dimensions=tuple(component.dimension for component in first),
         speed=stack.speed,
-        held_by=_held_by(market, widths),
+        held_by=_held_by(costs, widths),
         model=stack.model,
         kind=kind,
         limit=limit,
         level=level,
-        widths_before=_floats(market.given),
+        widths_before=_floats(costs.given),
         widths=_floats(widths),
         grades=tuple(grades),
-        fixed=market.fixed,
-        costs_before=_floats(market.before),
-        costs=_floats(market.each(widths)),
+        fixed=tuple(map(bool, costs.fixed)),
+        costs_before=_floats(costs.before),
+        costs=_floats(costs.each(widths)),
         shadow_price=price * step_of(kind) if held.smooth.any() else None,
         bound_prices=_floats(np.abs(multipliers.bounds)),
         gap=(max(0.0, (cost - lower) / cost) if cost else 0.0) if exact else None,
@@ -693,13 +615,13 @@ def described(
     )
 
 
-def _held_by(market: Market, widths: Array) -> tuple[str, ...]:
+def _held_by(costs: CostModel, widths: Array) -> tuple[str, ...]:
     """What keeps each entry where it is."""
-    said = np.full(len(market.labels), "limit", dtype=object)
-    said[market.smooth & (widths <= market.low * (1 + _AT_BOUND))] = "lower bound"
-    said[market.smooth & (widths >= market.high * (1 - _AT_BOUND))] = "upper bound"
-    said[[e for e, _, _ in market.tables]] = "grade"
-    said[np.array(market.fixed)] = "fixed"
+    said = np.full(len(costs.labels), "limit", dtype=object)
+    said[costs.smooth & (widths <= costs.low * (1 + _AT_BOUND))] = "lower bound"
+    said[costs.smooth & (widths >= costs.high * (1 - _AT_BOUND))] = "upper bound"
+    said[[e for e, _, _ in costs.tables]] = "grade"
+    said[costs.fixed] = "fixed"
     return tuple(map(str, said))
 
 
@@ -707,24 +629,24 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def rates_of(market: Market, slope: Array, *, step: float) -> tuple[Rate, ...]:
+def rates_of(costs: CostModel, slope: Array, *, step: float) -> tuple[Rate, ...]:
     """Of each entry, from the derivative of what is limited by the widths as given; per step of it."""
-    slopes = market.slopes(market.given)
-    rates = [Rate(label, None, None) for label in market.labels]
-    for e in map(int, np.flatnonzero(market.smooth)):
+    slopes = costs.slopes(costs.given)
+    rates = [Rate(label, None, None) for label in costs.labels]
+    for e in map(int, np.flatnonzero(costs.smooth)):
         rate = _rate(-float(slopes[e]), float(slope[e]), step)
-        relax = rate if market.given[e] < market.high[e] else None
-        rates[e] = Rate(market.labels[e], relax, rate if market.given[e] > market.low[e] else None)
-    for e, table, allowed in market.tables:
-        if not table.holds(float(market.given[e])):
+        relax = rate if costs.given[e] < costs.high[e] else None
+        rates[e] = Rate(costs.labels[e], relax, rate if costs.given[e] > costs.low[e] else None)
+    for e, table, allowed in costs.tables:
+        if not table.holds(float(costs.given[e])):
             continue
-        here = table.index(float(market.given[e]))
+        here = table.index(float(costs.given[e]))
         wider, finer = ([g for g in allowed if g > here], [g for g in allowed if g < here])
         steps = []
         for others in (wider[:1], finer[-1:]):
             gain = [(table.prices[here] - table.prices[g], table.widths[g] - table.widths[here]) for g in others]
             steps.append(_rate(gain[0][0] / gain[0][1], float(slope[e]), step) if gain else None)
-        rates[e] = Rate(market.labels[e], *steps)
+        rates[e] = Rate(costs.labels[e], *steps)
     return tuple(rates)
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import check_kind
 from rverror.base.viewed import Viewed
-from rverror.tolerances.stacking import Block, Stack, WorstGroup
+from rverror.tolerances.blocks import Block, WorstGroup
+from rverror.tolerances.stacking import Stack
 from rverror.tolerances.worst_pair import GroupWaves
 
 #: Draws for the mean peak-to-peak of each entry alone.
@@ -127,7 +128,8 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     Examples
     --------
     >>> import rverror
-    >>> from rverror.tolerances.stacking import stack, tolerance
+    >>> from rverror.tolerances.stacking import stack
+    >>> from rverror.tolerances.declared import tolerance
     >>> unit = rverror.Model(rverror.reducer("RV-40E"))
     >>> result = budget(stack(unit, [tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]))
     >>> f"{result.worst.peak_to_peak * 180 / np.pi * 3600:.2f}"  # arcsec
@@ -143,9 +145,9 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     nominal_offset = float(stack.nominal.mean())
     nominal = stack.nominal - nominal_offset
 
-    variance = _by_entry(stack.blocks, scaled) + _shared(stack, scaled)
-    deviating = _by_entry(stack.blocks, deviation) + _shared(stack, deviation)
-    offsets = _by_entry(stack.blocks, offset[:, None])[:, 0]
+    variance = by_entry(stack.blocks, scaled) + _shared(stack, scaled)
+    deviating = by_entry(stack.blocks, deviation) + _shared(stack, deviation)
+    offsets = by_entry(stack.blocks, offset[:, None])[:, 0]
     offset_variance = float(offsets.sum() + _shared(stack, offset[:, None]).sum())
     mean_squares = deviating.mean(axis=1)
     total = float(mean_squares.sum())
@@ -197,7 +199,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     )
 
 
-def _by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
+def by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
     """Variance that each entry makes at each angle, shape (entries, n).
 
     ``w @ block.covariance() @ w`` as squares of the instances' waves and of their sums, which rounding does not make
@@ -218,8 +220,7 @@ def _shared(stack: Stack, scaled: Array) -> Array:
     """What correlation between entries adds to the variance of each, shape (entries, n): half of every covariance."""
     added = np.zeros((len(stack.blocks), scaled.shape[1]))
     if stack.dependence is not None:
-        rows = stack.dependence.components
-        np.add.at(added, stack.entry[rows], scaled[rows] * (stack.dependence.between @ scaled[rows]))
+        np.add.at(added, stack.entry, scaled * (stack.dependence.between @ scaled))
     return added
 
 
@@ -250,7 +251,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     if centred[high] < centred[low]:
         high, low = low, high
     difference = deviation[:, high] - deviation[:, low]
-    swing, lengths = _towards(groups, difference)
+    swing, lengths = towards(groups, difference)
     entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
     parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
     parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
@@ -258,7 +259,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     deviating = np.abs(centred) + GroupWaves(groups, deviation).size()
     at = int(deviating.argmax())
     sign = -1.0 if centred[at] < 0 else 1.0
-    largest, _ = _towards(groups, sign * deviation[:, at])
+    largest, _ = towards(groups, sign * deviation[:, at])
     of_component = width[stack.entry]
     worst = WorstCase(
         lower=at_middle - reach,
@@ -275,7 +276,7 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     return worst, parts
 
 
-def _towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
+def towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
     """Standard values at the limits that make ``values @ gradient`` largest, and what each group adds to it."""
     values = np.zeros(gradient.size)
     parts = np.zeros(len(groups))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import ClassVar
 
 from rverror.base.errors import InputError
 
@@ -17,17 +18,22 @@ SAME_WIDTH = 1e-9
 
 @dataclass(frozen=True)
 class _Curve:
-    """Smooth cost."""
+    """Smooth cost: ``base + price * (at / T)**power``."""
 
     price: float
     at: float
     base: float = 0.0
+    power: ClassVar[int]
 
     def __post_init__(self) -> None:
         """Check the values."""
         _check("price of a cost", self.price)
         _check("width of a cost ('at')", self.at, above_zero=True)
         _check("base of a cost", self.base)
+
+    def cost(self, width: float) -> float:
+        """Cost of a width, core unit."""
+        return self.base + self.price * (self.at / _positive(width)) ** self.power
 
 
 @dataclass(frozen=True)
@@ -54,13 +60,7 @@ class Reciprocal(_Curve):
     27.0
     """
 
-    def cost(self, width: float) -> float:
-        """Cost of a width, core unit."""
-        return self.base + self.price * self.at / _positive(width)
-
-    def slope(self, width: float) -> float:
-        """Change of the cost per core unit of width; negative or zero."""
-        return -self.price * self.at / _positive(width) ** 2
+    power: ClassVar[int] = 1
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,7 @@ class ReciprocalSquare(_Curve):
     51.0
     """
 
-    def cost(self, width: float) -> float:
-        """Cost of a width, core unit."""
-        return self.base + self.price * (self.at / _positive(width)) ** 2
-
-    def slope(self, width: float) -> float:
-        """Change of the cost per core unit of width; negative or zero."""
-        return -2.0 * self.price * self.at**2 / _positive(width) ** 3
+    power: ClassVar[int] = 2
 
 
 @dataclass(frozen=True)
@@ -146,16 +140,29 @@ class Grades:
         """Cost of the grade that holds a width, core unit."""
         return self.prices[self.index(width)]
 
-    def slope(self, width: float) -> float:
-        """Change of the cost per core unit of width towards the next wider grade; 0 at the widest."""
-        place = self.index(width)
-        if place + 1 == len(self.widths):
-            return 0.0
-        return (self.prices[place + 1] - self.prices[place]) / (self.widths[place + 1] - self.widths[place])
-
 
 #: What a tolerance may cost by.
 Cost = Reciprocal | ReciprocalSquare | Grades
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What may be bought for one tolerance.
+
+    Attributes
+    ----------
+    cost : Reciprocal, ReciprocalSquare, Grades or None
+        None, no cost, where it is fixed.
+    bounds : tuple of float, optional
+        Least and largest width, core unit.  Where left out: a tenth to ten times the width as given for smooth costs,
+        all its grades for a table.
+    fixed : bool
+        Whether it keeps its width.
+    """
+
+    cost: Cost | None
+    bounds: tuple[float, float] | None = None
+    fixed: bool = False
 
 
 def _check(name: str, value: float, *, above_zero: bool = False) -> None:

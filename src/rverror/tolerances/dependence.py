@@ -1,20 +1,26 @@
-"""Correlation between different tolerances: one matrix of all their components.  Page ``theory/budget.md``."""
+"""What ties different tolerances: correlation, and parts matched by classes.  Page ``theory/budget.md``."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.tolerances.distribution import Scalar, normal_correlation_between
+from rverror.base.text import did_you_mean
+from rverror.geartrain.source import IndexValue
+from rverror.tolerances.blocks import Block, Component
+from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.distribution import Scalar, normal_correlation
+from rverror.tolerances.selection import SelectedFit
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
-_HALVINGS = 30
 _TAKES_PART = 1e-6  # of the square of a direction
 
 
@@ -26,12 +32,17 @@ class Dependence:
     choose the classes of the one are those of the other.
     """
 
-    components: npt.NDArray[np.intp]  #: (k,); rows of the stack, entry by entry, the correlated ones first
-    #: Square, for the correlated ones; its product with its transpose is the correlation of the normal variables.
+    #: Square, for the components of correlated entries; its product with its transpose is the correlation of the normal
+    #: variables.
     factor: Array
-    between: Array  #: (k, k); covariance of the standard draws, 0 within an entry
+    between: Array  #: (m, m); covariance of the standard draws of different entries
     #: Columns of the uniform variates: to, from, and whether turned about 1/2; no column is both.
     classes: tuple[tuple[int, int, bool], ...] = ()
+
+    @property
+    def components(self) -> npt.NDArray[np.intp]:
+        """Components that go together with those of another entry."""
+        return np.flatnonzero(self.between.any(axis=1))
 
     def matched(self, uniforms: Array) -> Array:
         """Uniform variates, shape (units, dimensions), in which matched parts choose their classes together."""
@@ -44,74 +55,194 @@ class Dependence:
 
 
 def dependence(
-    laws: Mapping[int, Scalar],
-    inside: Mapping[int, tuple[slice, float, int]],
-    pairs: Mapping[tuple[int, int], float],
-    alike: Mapping[tuple[int, int], Sequence[tuple[int, int]]],
-    labels: Sequence[str],
-) -> Dependence:
-    """Lay correlations between entries out as one matrix, and see that there are parts that have them.
+    tolerances: Sequence[Tolerance], blocks: Sequence[Block], components: Sequence[Component]
+) -> Dependence | None:
+    """Lay out what ties the tolerances of a stack; None where all are independent.
 
     Parameters
     ----------
-    laws : mapping of int to Scalar
-        Distribution of each entry concerned.
-    inside : mapping of int to (slice, float, int)
-        Components of each of them, correlation between any two of its instances, parameters of an instance.
-    pairs : mapping of (int, int) to float
-        Correlation of the values of two entries, Pearson's.
-    alike : mapping of (int, int) to sequence of (int, int)
-        Components of the two to which it applies.
-    labels : sequence of str
-        Of all entries, for messages.
+    tolerances : sequence of Tolerance
+    blocks : sequence of Block
+        Of each tolerance.
+    components : sequence of Component
+        Of all of them.
 
     Raises
     ------
     InputError
-        If the correlations contradict one another: their matrix has an eigenvalue below 0.
+        If two cannot be tied, or the correlations contradict one another: their matrix has an eigenvalue below 0.
+
+    Notes
+    -----
+    Two values of one class are independent but for it, so their covariance is that of the means of their classes.
     """
-    place: dict[int, int] = {}
-    owner: list[int] = []
-    for e, (rows, _, _) in inside.items():
-        for row in range(rows.start, rows.stop):
-            place[row] = len(owner)
-            owner.append(e)
-    within = np.zeros((len(owner), len(owner)))
-    for e, (rows, value, terms) in inside.items():
-        own = slice(place[rows.start], place[rows.start] + rows.stop - rows.start)
-        count = (own.stop - own.start) // terms
-        value = laws[e].normal_correlation(value)
-        within[own, own] = np.kron((1 - value) * np.eye(count) + value, np.eye(terms))
-    across, between = np.zeros_like(within), np.zeros_like(within)
+    pairs, fitted = correlations(tolerances), fits(tolerances)
+    if not pairs and not fitted:
+        return None
+    labels = [item.label for item in tolerances]
+    laws = cast("list[Scalar]", [block.distribution for block in blocks])
+    across, between = np.zeros((2, len(components), len(components)))
+    joined = sorted({e for pair in pairs for e in pair})
+    for e in joined:
+        _check_joined(tolerances[e], blocks[e])
     for (e, f), value in pairs.items():
+        one, other = blocks[e], blocks[f]
+        if one.terms != other.terms:
+            raise InputError(
+                f"{labels[e]} and {labels[f]}: correlated, with {one.terms} and {other.terms} parameters; give both as "
+                "many by parameters = [...]"
+            )
         try:
-            normal = normal_correlation_between(laws[e], laws[f], value)
+            normal = normal_correlation(laws[e], laws[f], value)
         except InputError as error:
             raise InputError(f"{labels[e]} and {labels[f]}: {error}") from error
-        covariance = value * math.sqrt(laws[e].variance * laws[f].variance)
-        for i, j in alike[e, f]:
-            one, other = place[i], place[j]
-            across[one, other] = across[other, one] = normal
-            between[one, other] = between[other, one] = covariance
+        alike = _alike(one, other, components)
+        across[one.components, other.components] = normal * alike
+        between[one.components, other.components] = value * math.sqrt(laws[e].variance * laws[f].variance) * alike
+    columns: set[tuple[int, int, bool]] = set()
+    for (e, f), fit in fitted.items():
+        one, other = blocks[e], blocks[f]
+        means, theirs = (laws[n].class_means(fit.classes) for n in (e, f))
+        alike = _alike(one, other, components)
+        between[one.components, other.components] = np.mean(means * (theirs[::-1] if fit.opposite else theirs)) * alike
+        for i, j in np.argwhere(alike):
+            to, origin = (block.class_variates.start + block.alike[at] for block, at in ((one, i), (other, j)))
+            columns.add((to, origin, fit.opposite))
+    own = [normal_correlation(laws[e], laws[e], blocks[e].correlation) for e in joined]
+    within = scipy.linalg.block_diag(
+        *(
+            np.kron((1 - value) * np.eye(blocks[e].instances) + value, np.eye(blocks[e].terms))
+            for e, value in zip(joined, own, strict=True)
+        )
+    )
+    rows = [row for e in joined for row in range(blocks[e].components.start, blocks[e].components.stop)]
+    owner = [e for e in joined for _ in range(blocks[e].instances * blocks[e].terms)]
+    among = (across + across.T)[np.ix_(rows, rows)] if rows else within
+    factor = _root(within, among, owner, labels) if rows else np.empty((0, 0))
+    return Dependence(factor, between + between.T, tuple(sorted(columns)))
+
+
+def _check_joined(item: Tolerance, block: Block) -> None:
+    if item.random_phase or not isinstance(item.distribution, Scalar):
+        raise InputError(
+            f"{item.label}: is correlated with another tolerance, and its vectors have a random phase; use "
+            "'rayleigh' or 'normal' without phase"
+        )
+    if block.classes > 1:
+        raise InputError(
+            f"{item.label}: is correlated with another tolerance, and its parts are sorted into classes, one by "
+            "one; leave one of them out"
+        )
+
+
+def _alike(one: Block, other: Block, components: Sequence[Component]) -> npt.NDArray[np.bool_]:
+    """Which components of two entries go together: of one place among the parameters, their common indices alike."""
+    mine, theirs = components[one.components], components[other.components]
+    return np.array(
+        [[i % one.terms == j % other.terms and _meet(a, b) for j, b in enumerate(theirs)] for i, a in enumerate(mine)]
+    )
+
+
+def _meet(one: Component, other: Component) -> bool:
+    return all(one.indices[name] == other.indices[name] for name in one.indices.keys() & other.indices.keys())
+
+
+def _root(within: Array, across: Array, owner: Sequence[int], labels: Sequence[str]) -> Array:
+    """Square root of a correlation matrix; refused where there is none, with what part of the correlations has one."""
     size, directions = np.linalg.eigh(within + across)
-    if size[0] < -_ROUNDING:
-        _refuse(within, across, directions[:, 0], owner, labels)
-    factor = directions * np.sqrt(np.maximum(size, 0.0))
-    return Dependence(np.array(list(place), dtype=np.intp), factor, between)
-
-
-def _refuse(within: Array, across: Array, worst: Array, owner: Sequence[int], labels: Sequence[str]) -> None:
-    """Say which correlations cannot be together, and what part of them could."""
-    weight = np.bincount(owner, weights=worst**2, minlength=len(labels))
+    if size[0] >= -_ROUNDING:
+        return np.asarray(directions * np.sqrt(np.maximum(size, 0.0)))
+    weight = np.bincount(owner, weights=directions[:, 0] ** 2, minlength=len(labels))
     named = [repr(label) for label, part in zip(labels, weight, strict=True) if part > _TAKES_PART]
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        share = (low + high) / 2
-        if np.linalg.eigvalsh(within + share * across)[0] < -_ROUNDING:
-            high = share
-        else:
-            low = share
+    share = scipy.optimize.brentq(lambda s: np.linalg.eigvalsh(within + s * across)[0] + _ROUNDING, 0.0, 1.0)
     raise InputError(
         f"correlated_with: the correlations of {', '.join(named)} contradict one another, their matrix is not positive "
-        f"definite; no parts have them together, but {math.floor(100 * low) / 100:g} times each they can have"
+        f"definite; no parts have them together, but {math.floor(100 * share) / 100:g} times each they can have"
     )
+
+
+def correlations(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], float]:
+    """Correlations between tolerances by their numbers, the smaller first; 0 is left out.
+
+    Parameters
+    ----------
+    tolerances : sequence of Tolerance
+
+    Raises
+    ------
+    InputError
+        If one names no other tolerance or several, or two say different things of one pair.
+
+    Examples
+    --------
+    >>> from rverror.tolerances.declared import tolerance
+    >>> cams = tolerance("crank.eccentricity", "5 um", name="cams")
+    >>> correlations([cams, tolerance("cycloid.disc_bore_position", "5 um", correlated_with={"cams": 0.5})])
+    {(0, 1): 0.5}
+    """
+    pairs: dict[tuple[int, int], float] = {}
+    for e, item in enumerate(tolerances):
+        for name, value in item.correlated_with.items():
+            other = _other(tolerances, e, "correlated_with", name)
+            pair = (min(e, other), max(e, other))
+            if pairs.setdefault(pair, value) != value:
+                raise InputError(
+                    f"{item.label}: correlated_with {name!r} is {value:g} here and {pairs[pair]:g} there; say it once"
+                )
+    return {pair: value for pair, value in pairs.items() if value}
+
+
+def fits(tolerances: Sequence[Tolerance]) -> dict[tuple[int, int], SelectedFit]:
+    """Tolerances whose parts are matched by classes, by their numbers, the one that says it first.
+
+    Parameters
+    ----------
+    tolerances : sequence of Tolerance
+
+    Raises
+    ------
+    InputError
+        If one names no other tolerance or several, the other's parts cannot be sorted, or one is matched twice.
+
+    Examples
+    --------
+    >>> from rverror.tolerances.declared import tolerance
+    >>> cams = tolerance("crank.eccentricity", "5 um", name="cams", parameters=["radial"])
+    >>> fit = {"with": "cams", "classes": 3}
+    >>> fits([cams, tolerance("cycloid.disc_bore_position", "5 um", parameters=["radial"], fit=fit)])
+    {(1, 0): SelectedFit(other='cams', classes=3, opposite=False)}
+    """
+    found: dict[tuple[int, int], SelectedFit] = {}
+    for e, item in enumerate(tolerances):
+        if item.fit is None:
+            continue
+        other = _other(tolerances, e, "fit", item.fit.other)
+        tolerances[other].check_sorted(f"fit of {item.label}")
+        if tolerances[other].classes > 1 or any(n in (e, other) for pair in found for n in pair):
+            raise InputError(
+                f"{item.label}: fit with {item.fit.other!r}: one of them is sorted or matched already; parts are "
+                "matched in pairs, say it once"
+            )
+        found[e, other] = item.fit
+    return found
+
+
+def _other(tolerances: Sequence[Tolerance], e: int, what: str, name: str) -> int:
+    """Number of the other tolerance of a name or key."""
+    item = tolerances[e]
+    found = [f for f, other in enumerate(tolerances) if f != e and name in (other.label, other.key)]
+    if len(found) != 1:
+        others = [other.label for other in tolerances if other is not item]
+        known = f"{did_you_mean(name, others)} the tolerances are {', '.join(others)}" if others else " add it"
+        said = f"{len(found)} tolerances" if found else "no other tolerance"
+        remedy = " give each a name of its own" if found else known
+        raise InputError(f"{item.label}: {what} {name!r}: {said} of this name;{remedy}")
+    return found[0]
+
+
+def places(instances: Sequence[Mapping[str, IndexValue]], by: Sequence[Mapping[str, IndexValue]]) -> tuple[int, ...]:
+    """Number of the class of each instance matched with others: those whose common indices are alike share one."""
+    common = [name for name in instances[0] if name in by[0]]
+    found = [tuple(indices[name] for name in common) for indices in instances]
+    order = list(dict.fromkeys(found))
+    return tuple(order.index(place) for place in found)

@@ -25,7 +25,6 @@ _FAR = 8.5  # of a normal variable: beyond it lies 1e-17
 _STEPS = 341
 _NODES = 48  # of a class: one half of a normal variable is integrated to 1e-12
 _SMALLEST_UNIFORM = 2.0**-54  # so that no normal quantile is infinite
-_AT_ONCE = 2048  # normal quantiles, whose scratch memory stays in a core's cache
 
 
 class Distribution(ABC):
@@ -56,25 +55,6 @@ class Scalar(Distribution):
     def from_normal(self, z: Array) -> Array:
         """Standard values as monotone images of standard normal ones, any shape."""
         return self.quantile(np.asarray(scipy.special.ndtr(z)))
-
-    def normal_correlation(self, correlation: float) -> float:
-        """Correlation that normal variables need for their images by `from_normal` to have the given one, Pearson's.
-
-        By quadrature over two normal variables with a common part.  The images' correlation grows with that of the
-        normal variables, so there is one solution.
-        """
-        if correlation in (0.0, 1.0):
-            return correlation
-        z = np.linspace(-_FAR, _FAR, _STEPS)
-        weight = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
-        mean = float(weight @ self.from_normal(z))
-        spread = float(weight @ (self.from_normal(z) - mean) ** 2)
-
-        def excess(r: float) -> float:
-            given_common = self.from_normal(math.sqrt(r) * z[:, None] + math.sqrt(1 - r) * z) @ weight
-            return float(weight @ (given_common - mean) ** 2) / spread - correlation
-
-        return float(scipy.optimize.brentq(excess, 0.0, 1.0, xtol=1e-10))
 
     def class_means(self, classes: int) -> Array:
         """Mean standard value of each class of parts sorted by size into classes of equal number, smallest first.
@@ -121,10 +101,6 @@ class Uniform(Scalar):
     def quantile(self, probability: Array) -> Array:
         """``2 u - 1``."""
         return 2 * probability - 1
-
-    def normal_correlation(self, correlation: float) -> float:
-        """``2 sin(pi rho / 6)``, exact."""
-        return 2 * math.sin(math.pi * correlation / 6)
 
 
 @dataclass(frozen=True)
@@ -184,10 +160,6 @@ class Normal(_Process):
         """``sigma z``."""
         return self.sigma * z
 
-    def normal_correlation(self, correlation: float) -> float:
-        """The same."""
-        return correlation
-
 
 @dataclass(frozen=True)
 class Lognormal(_Process):
@@ -240,11 +212,6 @@ class Lognormal(_Process):
     def from_normal(self, z: Array) -> Array:
         """The same of a normal value z."""
         return np.asarray((np.exp(self.shape * z) - math.exp(self.shape**2 / 2)) * self._scale, dtype=np.float64)
-
-    def normal_correlation(self, correlation: float) -> float:
-        """``ln(1 + rho (exp(sigma**2) - 1)) / sigma**2``, exact."""
-        square = self.shape**2
-        return math.log1p(correlation * math.expm1(square)) / square
 
 
 @dataclass(frozen=True)
@@ -415,7 +382,7 @@ class SampledAmplitude(Planar):
         return np.sort(self.values) / self.width
 
 
-def normal_correlation_between(one: Scalar, other: Scalar, correlation: float) -> float:
+def normal_correlation(one: Scalar, other: Scalar, correlation: float) -> float:
     """Correlation, -1 to 1, that two normal variables need for the given one of their images, Pearson's.
 
     By quadrature over the one and what the other has beside it; the images' correlation grows with it.
@@ -427,12 +394,13 @@ def normal_correlation_between(one: Scalar, other: Scalar, correlation: float) -
 
     Examples
     --------
-    >>> round(normal_correlation_between(Uniform(), Uniform(), -0.5), 6)  # 2 sin(pi rho / 6)
+    >>> round(normal_correlation(Uniform(), Uniform(), -0.5), 6)  # 2 sin(pi rho / 6)
     -0.517638
-    >>> normal_correlation_between(Normal(), Normal(1.33), 0.5)
+    >>> normal_correlation(Normal(), Normal(1.33), 0.5)
     0.5
     """
-    if (isinstance(one, Normal) and isinstance(other, Normal)) or correlation == 0:
+    both_normal = isinstance(one, Normal) and isinstance(other, Normal)
+    if both_normal or correlation == 0 or (one == other and correlation == 1):
         return correlation
     z = np.linspace(-_FAR, _FAR, _STEPS)
     weight = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
@@ -455,12 +423,8 @@ def normal_correlation_between(one: Scalar, other: Scalar, correlation: float) -
 
 def normal_quantile(uniform: Array) -> Array:
     """Standard normal values of uniform variates, finite at 0 and 1 too."""
-    from rverror.tolerances import loops
-
-    values = np.empty(np.shape(uniform))
-    np.clip(uniform, _SMALLEST_UNIFORM, 1 - _SMALLEST_UNIFORM * 2, out=values)
-    loops.normal_quantile(values.reshape(-1), np.empty(_AT_ONCE, dtype=np.intp), np.empty((2, _AT_ONCE)))
-    return values
+    ends = _SMALLEST_UNIFORM, 1 - 2 * _SMALLEST_UNIFORM
+    return np.asarray(scipy.special.ndtri(np.clip(uniform, *ends)), dtype=np.float64)
 
 
 def turned(pairs: Array, uniform: Array) -> Array:

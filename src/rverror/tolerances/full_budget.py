@@ -14,12 +14,13 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.torque_over_turn import peak_torque
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_budget import POINTS, LoadedBudget, loaded_budget
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
 from rverror.tolerances.specification import Limit, limit
-from rverror.tolerances.stacking import Stack, Tolerance, stack
+from rverror.tolerances.stacking import Stack, stack
 
 #: Points of the Sobol indices where no number is given.
 INDEX_COUNT = 2**13

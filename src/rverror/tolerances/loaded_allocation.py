@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -16,32 +16,15 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.model.effects import Model
-from rverror.tolerances.allocation import (
-    Allocation,
-    ClosedFormQuantile,
-    described,
-    rates_of,
-    step_of,
-    terms,
-)
-from rverror.tolerances.limited_error import Quantile
+from rverror.tolerances.allocation import Allocation, closed_form_quantile, described, rates_of, step_of
+from rverror.tolerances.constraints import Quantile, ranked
+from rverror.tolerances.cost_model import CostModel, cost_model
+from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.least_cost import CLOSE, Constraint, Found, least_cost
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
 from rverror.tolerances.loaded_yield import COUNT, Verified, counted, loaded_units, standard_draws, verified
-from rverror.tolerances.market import (
-    CLOSE,
-    Found,
-    Limited,
-    Market,
-    Row,
-    least_cost,
-    market_of,
-    minimised,
-    pulled_in,
-    slope_of,
-)
-from rverror.tolerances.sampling import share_interval, virtual_units
+from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.specification import Limit
-from rverror.tolerances.stacking import Tolerance
 
 #: Units on which the widths are optimised.
 SAMPLE = 384
@@ -50,7 +33,7 @@ _ROUNDS = 10  # of linearisation
 _FEW = 128  # units of the sample on which the first rounds are
 _REACH, _LEAST_REACH = 2.0, 1.15  # factor by which a round may change a width, at first and at least
 _SETTLED = 0.02  # relative change of the cost at which rounds end
-_FARTHEST = 0.05  # relative; from what the linear form foretold, at which the next round goes less far
+_FARTHEST = 0.05  # relative; from what the linear form predicted, at which the next round goes less far
 _ATTEMPTS = 6  # at a verification; each has half of what the confidence leaves of the one before
 _LEAST_SPREAD = 0.01  # of what a unit uses: less tells nothing of the spread of others
 _HOPELESS = 1.1  # times the spread that a limit leaves room for: what the sample tells is less certain than that
@@ -124,24 +107,14 @@ def allocate_at_load(
     units = loaded_units(model, tolerances, limits, direction=direction)
     if any(one.value is None for one in units.limits):
         raise InputError("limits: one has no value; give it, such as limit('transmission_error', '60 arcsec')")
-    said = terms(tolerances)
-    market = market_of(units.stack.labels, units.stack.width, said["costs"], said["bounds"], said["fixed"])
-    search = _Search(
-        units,
-        market,
-        sample=sample,
-        verify=verify,
-        confidence=confidence,
-        seed=seed,
-        progress=progress or (lambda text: None),
-    )
-    return search.allocation()
+    costs = cost_model(units.stack.labels, units.stack.width, units.stack.choices)
+    return _Search(units, costs, sample, verify, confidence, seed, progress or (lambda text: None)).allocation()
 
 
 # --- quantiles of what units use of their limits ----------------------------------------------------------------------
 
 
-class LoadedQuantile(Limited):
+class LoadedQuantile(Constraint):
     """Share of its limits that a unit uses: its quantiles over a sample, about the widths at which it was solved.
 
     Each turn of a unit is a linear row in the widths.  A quantile is that of a normal distribution through the mean of
@@ -150,6 +123,7 @@ class LoadedQuantile(Limited):
 
     proof = "no small change of the widths costs less, by the influences at the load; nothing more is proven"
     gap = _SETTLED / 2
+    accuracy = 1e-9
     rounds = 20  # each a program and a solution of 0.2 s; the next linear form tells of better grades anyway
 
     def __init__(self, units: LoadedUnits, solved: Solved, widths: Array, target: float, still: Array) -> None:
@@ -162,9 +136,11 @@ class LoadedQuantile(Limited):
         assert solved.slopes is not None
         allowed = np.array([one.allowed for one in units.limits])[:, None]
         known = np.isfinite(solved.turns)[:, :, None]
-        self.near = np.where(known, solved.near / allowed, _LOST)
-        self.slopes = np.where(known[..., None], solved.slopes / allowed[..., None], 0.0)
-        self.at = widths
+        near = np.where(known, solved.near / allowed, _LOST)
+        slopes = np.where(known[..., None], solved.slopes / allowed[..., None], 0.0)
+        self.slopes = np.ascontiguousarray(slopes.transpose(1, 2, 0, 3))  # (limits, kept, units, entries)
+        self.offsets = near.transpose(1, 2, 0) - self.slopes @ widths
+        self.at, self.count = widths, len(near)
         self.weight = self._weight(target)
         self.still = still
         self.ratios = np.ones(len(still))
@@ -183,82 +159,60 @@ class LoadedQuantile(Limited):
 
     def _weight(self, level: float) -> Array:
         """Weight of each unit of the sample, from the one that uses least, in the quantile at a level."""
-        rank = (np.arange(len(self.near)) + 0.5) / len(self.near)
+        rank = (np.arange(self.count) + 0.5) / self.count
         score = scipy.special.ndtri(rank)
         bands = [((rank > first) & (rank < last)) for first, last in (_MIDDLE, _TAIL)]
         middle, tail = (band / band.sum() for band in bands)
         share = (scipy.special.ndtri(level) - score @ middle) / (score @ tail - score @ middle)
         return np.asarray((1 - share) * middle + share * tail)
 
-    def quantiles(self, widths: Array) -> tuple[Array, Array]:
+    def parts(self, widths: Array) -> tuple[Array, Array]:
         """Quantile of each limit, and its change with the widths, shapes (limits,) and (limits, entries)."""
-        rows = self.near + self.slopes @ (widths - self.at)
-        leading = rows.argmax(axis=2)[..., None]
-        used = np.take_along_axis(rows, leading, axis=2)[..., 0]
-        change = np.take_along_axis(self.slopes, leading[..., None], axis=2)[:, :, 0]
-        order = np.argsort(used, axis=0)
-        values = self.weight @ np.take_along_axis(used, order, axis=0)
-        slopes = np.einsum("u,ule->le", self.weight, np.take_along_axis(change, order[..., None], axis=0))
+        pairs = zip(self.slopes, self.offsets, strict=True)
+        found = [ranked(slopes, offsets, widths, slice(None), self.weight) for slopes, offsets in pairs]
+        values, slopes = np.array([value for value, _ in found]), np.array([slope for _, slope in found])
         return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
 
-    def best(self, market: Market) -> Array:
+    def start(self, costs: CostModel) -> Array:
+        """The widths at hand."""
+        return np.clip(self.at, costs.low, costs.high)
+
+    def best(self, costs: CostModel) -> Array:
         """Widths with the least largest quantile: what helps one limit may harm another, as pins take up play.
 
         Towards those of the linear program of the quantiles' slopes, or the least ones where these are better.
         """
-        here = np.clip(self.at, market.low, market.high)
-        values, slopes = self.quantiles(here)
+        here = self.start(costs)
+        values, slopes = self.parts(here)
         found = scipy.optimize.linprog(
             [*np.zeros(here.size), 1.0],
             A_ub=np.column_stack([slopes * here, -np.ones(len(values))]),  # in shares of the widths, alike in size
             b_ub=slopes @ here - values,
-            bounds=[*zip(market.low / here, market.high / here, strict=True), (None, None)],
+            bounds=[*zip(costs.low / here, costs.high / here, strict=True), (None, None)],
         )
-        moved = here if found.x is None else np.clip(found.x[:-1] * here, market.low, market.high)
+        moved = here if found.x is None else np.clip(found.x[:-1] * here, costs.low, costs.high)
         nearer = [here + share * (moved - here) for share in (0.0, 0.03, 0.1, 0.3, 1.0)]  # another turn may be largest
-        return min((*nearer, market.low), key=lambda widths: self.measure(widths)[0])
-
-    def measure(self, widths: Array) -> tuple[float, Row]:
-        """The largest quantile, and its row."""
-        values, slopes = self.quantiles(widths)
-        worst = int(values.argmax())
-        return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
-
-    def least(self, market: Market, limit: float, rows: list[Row]) -> Array | None:
-        """By sequential quadratic programs from the widths at hand, then drawn in until the limit is met."""
-        if self.measure(self.best(market))[0] > limit:
-            return None
-        if self.measure(market.high)[0] <= limit:
-            return market.high
-
-        def constraint(widths: Array) -> tuple[Array, Array]:
-            values, slopes = self.quantiles(widths)
-            return 1 - values / limit, -slopes / limit
-
-        widths = minimised(market, np.clip(self.at, market.low, market.high), constraint, accuracy=1e-9)
-        return pulled_in(market, self, limit, widths)
+        return min((*nearer, costs.low), key=lambda widths: self.measure(widths)[0])
 
 
 # --- the search -------------------------------------------------------------------------------------------------------
 
 
+@dataclass
 class _Search:
     """Rounds of linearisation, and verifications, for one set of limits."""
 
-    def __init__(
-        self,
-        units: LoadedUnits,
-        market: Market,
-        *,
-        sample: int,
-        verify: int,
-        confidence: float,
-        seed: int,
-        progress: Callable[[str], None],
-    ) -> None:
+    units: LoadedUnits
+    costs: CostModel
+    sample: int
+    verify: int
+    confidence: float
+    seed: int
+    progress: Callable[[str], None]
+
+    def __post_init__(self) -> None:
         """Draw the sample, and see how many bad units a verification may have."""
-        self.units, self.market, self.verify, self.confidence = units, market, verify, confidence
-        self.seed, self.progress = seed, progress
+        units, verify = self.units, self.verify
         self.level = min(one.level for one in units.limits)
         self.bad, self.most = -1, max(one.level for one in units.limits)
         while share_interval(verify - self.bad - 1, verify, 1 - self._leaves(0))[0] >= self.most:
@@ -273,8 +227,8 @@ class _Search:
         self.beyond = self.bad // 2
         #: And for each limit, as others may have other bad units.
         self.beyond_each = self.beyond // len(units.limits)
-        self.drawn = standard_draws(units.stack, sample, seed=seed, stream=0)
-        turns = units.solved(np.zeros((1, self.drawn.shape[1])), market.given).turns[0]
+        self.drawn = standard_draws(units.stack, self.sample, seed=self.seed, stream=0)
+        turns = units.solved(np.zeros((1, self.drawn.shape[1])), self.costs.given).turns[0]
         self.still = turns / np.array([one.allowed for one in units.limits])
         self.ratios: list[Array] = []
         self._solved: Solved | None = None
@@ -285,8 +239,8 @@ class _Search:
 
     def allocation(self) -> Allocation:
         """Widths of least cost that fresh units verify."""
-        few = self._local(self.market.given, "the widths as given", _FEW)
-        value_before, rates = few.measure(self.market.given)[0], slope_of(few, self.market.given)
+        few = self._local(self.costs.given, "the widths as given", _FEW)
+        value_before, (slope, _) = few.measure(self.costs.given)
         found = self._begun()
         found, _ = self._settled(found, self._local(found.widths, "the closed form", _FEW), rounds=_ROUNDS)
         found, local = self._settled(found, self._local(found.widths, "all units", len(self.drawn)), rounds=2)
@@ -309,9 +263,15 @@ class _Search:
                 f"not verified at {100 * self.level:g} %; give {4 * self.verify} units that verify"
             )
         found, local, fresh = best
+        closed = [
+            closed_form_quantile(
+                replace(self.units.stack, width=widths), self.level, self.confidence, _CLOSED_UNITS, seed=self.seed
+            )
+            for widths in (self.costs.given, found.widths)
+        ]
         return described(
             self.units.stack,
-            self.market,
+            self.costs,
             local,
             found,
             kind="load",
@@ -321,30 +281,30 @@ class _Search:
             rows=[],
             value_before=value_before,
             value=self._used(fresh, round((1 - self.level) * fresh.limits[0].units)),
-            closed_form_before=self._closed_form(self.market.given),
-            closed_form=self._closed_form(found.widths),
-            rates=rates_of(self.market, rates, step=step_of("load")),
+            closed_form_before=closed[0],
+            closed_form=closed[1],
+            rates=rates_of(self.costs, slope, step=step_of("load")),
             uniform_cost=self._uniform_cost(found.widths),
             verified=fresh,
         )
 
     def _begun(self) -> Found:
         """Widths of the closed form by the mean square; those as given where it knows none of the limits."""
-        stack, given = self.units.stack, self.market.given
+        stack, given = self.units.stack, self.costs.given
         grades = tuple(
             min(max(table.index(max(given[e], table.widths[0])), allowed[0]), allowed[-1])
-            for e, table, allowed in self.market.tables
+            for e, table, allowed in self.costs.tables
         )
-        market = self.market.holding(grades)
-        widths = np.clip(market.given, market.low, market.high)
+        costs = self.costs.holding(grades)
+        widths = np.clip(costs.given, costs.low, costs.high)
         # what does nothing there may do much here
         waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
-        idle = np.array([not waves[block.components].any() for block in stack.blocks]) & market.smooth
+        idle = np.array([not waves[block.components].any() for block in stack.blocks]) & costs.smooth
         angles = [one.allowed for one in self.units.limits if one.quantity == "transmission_error"]
-        if angles and stack.dependence is None and (market.smooth & ~idle).any():
-            low, high = (np.where(idle, widths, end) for end in (market.low, market.high))
+        if angles and stack.dependence is None and (costs.smooth & ~idle).any():
+            low, high = (np.where(idle, widths, end) for end in (costs.low, costs.high))
             closed = Quantile(stack, level=self.level, sample=_CLOSED_SAMPLE, seed=self.seed)
-            widths = closed.of_mean_square(replace(market, low=low, high=high), min(angles), widths)
+            widths = closed.of_mean_square(replace(costs, low=low, high=high), min(angles), widths)
         return Found(widths, grades)
 
     def _local(self, widths: Array, what: str, count: int) -> LoadedQuantile:
@@ -356,30 +316,30 @@ class _Search:
         return local.calibrated(np.mean(self.ratios, axis=0)) if self.ratios else local
 
     def _calibrated(self, local: LoadedQuantile, widths: Array, fresh: Verified) -> LoadedQuantile:
-        """The sample with the spread that fresh units have in place of what it foretold at their widths."""
-        foretold = local.calibrated(np.ones(len(local.still))).quantiles(widths)[0] - local.still
+        """The sample with the spread that fresh units have in place of what it predicted at their widths."""
+        predicted = local.calibrated(np.ones(len(local.still))).parts(widths)[0] - local.still
         used = np.array([self._used(fresh, self.beyond_each, [number]) for number in range(len(local.still))])
         # where the first angles decided, a peak-to-peak is known too low
-        known = (used >= CLEAR) & (foretold > _LEAST_SPREAD * used)
-        ratios = np.where(known, (used - local.still) / np.where(known, foretold, 1.0), 1.0)
+        known = (used >= CLEAR) & (predicted > _LEAST_SPREAD * used)
+        ratios = np.where(known, (used - local.still) / np.where(known, predicted, 1.0), 1.0)
         self.ratios.append(np.clip(ratios, 0.5, 2.0))
         return local.calibrated(np.mean(self.ratios, axis=0))
 
     def _settled(self, found: Found, local: LoadedQuantile, *, rounds: int) -> tuple[Found, LoadedQuantile]:
         """Least cost with the quantiles of the sample within the limits, by rounds of linear forms; the last one."""
-        count = len(local.near)
-        reach, costs = _REACH, dict[tuple[int, ...], float]()
+        count = local.count
+        reach, tried = _REACH, dict[tuple[int, ...], float]()
         for number in range(rounds):
-            ahead = self._next(local, found, reach, costs)
-            foretold = local.measure(ahead.widths)[0]
-            near = self._change(found, ahead) <= _SETTLED and foretold <= 1 + CLOSE
+            ahead = self._next(local, found, reach, tried)
+            predicted = local.measure(ahead.widths)[0]
+            near = self._change(found, ahead) <= _SETTLED and predicted <= 1 + CLOSE
             found = ahead
             if near:
                 return found, local
             local = self._local(found.widths, f"round {number + 1}", count)
-            if abs(local.measure(found.widths)[0] / foretold - 1) > _FARTHEST:  # the form does not hold as far
+            if abs(local.measure(found.widths)[0] / predicted - 1) > _FARTHEST:  # the form does not hold as far
                 reach = max(math.sqrt(reach), _LEAST_REACH)
-        return self._step(local, found, reach, hold=bool(self.market.tables)), local
+        return self._step(local, found, reach, hold=bool(self.costs.tables)), local
 
     def _change(self, one: Found, other: Found) -> float:
         """Relative change of the cost, of which other grades are a whole one."""
@@ -390,33 +350,33 @@ class _Search:
             else float(one.grades != other.grades)
         )
 
-    def _next(self, local: LoadedQuantile, found: Found, reach: float, costs: dict[tuple[int, ...], float]) -> Found:
+    def _next(self, local: LoadedQuantile, found: Found, reach: float, tried: dict[tuple[int, ...], float]) -> Found:
         """The next widths; grades that were tried count by the cost that they came to where they were."""
-        market = self.market.holding(found.grades)
-        if self.market.tables and local.measure(local.best(market))[0] > 1:
+        costs = self.costs.holding(found.grades)
+        if self.costs.tables and local.measure(local.best(costs))[0] > 1:
             return self._step(local, found, reach, hold=False)  # these grades do not lead there
         held = self._step(local, found, reach, hold=True)
-        if not self.market.tables or local.measure(held.widths)[0] > 1 + CLOSE:
+        if not self.costs.tables or local.measure(held.widths)[0] > 1 + CLOSE:
             return held
-        costs[held.grades] = self._cost(held)
+        tried[held.grades] = self._cost(held)
         free = self._step(local, found, reach, hold=False)
-        return free if costs.get(free.grades, self._cost(free)) < costs[held.grades] else held
+        return free if tried.get(free.grades, self._cost(free)) < tried[held.grades] else held
 
     def _step(self, local: LoadedQuantile, at: Found, reach: float, *, hold: bool) -> Found:
         """Least cost of the linear form within reach of the widths; as near to the limits as that leads."""
-        market = self.market.holding(at.grades) if hold else self.market
-        widths, smooth = at.widths, market.smooth
-        low = np.where(smooth, np.clip(widths / reach, market.low, market.high), market.low)
-        high = np.where(smooth, np.clip(widths * reach, market.low, market.high), market.high)
+        costs = self.costs.holding(at.grades) if hold else self.costs
+        widths, smooth = at.widths, costs.smooth
+        low = np.where(smooth, np.clip(widths / reach, costs.low, costs.high), costs.low)
+        high = np.where(smooth, np.clip(widths * reach, costs.low, costs.high), costs.high)
         tables = tuple(
-            (e, table, _within(table.widths, allowed, widths[e], reach)) for e, table, allowed in market.tables
+            (e, table, _within(table.widths, allowed, widths[e], reach)) for e, table, allowed in costs.tables
         )
         for e, table, allowed in tables:
             low[e], high[e] = table.widths[allowed[0]], table.widths[allowed[-1]]
-        near = replace(market, given=np.where(smooth, widths, market.given), low=low, high=high, tables=tables)
+        near = replace(costs, given=np.where(smooth, widths, costs.given), low=low, high=high, tables=tables)
         best = local.best(near)
         least = local.measure(best)[0]
-        used = local.at_level(self.level).quantiles(best)[0]  # what is aimed at has fewer bad units than it may have
+        used = local.at_level(self.level).parts(best)[0]  # what is aimed at has fewer bad units than it may have
         spread = (used - local.still) / np.maximum(1 - local.still, CLOSE)
         stuck = least > local.measure(np.clip(widths, low, high))[0] * (1 - _STUCK)
         if (local.still > 1).any() or (stuck and spread.max() > _HOPELESS):
@@ -428,19 +388,19 @@ class _Search:
 
     def _uniform_cost(self, widths: Array) -> float | None:
         """Cost of the widths as given, all free ones scaled alike until a sample is as good; None where none is."""
-        market, free = self.market, ~np.array(self.market.fixed)
+        costs, free = self.costs, ~self.costs.fixed
         finest = np.zeros(widths.size)
-        for e, table, _ in market.tables:
+        for e, table, _ in costs.tables:
             finest[e] = table.widths[0]
         aim = self._local(widths, "the widths found", _FEW).measure(widths)[0]
         scale = 1.0
         for number in range(_SCALINGS):
-            scaled = np.where(free, np.maximum(scale * market.given, finest), market.given)
+            scaled = np.where(free, np.maximum(scale * costs.given, finest), costs.given)
             local = self._local(scaled, f"scaled alike, {number + 1}", _FEW)
             value, (slope, _) = local.measure(scaled)
-            ahead = scale + (aim - value) / float(slope @ np.where(free, market.given, 0.0))
+            ahead = scale + (aim - value) / float(slope @ np.where(free, costs.given, 0.0))
             if abs(ahead / scale - 1) <= _SETTLED:
-                return market.total(scaled)
+                return costs.total(scaled)
             scale = float(np.clip(ahead, scale / 2, 2 * scale))
         return None
 
@@ -470,24 +430,15 @@ class _Search:
         return float(used[-1 - beyond])
 
     def _any_smooth(self, found: Found) -> bool:
-        market = self.market.holding(found.grades)
-        return bool((market.smooth & (market.high > market.low)).any())
+        costs = self.costs.holding(found.grades)
+        return bool((costs.smooth & (costs.high > costs.low)).any())
 
     def _cost(self, found: Found) -> float:
-        return self.market.total(found.widths)
-
-    def _closed_form(self, widths: Array) -> ClosedFormQuantile:
-        """What the closed form says of the same list."""
-        stack = replace(self.units.stack, width=widths)
-        found = virtual_units(stack, _CLOSED_UNITS, seed=self.seed, draws="random")
-        share = found.quantile(self.level, confidence=self.confidence)
-        return ClosedFormQuantile(
-            self.level, share.value, share.low, share.high, self.confidence, _CLOSED_UNITS, self.seed
-        )
+        return self.costs.total(found.widths)
 
     def _unreachable(self, local: LoadedQuantile, widths: Array) -> InputError:
         """Why the limits cannot be met: which of them, and what holds it up."""
-        values, slopes = local.quantiles(widths)
+        values, slopes = local.parts(widths)
         worst = int(np.argmax(values))
         one, still = self.units.limits[worst], self.units.limits[worst].allowed * self.still[worst]
         assert one.value is not None
@@ -499,7 +450,7 @@ class _Search:
                 "the means of the tolerances (clearances) or the declared model"
             )
         else:
-            label = self.market.labels[int((slopes[worst] * widths).argmax())]
+            label = self.costs.labels[int((slopes[worst] * widths).argmax())]
             said += f"; raise the limit or allow finer widths, first of {label}"
         return InputError(said)
 

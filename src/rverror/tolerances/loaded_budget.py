@@ -12,12 +12,12 @@ from rverror.base.errors import InputError
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import LoadedUnits
 from rverror.tolerances.loaded_yield import COUNT, Verified, loaded_units, verified
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.tolerances.sobol import SobolIndices, indices_of_outputs, without_joined
+from rverror.tolerances.sobol import SobolIndices, sobol_indices, without_joined
 from rverror.tolerances.specification import Limit
-from rverror.tolerances.stacking import Tolerance
 
 #: Points of the Sobol indices at the load: (entries + 2) units each.
 POINTS = 128
@@ -112,7 +112,7 @@ def loaded_budget(
     found = verified(units, stack.width, count=count, seed=seed, progress=progress)
     indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)
     if points:
-        indices = indices_of_outputs(
+        indices = sobol_indices(
             _Turns(units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
         )
     errors = [one.quantity == "transmission_error" for one in units.limits]

@@ -99,25 +99,18 @@ class _Closings:
     """How far each component closes every contact: rows of a sparse matrix, those of one angle together."""
 
     width: int  # contacts of an angle: pins, their ways along the profiles where these count, flanks and bearings
-    start: Integers
-    component: Integers
-    size: Array  # mm per core unit
+    matrix: Any  # sparse, shape (angles * width, components); mm per core unit
+
+    def _rows(self, places: Integers) -> Any:
+        return self.matrix[(places[:, None] * self.width + np.arange(self.width)).ravel()]
 
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
-        from rverror.tolerances.loops import sparse_products
+        return np.asarray(self._rows(places) @ values).reshape(places.size, self.width)
 
-        out = np.empty((places.size, self.width))
-        sparse_products(self.start, self.component, self.size, places, values, out)
-        return out
-
-    def work(self, forces: Array, places: Integers, components: int) -> Array:
+    def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        from rverror.tolerances.loops import sparse_work
-
-        out = np.zeros((places.size, components))
-        sparse_work(self.start, self.component, self.size, places, forces, out)
-        return out
+        return np.array([force @ self._rows(places[n : n + 1]) for n, force in enumerate(forces)])
 
 
 @dataclass(frozen=True)
@@ -183,8 +176,8 @@ class Turn:
                         sizes.append(size[some])
         shape = (angles * width, count)
         place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
-        matrix = scipy.sparse.csr_matrix((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
-        closings = _Closings(width, matrix.indptr.astype(np.intp), matrix.indices.astype(np.intp), matrix.data)
+        matrix = scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
+        closings = _Closings(width, matrix)
         kept = replace(model, effects=tuple(e for e in model.effects if source(e.key).acts in counted))
         return cls(model, geometry, closings, tuple(yielding), added(kept.effects, where.read), beyond)
 
@@ -233,7 +226,7 @@ class TurnState:
         changes = [solution.pin_change.reshape(k, -1), solution.row_change]
         if self.problem.share:
             changes.insert(1, solution.slide_change.reshape(k, -1))
-        found = motion.closings.work(np.concatenate(changes, axis=1), self.places, len(motion.beyond))
+        found = motion.closings.work(np.concatenate(changes, axis=1), self.places)
         found += motion.beyond[:, self.places].T
         for part, one in motion.yielding:
             if isinstance(part, Compliance) and part.share.shape[-1] > 1:

@@ -13,10 +13,11 @@ from rverror.base.arrays import Array
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits
 from rverror.tolerances.sampling import IntervalEstimate, check_share, order_statistics, share_interval, uniforms
 from rverror.tolerances.specification import Limit, check_limits
-from rverror.tolerances.stacking import Stack, Tolerance, stack
+from rverror.tolerances.stacking import Stack, stack
 
 #: Units that are solved where no number is given: a yield of 99 % is known to half a per cent by them.
 COUNT = 2000

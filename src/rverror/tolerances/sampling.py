@@ -28,8 +28,9 @@ from rverror.base.units import named_core
 from rverror.base.version import __version__
 from rverror.base.viewed import Viewed
 from rverror.model.effects import Model
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.extremes import TOLERANCE, Extremes, Kernel, kernel
-from rverror.tolerances.stacking import Stack, Tolerance, laid_out
+from rverror.tolerances.stacking import Stack, laid_out
 
 Result = TypeVar("Result")
 Draws = Literal["sobol", "random"]
@@ -75,8 +76,6 @@ class VirtualUnits(Viewed):
     draws : str
         ``sobol`` or ``random``.
     seed : int
-    form : str
-        ``FoldedKernel`` or ``DirectKernel``.
     error_bound : float
         rad; no peak-to-peak is off by more, of waves left out and of rounding.
     kept : int
@@ -90,7 +89,6 @@ class VirtualUnits(Viewed):
     chunk: int
     draws: Draws
     seed: int
-    form: str
     error_bound: float
     kept: int
 
@@ -215,14 +213,13 @@ class _Chunks:
 
 
 def virtual_units(
-    model: Model | Stack | None = None,
+    model: Model | Stack,
     tolerances: Sequence[Tolerance] | int | None = None,
     theta: Any | None = None,
     *,
     direction: float = 1.0,
     torque: Any | None = None,
     speed: Any | None = None,
-    stack: Stack | None = None,
     count: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
@@ -235,13 +232,12 @@ def virtual_units(
 
     Parameters
     ----------
-    model : Model
-        Or its `stack`; the number of units may then stand second.
+    model : Model or Stack
+        A stack, of `rverror.stack`, stands for model, tolerances and how they are asked; the number of units may then
+        stand second.
     tolerances : sequence of Tolerance
     theta, direction, torque, speed
         As for `rverror.stack`.
-    stack : Stack, optional
-        In place of model, tolerances and all that was said above.
     count : int
         Number of units; `COUNT` where left out.
     seed : int
@@ -255,7 +251,7 @@ def virtual_units(
     draws : str
         ``sobol``: quasi-random units, up to 21201 variates each.  ``random``: plain random ones.
     tolerance : float
-        Bound on the error of a peak-to-peak that the form by orders may make, rad; 0 for the straightforward form.
+        Bound on the error that small waves left out may make of a peak-to-peak, rad; 0 leaves none out.
     progress : callable, optional
         Called with a line of text after each chunk.
 
@@ -279,7 +275,7 @@ def virtual_units(
     Examples
     --------
     >>> import rverror
-    >>> from rverror.tolerances.stacking import tolerance
+    >>> from rverror.tolerances.declared import tolerance
     >>> from rverror.base.units import ARCSEC
     >>> unit, cams = rverror.Model(rverror.reducer("RV-40E")), [tolerance("crank.eccentricity", "5 um")]
     >>> units = virtual_units(unit, cams, count=2000)
@@ -296,7 +292,7 @@ def virtual_units(
     if isinstance(tolerances, int):
         count, tolerances = tolerances, None
     count = COUNT if count is None else count
-    stack = laid_out(model, tolerances, theta, stack, direction=direction, torque=torque, speed=speed)
+    stack = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
     check_seed(seed)
@@ -328,7 +324,6 @@ def virtual_units(
         chunk=job.chunk,
         draws=draws,
         seed=job.seed,
-        form=type(job.sampler.kernel).__name__,
         error_bound=bound,
         kept=job.chunks - len(missing),
     )
@@ -355,7 +350,8 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
     """
     _check_draws(draws, dimensions)
     rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
-    points = _sobol(dimensions, rng) if draws == "sobol" and dimensions else None
+    sobol = draws == "sobol" and dimensions
+    points = scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng) if sobol else None
     for start in range(0, count, _STEP):
         rows = min(_STEP, count - start)
         if points is None:
@@ -363,11 +359,6 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
         else:
             whole = 1 << (rows - 1).bit_length()  # scipy warns of any other number
             yield points.random(whole)[:rows] + _CELL / 2
-
-
-def _sobol(dimensions: int, rng: np.random.Generator) -> Any:
-
-    return scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng)
 
 
 def _check_draws(draws: str, dimensions: int) -> None:
@@ -398,8 +389,9 @@ def order_statistics(ordered: Array, probability: float, confidence: float) -> I
     binomial; infinite where there are too few numbers.
     """
     count, tail = ordered.size, (1 - confidence) / 2
-    below = _binomial_quantile(tail, count, probability)  # least l with P(K <= l) above the tail
-    above = _binomial_quantile(1 - tail, count, probability) + 1
+    # the least l with P(K <= l) above the tail
+    below, above = (int(scipy.stats.binom.ppf(share, count, probability)) for share in (tail, 1 - tail))
+    above += 1
     low = float(ordered[below - 1]) if below else -math.inf
     high = float(ordered[above - 1]) if above <= count else math.inf
     return IntervalEstimate(float(np.quantile(ordered, probability)), low, high, math.nan, math.nan)
@@ -540,9 +532,3 @@ def _pieces(thing: object) -> Iterator[bytes]:
         yield from _pieces(tuple((field.name, getattr(thing, field.name)) for field in fields(thing)))
     else:
         yield repr(thing).encode()
-
-
-def _binomial_quantile(share: float, count: int, probability: float) -> int:
-    """Least number k of hits with P(hits <= k) of at least that share."""
-    k = max(0, math.ceil(float(scipy.special.bdtrik(share, count, probability))))
-    return k - 1 if k and float(scipy.special.bdtr(k - 1, count, probability)) >= share else k

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.geartrain.source import IndexValue
-from rverror.tolerances.dependence import Dependence
-from rverror.tolerances.distribution import Scalar
 
 #: Most classes; at so many two parts of one class are the same size but for a thousandth.
 MOST_CLASSES = 1000
@@ -44,24 +39,6 @@ class SelectedFit:
     def __post_init__(self) -> None:
         """Check the classes."""
         check_classes("fit", self.classes, least=2)
-
-
-@dataclass(frozen=True)
-class Matching:
-    """What a `SelectedFit` comes to between two tolerances."""
-
-    classes: int
-    opposite: bool
-    by: tuple[str, ...]  #: indices that both have
-
-
-@dataclass(frozen=True)
-class Side:
-    """Components of one of two tolerances that are matched."""
-
-    rows: tuple[int, ...]  #: of the stack
-    places: tuple[tuple[IndexValue, ...], ...]  #: of each, by the indices that both have
-    columns: tuple[int, ...]  #: of the uniform variate that chooses the class of each
 
 
 def fit_of(said: Any) -> SelectedFit:
@@ -103,53 +80,3 @@ def check_classes(what: str, classes: int, *, least: int = 1) -> None:
             f"{what}: classes = {classes}: must be a whole number from {least} to {MOST_CLASSES}; beyond that give "
             "correlation = 1"
         )
-
-
-def with_fit(
-    before: Dependence | None,
-    laws: tuple[Scalar, Scalar],
-    matching: Matching,
-    one: Side,
-    other: Side,
-) -> Dependence:
-    """Dependence with one more pair of matched tolerances.
-
-    Parameters
-    ----------
-    before : Dependence, optional
-    laws : tuple of Scalar
-        Distributions of the two.
-    matching : Matching
-    one, other : Side
-
-    Returns
-    -------
-    Dependence
-
-    Notes
-    -----
-    Two values of one class J are independent but for it, so their covariance is that of the means of their classes.
-    """
-    means, theirs = (law.class_means(matching.classes) for law in laws)
-    covariance = float(np.mean(means * (theirs[::-1] if matching.opposite else theirs)))
-    same = np.array([[here == there for there in other.places] for here in one.places])
-    rows = np.array([*one.rows, *other.rows], dtype=np.intp)
-    between = np.zeros((rows.size, rows.size))
-    between[: len(one.rows), len(one.rows) :] = covariance * same
-    columns = {
-        (to, origin, matching.opposite)
-        for here, to in zip(one.places, one.columns, strict=True)
-        for there, origin in zip(other.places, other.columns, strict=True)
-        if here == there
-    }
-    before = before or Dependence(np.empty(0, dtype=np.intp), np.empty((0, 0)), np.empty((0, 0)))
-    known = before.components.size
-    whole = np.zeros((known + rows.size,) * 2)
-    whole[:known, :known] = before.between
-    whole[known:, known:] = between + between.T
-    return replace(
-        before,
-        components=np.concatenate([before.components, rows]),
-        between=whole,
-        classes=(*before.classes, *sorted(columns)),
-    )

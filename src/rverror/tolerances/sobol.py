@@ -82,21 +82,23 @@ class _SizeOf:
 def sobol_indices(
     function: Callable[[Array], Array],
     groups: npt.ArrayLike,
+    outputs: int = 1,
     *,
     count: int = COUNT,
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
-) -> SobolIndices:
+) -> tuple[SobolIndices | None, ...]:
     """Indices of any function of independent uniform variates.
 
     Parameters
     ----------
     function : callable
-        ``function(uniforms)``, shape (points, dimensions) -> (points,).
+        ``function(uniforms)``, shape (points, dimensions) -> (points,) or (points, outputs).
     groups : array_like of int, shape (dimensions,)
         Group to which each variate belongs, 0 to groups - 1; a group's variates are exchanged together.
+    outputs : int
     count : int
         Points, rounded down to a power of two for each of 16 scrambles, which have 16 at least.
     confidence : float
@@ -106,10 +108,15 @@ def sobol_indices(
     progress : callable, optional
         Called with a line of text after each scramble.
 
+    Returns
+    -------
+    tuple of SobolIndices or None
+        Of each output; None of one that does not vary.
+
     Raises
     ------
     InputError
-        If the function does not vary, or a setting is unusable.
+        If a setting is unusable.
 
     Notes
     -----
@@ -120,37 +127,10 @@ def sobol_indices(
 
     Examples
     --------
-    >>> found = sobol_indices(lambda u: 2 * u[:, 0] + u[:, 1], [0, 1])
+    >>> (found,) = sobol_indices(lambda u: 2 * u[:, 0] + u[:, 1], [0, 1])
     >>> found.first.round(2).tolist(), found.total.round(2).tolist()
     ([0.8, 0.2], [0.8, 0.2])
     """
-    (found,) = indices_of_outputs(
-        function,
-        groups,
-        1,
-        count=count,
-        seed=seed,
-        confidence=confidence,
-        executor=executor,
-        progress=progress,
-    )
-    if found is None:
-        raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
-    return found
-
-
-def indices_of_outputs(
-    function: Callable[[Array], Array],
-    groups: npt.ArrayLike,
-    outputs: int,
-    *,
-    count: int = COUNT,
-    seed: int = 0,
-    confidence: float = 0.95,
-    executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[SobolIndices | None, ...]:
-    """`sobol_indices` of a function of several outputs, shape (points, outputs); None of one that does not vary."""
     check_share("confidence", confidence)
     check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
@@ -177,32 +157,21 @@ def _indices(values: Array, confidence: float) -> SobolIndices | None:
     return SobolIndices(*first, *total, variance=variance, points=values.shape[0] * values.shape[2])
 
 
-def stack_indices(
-    stack: Stack,
-    *,
-    size: Size = "peak_to_peak",
-    count: int = COUNT,
-    seed: int = 0,
-    confidence: float = 0.95,
-    executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> SobolIndices:
+def stack_indices(stack: Stack, *, size: Size = "peak_to_peak", **settings: Any) -> SobolIndices:
     """Indices of a size of the output error, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
     those of `sobol_indices`.  Entries that are correlated or matched with others are no independent
     causes: theirs are nan.
+
+    Raises
+    ------
+    InputError
+        If the size does not vary, or a setting is unusable.
     """
-    function = _SizeOf(sampler(stack), size)
-    found = sobol_indices(
-        function,
-        stack.variate_entry,
-        count=count,
-        seed=seed,
-        confidence=confidence,
-        executor=executor,
-        progress=progress,
-    )
+    (found,) = sobol_indices(_SizeOf(sampler(stack), size), stack.variate_entry, **settings)
+    if found is None:
+        raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
     return without_joined(found, stack)
 
 

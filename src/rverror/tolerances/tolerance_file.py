@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,16 +13,17 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
-from rverror.geartrain.source import Parameter, Source
+from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
+from rverror.tolerances.declared import Tolerance, tolerance
+from rverror.tolerances.dependence import correlations, fits
 from rverror.tolerances.distribution import Lognormal
 from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.stacking import Tolerance, correlations, fits, tolerance
-from rverror.tolerances.tolerance_table import is_table, read_table
+from rverror.tolerances.tolerance_table import column_of, is_table, read_table
 
 _TAKEN_OUT = "\0"
 #: Indent, and what follows the value, of a line that holds one key with a text.
@@ -32,29 +32,42 @@ _SIZES = ("tolerance", "grade", "samples")
 #: What a grade needs to know of the part, by the standard, with an example; ISO 286, ISO 1328.
 _PARTS = {"size": "32 mm"}, {"diameter": "13.5 mm", "module": "1.5 mm"}
 _KEYS = (
-    "name",
-    "key",
-    "indices",
-    "parameters",
-    "tolerance",
-    "grade",
-    "size",
-    "diameter",
-    "module",
-    "samples",
-    "distribution",
-    "capability",
-    "shape",
-    "mean",
-    "correlation",
-    "correlated_with",
-    "classes",
-    "fit",
-    "phase",
-    "fixed",
-    "bounds",
-    "cost",
-)
+    "name", "key", "indices", "parameters", "tolerance", "grade", "size", "diameter", "module", "samples",
+    "distribution", "capability", "shape", "mean", "correlation", "correlated_with", "classes", "fit", "phase", "fixed",
+    "bounds", "cost",
+)  # fmt: skip
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _is_names(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
+
+
+#: Of a key: whether a value is of its kind, what it must be, and an example with names and size of the source.
+_KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
+    **dict.fromkeys(("name", "distribution", "phase"), (lambda v: isinstance(v, str), "a text", '"..." with quotes')),
+    **dict.fromkeys(("capability", "shape", "correlation"), (_is_number, "a bare number", "1.0")),
+    "classes": (lambda v: _is_number(v) and float(v).is_integer(), "a whole number", "4"),
+    "fixed": (lambda v: isinstance(v, bool), "true or false", "true"),
+    "parameters": (_is_names, "a list", '["%(parameter)s"]'),
+    "indices": (lambda v: isinstance(v, dict), "a table", "{ %(index)s = 0 }"),
+    "bounds": (
+        lambda v: isinstance(v, list) and len(v) == 2,
+        "two widths, the smaller first",
+        '["%(size)s", "%(size)s"]',
+    ),
+    "correlated_with": (
+        lambda v: isinstance(v, dict),
+        "a table of names and correlations",
+        '{ "crank.eccentricity" = 0.6 }',
+    ),
+}
+#: Keys whose value goes on as it is.
+_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters")
+
 _CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
     "reciprocal": Reciprocal,
     "reciprocal_square": ReciprocalSquare,
@@ -237,9 +250,20 @@ class _Entry:
             self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
         self.source: Source = source(key)
         where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
-        self.parameters = self._parameters()
-        self.dimension = self.parameters[0].dimension
+        every = {p.name: p for p in self.source.parameters}
+        names = value["parameters"] if _is_names(value.get("parameters")) else list(every)
+        for name in names:
+            if name not in every:
+                hint = did_you_mean(name, every)
+                self.refuse("parameters", f"no parameter {shown(name)};{hint} the parameters are {', '.join(every)}")
+        self.dimension = next(p.dimension for p in every.values() if p.name in names)
         self.example = EXAMPLES[self.dimension]
+        index = next((index.name for index in self.source.indices), "disc")
+        examples = {"parameter": next(iter(every)), "index": index, "size": self.example}
+        for name, (fits_kind, must, example) in _KINDS.items():
+            if name in value and not fits_kind(value[name]):
+                remedy = f"{name} = {example % examples}"
+                self.refuse(name, f"{name} = {shown(value[name])}: must be {must}; write {remedy}")
 
     def refuse(self, name: str, message: str) -> NoReturn:
         """Refuse with the line of a key."""
@@ -251,21 +275,18 @@ class _Entry:
         size, samples = self._size()
         # what a file says has a unit
         width = f"{size!r} {units.CORE_UNITS[self.dimension]}" if isinstance(size, float) else size
-        given = {name: table[name] for name in ("name", "distribution", "phase") if self._is_text(name)}
-        given |= {name: self._number(name) for name in ("capability", "shape", "correlation") if name in table}
+        given = {name: table[name] for name in _PLAIN if name in table}
+        given |= {name: float(table[name]) for name in ("capability", "shape", "correlation") if name in table}
         try:
             item = tolerance(
                 self.source.key,
                 width,
                 samples=samples,
                 mean=self._mean(),
-                parameters=[p.name for p in self.parameters] if "parameters" in table else (),
-                fixed=self._flag("fixed"),
                 bounds=self._bounds(),
                 cost=self._cost(),
                 correlated_with=self._correlated_with(),
-                classes=self._classes(),
-                fit=table.get("fit"),
+                classes=int(table.get("classes", 1)),
                 **given,
                 **self._indices(),
             )
@@ -325,55 +346,23 @@ class _Entry:
             return "indices" if "indices" in self.table else "key"
         first = said.partition(" ")[0].rstrip(":")
         size = next((name for name in _SIZES if name in self.table), "key")
-        words = {"tolerance": size, "a": "mean", "no": "distribution"} | {p.name: size for p in self.parameters}
+        words = {"tolerance": size, "a": "mean", "no": "distribution"} | {p.name: size for p in self.source.parameters}
         name = words.get(first, first)
         return name if name in self.table else "key"
 
-    def _is_text(self, name: str) -> bool:
-        self.where.string(self.place, self.table, name, "")
-        return name in self.table
-
-    def _number(self, name: str, table: Mapping[str, Any] | None = None, place: Place = ()) -> float:
-        value = (self.table if table is None else table)[name]
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            self.where.refuse(
-                (*self.place, *place, name), f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
-            )
+    def _number(self, name: str, table: Mapping[str, Any], place: Place) -> float:
+        value = table[name]
+        if not _is_number(value):
+            said = f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
+            self.where.refuse((*self.place, *place, name), said)
         return float(value)
-
-    def _classes(self) -> int:
-        number = self._number("classes") if "classes" in self.table else 1.0
-        if not number.is_integer():
-            self.refuse("classes", f"classes = {number:g}: must be a whole number; write classes = 4")
-        return int(number)
-
-    def _flag(self, name: str) -> bool:
-        value = self.table.get(name, False)
-        if not isinstance(value, bool):
-            self.refuse(name, f"{name} = {shown(value)}: must be true or false; write {name} = true")
-        return value
 
     def _quantity(self, name: str, value: object, dimension: str, example: str) -> float:
         return self.where.quantity((*self.place, name), value, dimension, example)
 
-    def _parameters(self) -> tuple[Parameter, ...]:
-        every = {p.name: p for p in self.source.parameters}
-        names = self.table.get("parameters", list(every))
-        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-            first = next(iter(every))
-            self.refuse("parameters", f'parameters = {shown(names)}: must be a list; write parameters = ["{first}"]')
-        for name in names:
-            if name not in every:
-                hint = did_you_mean(name, every)
-                self.refuse("parameters", f"no parameter {shown(name)};{hint} the parameters are {', '.join(every)}")
-        return tuple(p for p in every.values() if p.name in names)
-
     def _indices(self) -> dict[str, Any]:
         known = [index.name for index in self.source.indices]
-        value = self.table.get("indices", {})
-        if not isinstance(value, dict):
-            name = known[0] if known else "disc"
-            self.refuse("indices", f"indices = {shown(value)}: must be a table; write indices = {{ {name} = 0 }}")
+        value: dict[str, Any] = self.table.get("indices", {})
         for name, item in value.items():
             if name not in known:
                 hint = did_you_mean(name, known)
@@ -420,12 +409,6 @@ class _Entry:
 
     def _correlated_with(self) -> dict[str, float]:
         value = self.table.get("correlated_with", {})
-        if not isinstance(value, dict):
-            self.refuse(
-                "correlated_with",
-                f"correlated_with = {shown(value)}: must be a table of names and correlations; write "
-                'correlated_with = { "crank.eccentricity" = 0.6 }',
-            )
         return {name: self._number(name, value, ("correlated_with",)) for name in value}
 
     def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
@@ -457,21 +440,16 @@ class _Entry:
     def _samples(self, value: object) -> list[float]:
         if isinstance(value, list):
             return [self._quantity("samples", item, self.dimension, self.example) for item in value]
-        if isinstance(value, dict):
-            self.where.check_keys((*self.place, "samples"), value, ("file", "column"), "key of samples")
-        name, column = (value, None) if isinstance(value, str) else self._file(value)
+        file = {"file": value} if isinstance(value, str) else value
+        if isinstance(file, dict):
+            self.where.check_keys((*self.place, "samples"), file, ("file", "column"), "key of samples")
+        if not isinstance(file, dict) or "file" not in file or not all(isinstance(v, str) for v in file.values()):
+            example = f'samples = ["{self.example}", ...] or samples = "parts.csv"'
+            self.refuse("samples", f"samples = {shown(value)}: must be values or a file; write {example}")
         try:
-            return _column(Path(self.where.path).parent / name, column, self.dimension)
+            return column_of(Path(self.where.path).parent / file["file"], file.get("column"), self.dimension)
         except InputError as error:
             self.refuse("samples", f"samples: {error}")
-
-    def _file(self, value: object) -> tuple[str, str | None]:
-        if isinstance(value, dict):
-            name, column = value.get("file"), value.get("column")
-            if isinstance(name, str) and (column is None or isinstance(column, str)):
-                return name, column
-        example = f'samples = ["{self.example}", ...] or samples = "parts.csv"'
-        self.refuse("samples", f"samples = {shown(value)}: must be values or a file; write {example}")
 
     def _mean(self) -> Any:
         value = self.table.get("mean")
@@ -482,13 +460,9 @@ class _Entry:
         return {name: self._quantity("mean", item, self.dimension, self.example) for name, item in value.items()}
 
     def _bounds(self) -> tuple[float, float] | None:
-        value = self.table.get("bounds")
-        if value is None:
+        if "bounds" not in self.table:
             return None
-        if not isinstance(value, list) or len(value) != 2:
-            example = f'bounds = ["{self.example}", "{self.example}"]'
-            self.refuse("bounds", f"bounds = {shown(value)}: must be two widths, the smaller first; write {example}")
-        low, high = (self._quantity("bounds", item, self.dimension, self.example) for item in value)
+        low, high = (self._quantity("bounds", item, self.dimension, self.example) for item in self.table["bounds"])
         return low, high
 
     def _cost(self) -> Cost | None:
@@ -541,42 +515,3 @@ class _Entry:
         widths = tuple(self._quantity("cost", row[0], self.dimension, self.example) for row in rows)
         prices = tuple(self._number("price", {"price": row[1]}, ("cost",)) for row in rows)
         return Grades(widths, prices, tuple(str(row[0]) for row in rows))
-
-
-def _column(path: Path, name: str | None, dimension: str) -> list[float]:
-    """Values of a column ``name[unit]`` of a CSV file, core units; of the only one where no name is given."""
-    lines = [
-        (i, line) for i, line in enumerate(split_lines(read_text(path)), 1) if line.strip() and line.strip()[0] != "#"
-    ]
-    example = f"size[{units.DISPLAY_UNITS[dimension]}]"
-    if not lines:
-        raise InputError(
-            f"{path}: the file is empty; write the column's name and unit, like '{example}', and values below"
-        )
-    number, head = lines[0]
-    cells = [cell.strip() for cell in next(csv.reader([head]))]
-    titles = [cell.partition("[")[0].strip() for cell in cells]
-    if name is None and len(cells) > 1:
-        raise InputError(f"{path}: {len(cells)} columns; say which: samples = {{ file = ..., column = '{titles[0]}' }}")
-    if name is not None and name not in titles:
-        raise InputError(
-            f"{path}: no column {shown(name)};{did_you_mean(name, titles)} the columns are {', '.join(titles)}"
-        )
-    at = 0 if name is None else titles.index(name)
-    unit = cells[at].partition("[")[2].rstrip("] ")
-    if not unit:
-        raise InputError(f"{path}, line {number}: {shown(cells[at])} has no unit; write it like '{example}'")
-    try:
-        factor = units.unit_factor(unit, dimension)
-    except ValueError as error:
-        raise InputError(f"{path}, line {number}: {error}") from error
-    values = []
-    for number, line in lines[1:]:
-        row: Sequence[str] = next(csv.reader([line]))
-        try:
-            values.append(float(row[at]) * factor)
-        except (IndexError, ValueError) as error:
-            raise InputError(
-                f"{path}, line {number}: {shown(line)} has no number in column {at + 1}; correct it"
-            ) from error
-    return values

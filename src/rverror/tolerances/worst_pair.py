@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.tolerances.stacking import WorstGroup
+from rverror.tolerances.blocks import WorstGroup
 
 Rows = npt.NDArray[np.intp]
 

@@ -260,8 +260,8 @@ def allocation_json(found: Allocation, *, files: Sequence[InputFile] = ()) -> di
     >>> import rverror
     >>> from rverror.tolerances.cost import Reciprocal
     >>> unit = rverror.Model(rverror.reducer("RV-40E"))
-    >>> cams = rverror.stack(unit, [rverror.tolerance("crank.eccentricity", "5 um")])
-    >>> found = rverror.allocate(cams, [Reciprocal(12.0, 0.005)], limit="37 arcsec", kind="worst", verify=1000)
+    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005))]
+    >>> found = rverror.allocate(unit, cams, limit="37 arcsec", kind="worst", verify=1000)
     >>> [(entry["width_before"], entry["unit"]) for entry in allocation_json(found)["entries"]]
     [(5.0, 'um')]
     """

@@ -43,10 +43,11 @@ from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import Verified
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.tolerances.stacking import Stack
 from rverror.views.lot_words import process_name, shift_name
 from rverror.views.variables import (
     ANGLE,
@@ -1116,7 +1117,7 @@ def _of_error_budget(result: ErrorBudget) -> Table:
 def _of_virtual_units(result: VirtualUnits) -> Table:
     sizes = {name: (getattr(result, name), ANGLE) for name in ("peak_to_peak", "max", "rms", "offset")}
     variables = {**_along("virtual_unit", **sizes), **_single(error_bound=(result.error_bound, ANGLE))}
-    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk, "form": result.form}
+    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk}
     return Table("VirtualUnits", "virtual_unit", variables, about)
 
 

@@ -43,9 +43,10 @@ from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.tolerances.allocation import Allocation, Rate
 from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.tolerances.stacking import Stack, Tolerance
+from rverror.tolerances.stacking import Stack
 from rverror.views.bench_report import BESIDE
 from rverror.views.blocks import Ends, Listing, Sentence, Sheet, columns_of, facts, grid, line, notes, section, title
 from rverror.views.budget_report import OF_ESTIMATE, SIZES, cause_of, limited_by, nominal_of, within, worst_of

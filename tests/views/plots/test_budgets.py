@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,10 +40,12 @@ def found() -> ErrorBudget:
 
 @pytest.fixture(scope="module")
 def least() -> tuple[Allocation, tuple[FrontPoint, ...]]:
-    laid_out = stack(MODEL, TOLERANCES, theta=2 * np.pi * np.arange(512) / 512)
-    terms = {"costs": [Reciprocal(10.0, 0.005), Reciprocal(4.0, 0.003), Reciprocal(2.0, 0.004)], "kind": "worst"}
-    terms |= {"bounds": [(2e-3, 0.02)] * 3, "fixed": [False, False, True], "verify": 1024}
-    return allocate(laid_out, limit=40 * ARCSEC, **terms), tuple(cost_front(laid_out, limits=LIMITS, **terms))
+    costs = (Reciprocal(10.0, 0.005), Reciprocal(4.0, 0.003), Reciprocal(2.0, 0.004))
+    items = [replace(one, cost=cost, bounds=(2e-3, 0.02)) for one, cost in zip(TOLERANCES, costs, strict=True)]
+    items[2] = replace(items[2], fixed=True)
+    laid_out = stack(MODEL, items, theta=2 * np.pi * np.arange(512) / 512)
+    how = {"kind": "worst", "verify": 1024}
+    return allocate(laid_out, limit=40 * ARCSEC, **how), cost_front(laid_out, limits=LIMITS, **how)
 
 
 def bars(ax) -> list[list[float]]:

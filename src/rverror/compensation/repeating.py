@@ -1,4 +1,4 @@
-"""What repeats in a run: orders that stand out of the noise and foretell stretches that were left out."""
+"""What repeats in a run: orders that stand out of the noise and predict stretches that were left out."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.units import ARCSEC
+from rverror.compensation.correction import waves_at
 from rverror.geartrain.kinematics import Conditions, folded_order, fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
@@ -68,7 +69,7 @@ class DirectedRun:
     theta, measured : ndarray, shape (n,)
         Nominal output angle and transmission error less what no table can take, rad.
     error : ndarray, shape (n,)
-        Transmission error less all that the model foretells, rad.
+        Transmission error less all that the model predicts, rad.
     block : ndarray of int, shape (n,)
         Stretch of samples that is left out together.
     turns : float
@@ -105,8 +106,8 @@ class DirectedRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Regular:
-    """Orders of a record that survive, and how well they foretell what was left out.
+class RepeatingOrders:
+    """Orders of a record that survive, and how well they predict what was left out.
 
     Attributes
     ----------
@@ -117,7 +118,7 @@ class Regular:
     gains : ndarray, shape (blocks, k)
         What each takes off the mean squared error of each stretch left out, rad^2.
     before, after : ndarray, shape (blocks,)
-        Mean squared error of each stretch as measured and with what the others foretell, rad^2.
+        Mean squared error of each stretch as measured and with what the others predict, rad^2.
     left : ndarray, shape (n,)
         Residual of every sample with waves from the other stretches, rad.
     """
@@ -138,17 +139,15 @@ class Regular:
         record = self.record
         if record.turns < 2 - 1e-9:
             return None
-        turns = math.floor(record.turns + 1e-6)
-        lines = _even_lines(record, self.left, turns)
-        every = np.arange(1, lines.size + 1) / turns
-        apart = np.flatnonzero(np.abs(every - np.round(every)) * turns > 0.5)
+        every, lines, between = _lines_of_turns(record, self.left)
+        apart = np.flatnonzero(between)
         best = apart[np.argmax(lines[apart])]
         near = lines[apart][max(np.searchsorted(apart, best) - _BESIDE, 0) :][: 2 * _BESIDE]
         freedom = _WORTH * near.size
         ratio = lines[best] / max(float(np.median(near)) / math.log(2), 1e-300)
         if (1 + 2 * ratio / freedom) ** (-freedom / 2) > CHANCE / apart.size:
             return None
-        fine = every[best] + np.linspace(-1, 1, 101) / turns
+        fine = every[best] + np.linspace(-1, 1, 101) * every[0]
         power = _projected(record.theta, self.left, fine)
         return float(fine[np.argmax(power)]), math.sqrt(float(power.max()))
 
@@ -162,14 +161,14 @@ class Regular:
 Foretells = Callable[[Conditions, TableCondition], tuple[Array, Array]]
 
 
-def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -> list[DirectedRun]:
+def records_of(run: Run, model: Model, predicts: Foretells, notes: list[str]) -> list[DirectedRun]:
     """One for each direction of a run.
 
     Parameters
     ----------
     run : Run
     model : Model
-    foretells : callable
+    predicts : callable
         What a model makes of the error, and what of that no table can take, rad.
     notes : list of str
         What was set aside is added.
@@ -206,7 +205,7 @@ def records_of(run: Run, model: Model, foretells: Foretells, notes: list[str]) -
             direction=float(sense),
             time=None if run.time is None else run.time[at],
         )
-        every, untouched = foretells(where, condition)
+        every, untouched = predicts(where, condition)
         label = np.concatenate([np.full(part.stop - part.start, n) for n, part in enumerate(passes)])
         label = label if len(passes) > 1 else np.zeros(at.size, dtype=np.intp)
         found.append(
@@ -300,8 +299,8 @@ def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tup
     return np.array(sorted(kept)), folded
 
 
-def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -> Regular:
-    """Orders of a record that stand out of the noise and foretell stretches that were left out.
+def repeating_orders(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -> RepeatingOrders:
+    """Orders of a record that stand out of the noise and predict stretches that were left out.
 
     Parameters
     ----------
@@ -312,9 +311,9 @@ def regular(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -
 
     Returns
     -------
-    Regular
+    RepeatingOrders
     """
-    pick = _standing_out if record.whole or not record.passed else _foretelling
+    pick = _standing_out if record.whole or not record.passed else _cross_validated
     orders = pick(record, candidates, chance) if candidates.size else candidates
     while True:
         found = at_orders(record, orders)
@@ -370,7 +369,7 @@ def _share(ratio: Array) -> Array:
     return np.asarray(own @ (scales / (1 + scales)))
 
 
-def _foretelling(record: DirectedRun, candidates: Array, chance: float) -> Array:
+def _cross_validated(record: DirectedRun, candidates: Array, chance: float) -> Array:
     """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
 
     The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a
@@ -410,17 +409,14 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     the power of noise has an exponential law, whose mean is the median over log 2.
     """
     if record.whole:
-        turns = math.floor(record.turns + 1e-6)
-        lines = _even_lines(record, left, turns)
-        every = np.arange(1, lines.size + 1) / turns
-        between = np.abs(every - np.round(every)) * turns > 0.5 if turns > 1 else np.ones(every.size, dtype=bool)
+        every, lines, between = _lines_of_turns(record, left)
     else:
         count = int(orders.max() * record.turns) + _BESIDE
         every = np.arange(1, count + 1) / record.turns
         lines = _projected(record.theta, left, every)
         between = np.ones(every.size, dtype=bool)
     if record.whole and np.array_equal(orders, np.round(orders)):
-        power = lines[np.round(orders * turns).astype(np.intp) - 1]
+        power = lines[np.round(orders / every[0]).astype(np.intp) - 1]
     else:
         power = _projected(record.theta, left, orders)
     beside, where = lines[between], every[between]
@@ -435,22 +431,28 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     return power, noise, freedom
 
 
-def _even_lines(record: DirectedRun, left: Array, turns: int) -> Array:
-    """Squared amplitudes of the orders 1/turns, 2/turns, ... over whole turns, from even angles."""
+def _lines_of_turns(record: DirectedRun, left: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Orders 1/turns, 2/turns, ... of whole turns, squared amplitudes from even angles, and which are no whole order.
+
+    Of a single turn all count as such: there are no others.
+    """
+    turns = math.floor(record.turns + 1e-6)
     rank = np.argsort(record.theta, kind="stable")
     angle = record.theta[rank]
     count = round(angle.size * turns / record.turns)
     even = angle[0] + turns * _TURN * np.arange(count) / count
     lines = np.fft.rfft(np.interp(even, angle, left[rank]))[1 : (count + 1) // 2]
-    return np.asarray(np.abs(2 * lines / count) ** 2)
+    orders = np.arange(1, lines.size + 1) / turns
+    between = (np.abs(orders - np.round(orders)) * turns > 0.5) | (turns == 1)
+    return orders, np.abs(2 * lines / count) ** 2, between
 
 
 def _projected(theta: Array, left: Array, orders: Array) -> Array:
     return np.array([abs(2 / theta.size * complex(left @ np.exp(-1j * k * theta))) ** 2 for k in orders.tolist()])
 
 
-def at_orders(record: DirectedRun, orders: Array) -> Regular:
-    """Waves of given orders, and what those of all stretches but one foretell of that one, for each.
+def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
+    """Waves of given orders, and what those of all stretches but one predict of that one, for each.
 
     Parameters
     ----------
@@ -459,7 +461,7 @@ def at_orders(record: DirectedRun, orders: Array) -> Regular:
 
     Returns
     -------
-    Regular
+    RepeatingOrders
     """
     base = _base(record, orders)
     slow = base.shape[1] - 2 * orders.size
@@ -490,20 +492,18 @@ def at_orders(record: DirectedRun, orders: Array) -> Regular:
         # squared error without each order less that with it
         gains[n] = (2 * (rest @ each) + (each**2).sum(axis=0)) / rest.size
     found = sizes[slow:, 0]
-    return Regular(record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left)
+    return RepeatingOrders(record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left)
 
 
-def merged(records: Sequence[Regular]) -> list[Regular]:
+def merged(records: Sequence[RepeatingOrders]) -> list[RepeatingOrders]:
     """One result for each condition: of several runs under one condition the mean wave of each order."""
-    by: dict[TableCondition, list[Regular]] = {}
+    by: dict[TableCondition, list[RepeatingOrders]] = {}
     for one in records:
         by.setdefault(one.record.condition, []).append(one)
     found = []
     for group in by.values():
         orders = np.unique(np.concatenate([one.orders for one in group]))
         weight = np.array([float(one.record.theta.size) for one in group])
-        rows = np.zeros((len(group), orders.size), dtype=np.complex128)
-        for row, one in zip(rows, group, strict=True):
-            row[np.searchsorted(orders, one.orders)] = one.waves
+        rows = np.array([waves_at(orders, one.orders, one.waves) for one in group])
         found.append(replace(group[0], orders=orders, waves=(weight @ rows) / weight.sum()))
     return found

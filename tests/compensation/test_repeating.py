@@ -135,7 +135,7 @@ def noise(seed: int, count: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(count, 2)) @ [1, 1j]
 
 
-def test_a_law_has_the_terms_that_foretell() -> None:
+def test_a_law_has_the_terms_that_predict() -> None:
     at = conditions()
     load = np.arange(12) / 11
     for terms, wave in (

@@ -1,4 +1,4 @@
-"""What a model foretells of the error, as waves under any condition; and what of it no table can take."""
+"""What a model predicts of the error, as waves under any condition; and what of it no table can take."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PLAIN = 2048  # samples a turn of a drive's model
 _TINY = 1e-3  # of a model's largest wave: smaller ones are in no table
 
 
-class Foretold:
+class PredictedWaves:
     """Waves of a model's effects under any condition, each solved once.
 
     Attributes
@@ -36,7 +36,7 @@ class Foretold:
         Waves of a table that the unit has already.
     slow : tuple of Effect
         What no table takes.
-    told : tuple of Effect
+    corrected : tuple of Effect
         The others: what a table takes off by their word.
     """
 
@@ -45,20 +45,15 @@ class Foretold:
         self.model = model
         self.old = tuple(e for e in model.effects if e.key == WAVE.key)
         self.slow = tuple(e for e in model.effects if _no_table_takes(e))
-        self.told = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
-        if self.told and not marked and not any(source(e.key).acts == "marks" for e in self.told):
-            notes.append("the zero is not on the gear's marks, so the model's effects foretell no phase: left out")
-            self.told = ()
+        self.corrected = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
+        if self.corrected and not marked and not any(source(e.key).acts == "marks" for e in self.corrected):
+            notes.append("the zero is not on the gear's marks, so the model's effects predict no phase: left out")
+            self.corrected = ()
         for effect in self.slow:
             slope = source(effect.key).follows == "angle"
             why = "an error that grows is mended by the ratio" if slope else "it follows time or speed, not the angle"
             notes.append(f"{effect.key} stays and is not counted: {why}")
         self._waves: dict[tuple[float, float | None], tuple[Array, Waves]] = {}
-
-    @property
-    def tells(self) -> bool:
-        """Whether any effect is corrected by what the model says."""
-        return bool(self.told)
 
     @property
     def passive(self) -> tuple[Effect, ...]:
@@ -69,7 +64,7 @@ class Foretold:
         """Orders and waves of the output error, rad."""
         key = (condition.direction, condition.torque)
         if key not in self._waves:
-            self._waves[key] = self._solved(condition) if self.told else (np.zeros(0), np.zeros(0, dtype=complex))
+            self._waves[key] = self._solved(condition) if self.corrected else (np.zeros(0), np.zeros(0, dtype=complex))
         return self._waves[key]
 
     def _solved(self, condition: TableCondition) -> tuple[Array, Waves]:
@@ -83,7 +78,7 @@ class Foretold:
         count = turns * (samples_needed(mechanism) if isinstance(mechanism, Reducer) else _PLAIN)
         theta = turns * _TURN * np.arange(count) / count
         where = Conditions(theta, condition.direction, condition.torque or None, temperature=condition.temperature)
-        error = predict(replace(self.model, effects=self.told), where).transmission_error
+        error = predict(replace(self.model, effects=self.corrected), where).transmission_error
         lines = 2 * np.fft.rfft(error)[1 : count // 2] / count
         strong = np.flatnonzero(np.abs(lines) > max(_TINY * np.abs(lines).max(), 1e-3 * _TINY * units.ARCSEC))
         return (strong + 1) / turns, np.asarray(lines[strong], dtype=np.complex128)

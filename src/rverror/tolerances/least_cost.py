@@ -1,0 +1,278 @@
+"""Widths of least cost under a constraint: smooth costs by SLSQP, grades by an integer program.
+
+Page ``theory/allocation.md``.  Knows costs and what is linear in the widths, not where it comes from.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.tolerances.cost_model import CostModel
+
+#: Of a value to its limit, relative.
+CLOSE = 1e-9
+#: Most rounds of a loop that adds rows.
+ROUNDS = 200
+
+_TANGENTS = 12  # of a smooth cost in a program with grades, to begin with
+
+#: Row R and offset: ``R @ T + offset`` is what is limited, or below it.
+Row = tuple[Array, float]
+
+
+class Constraint(ABC):
+    """What is limited: a function of the widths that rows support from below.
+
+    Unless a kind says otherwise it is convex: `least` solves the convex problem, and `refined` has nothing to add.
+    """
+
+    proof = "nothing costs less, by more than the gap"  #: what is known of the widths that `least` finds
+    gap = CLOSE  #: of the cost, relative, at which a search among grades ends
+    rounds = ROUNDS  #: most combinations of grades that it tries
+    accuracy = 1e-15  #: of the cost, relative, to which smooth widths are found
+
+    @abstractmethod
+    def parts(self, widths: Array) -> tuple[Array, Array]:
+        """All that is limited, and its derivatives by the widths, shapes (parts,) and (parts, entries)."""
+
+    def measure(self, widths: Array) -> tuple[float, Row]:
+        """What is limited, and the row that is equal to it here."""
+        values, slopes = self.parts(widths)
+        worst = int(values.argmax())
+        return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
+
+    def best(self, costs: CostModel) -> Array:
+        """Widths at which the least is used of the limit: mostly the least ones."""
+        return costs.low
+
+    def exceeding(self, widths: Array, limit: float) -> list[Row]:
+        """Rows above the limit here; none where the widths meet it."""
+        value, row = self.measure(widths)
+        return [row] if value > limit * (1 + CLOSE) else []
+
+    def start(self, costs: CostModel) -> Array:
+        """Widths from which a solution is looked for."""
+        return np.clip(costs.given, costs.low, costs.high)
+
+    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+        """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs."""
+        if self.measure(self.best(costs))[0] > limit:
+            return None
+        if self.measure(costs.high)[0] <= limit:
+            return costs.high
+
+        def room(widths: Array) -> tuple[Array, Array]:
+            values, slopes = self.parts(widths)
+            return 1 - values / limit, -slopes / limit
+
+        return pulled_in(costs, self, limit, minimised(costs, self.start(costs), room, accuracy=self.accuracy))
+
+    def refined(self, costs: CostModel, limit: float, found: Found) -> Found:
+        """What is found with grades, or better where that can be proven to be missing."""
+        return found
+
+
+# --- smooth costs ------------------------------------------------------------------------------------------------
+
+
+def minimised(
+    costs: CostModel, start: Array, room: Callable[[Array], tuple[Array, Array]], *, accuracy: float = 1e-15
+) -> Array:
+    """Least cost by SLSQP in the logarithm of the widths.
+
+    `room(widths)` gives values that must not be negative, and their derivatives by the widths.
+    """
+    free = costs.smooth & (costs.high > costs.low)
+    scale = float(np.sum(costs.factor / start**costs.power)) or 1.0
+
+    def full(x: Array) -> Array:
+        widths = start.copy()
+        widths[free] = np.exp(x)
+        return widths
+
+    def cost(x: Array) -> tuple[float, Array]:
+        own = costs.factor[free] * np.exp(-costs.power[free] * x) / scale
+        return float(own.sum()), -costs.power[free] * own
+
+    bounds = np.log(np.stack([costs.low[free], costs.high[free]], axis=1))
+    found = scipy.optimize.minimize(
+        cost,
+        np.clip(np.log(start[free]), *bounds.T),
+        jac=True,
+        method="SLSQP",
+        bounds=bounds,
+        constraints={
+            "type": "ineq",
+            "fun": lambda x: room(full(x))[0],
+            "jac": lambda x: room(full(x))[1][:, free] * np.exp(x),
+        },
+        options={"maxiter": 500, "ftol": accuracy},
+    )
+    return np.clip(full(found.x), costs.low, costs.high)
+
+
+def pulled_in(costs: CostModel, constraint: Constraint, limit: float, widths: Array) -> Array:
+    """Widths drawn towards the best ones until they meet the limit exactly; a hair, where they nearly do.
+
+    What is limited is convex, or nearly so, so that it falls at least as the chord does.
+    """
+    best = constraint.best(costs)
+    least = constraint.measure(best)[0]
+    for _ in range(ROUNDS):
+        value = constraint.measure(widths)[0]
+        if value <= limit:
+            break
+        share = (limit - least) / (value - least) if value > least else 0.0
+        widths = best + share * (1 - 1e-13) * (widths - best)
+    return widths
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """What follows from the multipliers of the rows that bind.
+
+    `total` is their sum, `bounds` the change of the cost per unit of width where a bound holds, `lower` a cost that no
+    widths undercut.
+    """
+
+    total: float
+    bounds: Array
+    lower: float
+
+
+def multipliers_of(costs: CostModel, limit: float, rows: list[Row], widths: Array) -> Multipliers:
+    """Multipliers by least squares of the conditions at the least cost; the bound from below by weak duality."""
+    binding = [row for row in rows if row[0] @ widths + row[1] >= limit * (1 - 1e-7)]
+    inside = costs.smooth & (widths > costs.low * (1 + 1e-7)) & (widths < costs.high * (1 - 1e-7))
+    slopes = costs.slopes(widths)
+    pull = np.array([own for own, _ in binding]).reshape(len(binding), widths.size)
+    values = np.zeros(len(binding))
+    if binding and inside.any():
+        # in logarithmic widths, and with rows of one size, all numbers are alike
+        weight, size = widths[inside], np.max(np.abs(pull * widths), axis=1)
+        values = scipy.optimize.nnls((pull[:, inside] * weight / size[:, None]).T, -slopes[inside] * weight)[0] / size
+    price = values @ pull
+    bounds = np.where(costs.smooth & ~inside, slopes + price, 0.0)
+    power, factor = costs.power, costs.factor
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = np.where(price > 0, (power * factor / price) ** (1 / (1 + power)), np.inf)
+    best = np.clip(best, costs.low, costs.high)
+    smooth = np.where(costs.smooth, factor / best**power, 0.0) + price * best
+    held = costs.total(widths) - float(np.sum(factor / widths**power))
+    lower = held + math.fsum(smooth) - float(values @ (limit - np.array([offset for _, offset in binding])))
+    return Multipliers(float(values.sum()), bounds, lower)
+
+
+# --- grades: the mixed-integer program ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Found:
+    """Widths, the grade of each table, a cost that none undercut (-inf where that is not known), what is proven."""
+
+    widths: Array
+    grades: tuple[int, ...]
+    lower: float = -math.inf
+    proof: str = ""
+
+
+def least_cost(costs: CostModel, constraint: Constraint, limit: float, rows: list[Row]) -> Found | None:
+    """Least cost over smooth widths and grades; None where none meets the limit."""
+    if constraint.measure(constraint.best(costs))[0] > limit:
+        return None
+    if not costs.tables:
+        widths = constraint.least(costs, limit, rows)
+        return None if widths is None else Found(widths, (), proof=constraint.proof)
+    best: Found | None = None
+    curved = [int(e) for e in np.flatnonzero(costs.smooth & (costs.factor > 0))]
+    tangents = [(e, float(width)) for e in curved for width in np.geomspace(costs.low[e], costs.high[e], _TANGENTS)]
+    tried: list[tuple[int, ...]] = []
+    lower = -math.inf
+    for _ in range(constraint.rounds):
+        program = _program(costs, limit, rows, tangents, tried)
+        if program is None:
+            lower = math.inf  # all others are known
+            break
+        grades, lower = program
+        if best is not None and lower >= costs.total(best.widths) * (1 - constraint.gap):
+            break
+        tried.append(grades)
+        held = costs.holding(grades)
+        widths = constraint.least(held, limit, rows) if held.smooth.any() else held.low
+        new = constraint.exceeding(held.low if widths is None else widths, limit)
+        rows.extend(new)
+        if widths is None or new:
+            continue
+        tangents.extend((e, float(widths[e])) for e in curved)
+        if best is None or costs.total(widths) < costs.total(best.widths):
+            best = Found(widths, grades, proof=constraint.proof)
+    if best is None:
+        return None
+    return constraint.refined(costs, limit, replace(best, lower=min(lower, costs.total(best.widths))))
+
+
+def _program(
+    costs: CostModel, limit: float, rows: list[Row], tangents: list[tuple[int, float]], tried: list[tuple[int, ...]]
+) -> tuple[tuple[int, ...], float] | None:
+    """Grades of least cost for the rows and tangents so far, without those tried; and a cost that none undercut.
+
+    Unknowns: width and cost of each smooth entry in units of their largest, then one 0 or 1 for each grade.
+    """
+    smooth = np.flatnonzero(costs.smooth)
+    choices = [(t, e, g) for t, (e, _, allowed) in enumerate(costs.tables) for g in allowed]
+    table_of, owners, _ = np.array(choices).T
+    prices, grade_widths = (
+        np.array([getattr(costs.tables[t][1], column)[g] for t, _, g in choices]) for column in ("prices", "widths")
+    )
+    unit = costs.high[smooth]
+    size = math.fsum(costs.factor / costs.low**costs.power) + float(prices.max()) or 1.0
+    count = smooth.size
+    columns = {"widths": slice(0, count), "spent": slice(count, 2 * count), "grades": slice(2 * count, None)}
+    constraints: list[scipy.optimize.LinearConstraint] = []
+
+    def add(number: int, low: Any, high: Any, **parts: Any) -> None:
+        if number:
+            matrix = np.zeros((number, 2 * count + len(choices)))
+            for name, part in parts.items():
+                matrix[:, columns[name]] = part
+            constraints.append(scipy.optimize.LinearConstraint(matrix, low, high))
+
+    add(len(costs.tables), 1.0, 1.0, grades=np.arange(len(costs.tables))[:, None] == table_of)
+    own = np.array([row for row, _ in rows]).reshape(len(rows), costs.given.size)
+    held = ~costs.smooth
+    held[owners] = False
+    room = limit - np.array([offset for _, offset in rows]) - own[:, held] @ costs.given[held]
+    of_widths, of_grades = own[:, smooth] * unit, own[:, owners] * grade_widths
+    norm = np.abs(np.hstack([of_widths, of_grades])).max(axis=1, initial=1e-300)
+    add(len(rows), -np.inf, room / norm, widths=of_widths / norm[:, None], grades=of_grades / norm[:, None])
+    at = np.array([e for e, _ in tangents], dtype=np.intp)
+    width = np.array([w for _, w in tangents])
+    value, mine = costs.factor[at] / width ** costs.power[at] / size, at[:, None] == smooth
+    slope = (costs.power[at] * value / width)[:, None] * unit
+    add(len(at), value * (1 + costs.power[at]), np.inf, widths=mine * slope, spent=mine)
+    again = [[grades[t] == g for t, _, g in choices] for grades in tried]
+    add(len(tried), -np.inf, len(costs.tables) - 1, grades=again)
+    found = scipy.optimize.milp(
+        np.concatenate([np.zeros(count), np.ones(count), prices / size]),
+        constraints=constraints,
+        bounds=scipy.optimize.Bounds(
+            np.concatenate([costs.low[smooth] / unit, np.zeros(count + len(choices))]),
+            np.concatenate([np.ones(count), np.full(count, np.inf), np.ones(len(choices))]),
+        ),
+        integrality=np.concatenate([np.zeros(2 * count), np.ones(len(choices))]),
+        options={"mip_rel_gap": 1e-9},
+    )
+    if found.x is None:
+        return None
+    chosen = {t: g for (t, _, g), taken in zip(choices, found.x[2 * count :], strict=True) if taken > 0.5}
+    finest = math.fsum(table.prices[allowed[0]] for _, table, allowed in costs.tables)
+    paid_anyway = costs.total(costs.low) - math.fsum(costs.factor / costs.low**costs.power) - finest
+    return tuple(chosen[t] for t in range(len(costs.tables))), paid_anyway + size * float(found.mip_dual_bound)
