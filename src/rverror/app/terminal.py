@@ -72,12 +72,14 @@ def option(
 
     Parameters
     ----------
-    metavar, help, **more
+    metavar, help
         For argparse.
     size : str
         Dimension of a quantity, written as `metavar` shows: the command gets its value in the core unit.
     reads : bool
         Whether it names files that are read: no output may be one of them.
+    **more
+        For argparse.
     """
     return {"metavar": metavar, "help": help, "size": size, "reads": reads, **more}
 

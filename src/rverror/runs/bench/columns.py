@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.runs.reading import refuse
+from rverror.runs.reading import OfFile, refuse
 
 #: Most samples of a column: a size that a file claims is refused before memory is asked for.
 MOST_SAMPLES = 20_000_000
@@ -50,7 +50,7 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFile:
+class BenchFile(OfFile):
     """What a bench's file holds, and how its columns are read.
 
     Attributes

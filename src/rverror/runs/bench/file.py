@@ -191,10 +191,9 @@ def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnR
         if key not in COLUMNS or not entry.name.startswith(above):
             continue
         if key in rules:
-            refuse(
-                file.path,
+            file.refuse(
                 f"{shown(rules[key].where.name, 60)} and {shown(entry.name, 60)} are both {key}; name one of them in "
-                "[columns] of a mapping",
+                "[columns] of a mapping"
             )
         assert match is not None
         name = entry.name.removeprefix(above)
@@ -204,15 +203,14 @@ def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnR
 
 def _standard_factor(file: BenchFile, key: str, rule: ColumnRule) -> float:
     if not rule.unit:
-        refuse(
-            file.path,
+        file.refuse(
             f"{shown(rule.where.name, 60)} has no unit; state it in a mapping: {key} = {{ name = "
-            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]',
+            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]'
         )
     try:
         return unit_factor(rule.unit, COLUMNS[key])
     except ValueError as error:
-        refuse(file.path, f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
+        file.refuse(f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
 
 
 def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
@@ -235,11 +233,11 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     at = f" ({where.stated_at})" if where.stated_at else ""
     if where.column and file.kind != "text":  # a channel of a matrix
         if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
-            refuse(file.path, f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+            file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
         name = str(where.column)
     elif where.column:
         if where.column > len(file.entries):
-            refuse(file.path, f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
+            file.refuse(f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
         return file.entries[where.column - 1]
     else:
         name = where.name if file.kind == "text" else where.name.strip("/")
@@ -249,21 +247,20 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
     inside = [entry.name for entry in file.entries if file.kind != "text" and entry.name.startswith(f"{full}/")]
     if inside and not fitting:
-        refuse(file.path, f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
+        file.refuse(f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
     if not fitting:
         hint = did_you_mean(full, [entry.name for entry in file.entries])
         place = f"{file.place}: " if file.place else ""
         names = some_names(entry.name for entry in file.entries)
         told = where.column or shown(full, 60)
-        refuse(file.path, f"{place}there is no column {told}{at};{hint} the file has {names}")
+        file.refuse(f"{place}there is no column {told}{at};{hint} the file has {names}")
     if len(fitting) > 1:
-        refuse(
-            file.path,
+        file.refuse(
             f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
-            "them in full",
+            "them in full"
         )
     if fitting[0].problem:
-        refuse(file.path, f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
+        file.refuse(f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
 
 
@@ -277,7 +274,7 @@ def _of_one_length(
         return columns, extra
     if not file.cut_off:
         listed = ", ".join(f"{key} ({shown(entries[key].name, 60)}) {size}" for key, size in sizes.items())
-        refuse(file.path, f"the columns differ in length ({listed}); record them at one rate, or export them again")
+        file.refuse(f"the columns differ in length ({listed}); record them at one rate, or export them again")
     notes.append(f"the last {longest - shortest} samples left out, which not all columns have")
     kept = [{key: values[:shortest] for key, values in part.items()} for part in (columns, extra)]
     return kept[0], kept[1]
@@ -289,10 +286,9 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
     if intervals[0] == 0:
         return {}
     if len(intervals) > 1:
-        refuse(
-            file.path,
+        file.refuse(
             f"the columns were sampled every {' and every '.join(f'{each:g}' for each in intervals)} s; record them at "
-            "one rate",
+            "one rate"
         )
     notes.append(f"time made from the interval that the file states, {intervals[0]:g} s")
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}

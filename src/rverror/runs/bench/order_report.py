@@ -131,9 +131,11 @@ def _sizes(
             if (values[own] > 0).any() and (values[own] < 0).any():
                 row = own[int(np.argmax(values[own] < 0))]
                 size = with_unit(values[row], ORDER_COLUMNS[key])
-                refuse(file.path, f"{file.noun} {labels[row]}: {key} = {size}, but above 0 in other rows {way(sense)}; "
-                                  "the load resists the motion and has one sign in a direction: split the table, or "
-                                  "correct the direction")  # fmt: skip
+                file.refuse(
+                    f"{file.noun} {labels[row]}: {key} = {size}, but above 0 in other rows {way(sense)}; "
+                    "the load resists the motion and has one sign in a direction: split the table, or "
+                    "correct the direction"
+                )
         columns[key] = np.abs(values)
         notes.append(f"{key} has the sign of the motion; its size is taken")
     return columns
@@ -151,12 +153,14 @@ def _direction(file: BenchFile, rule: DirectionRule, where: str, word: str) -> f
     at = rule.where.stated_at
     if rule.words:
         if word.strip().lower() not in rule.words:
-            refuse(file.path, f"{where}: direction = {shown(word)}: {unknown_word(rule.words, at)}")
+            file.refuse(f"{where}: direction = {shown(word)}: {unknown_word(rule.words, at)}")
         return DIRECTIONS[rule.words[word.strip().lower()]]
     number = DIRECTIONS.get(word.strip().lower()) or file.parse(word)
     if not number or math.isnan(number):
-        refuse(file.path, f"{where}: direction = {shown(word)}: must be forward, reverse or a number above or below 0; "
-                          f'write forward = "..." and reverse = "..." beside its name ({at})')  # fmt: skip
+        file.refuse(
+            f"{where}: direction = {shown(word)}: must be forward, reverse or a number above or below 0; "
+            f'write forward = "..." and reverse = "..." beside its name ({at})'
+        )
     return math.copysign(1.0, number) * rule.sign
 
 
