@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
-from rverror.app.read_command import given_mapping
 from rverror.app.terminal import (
     MAPPING,
     MODEL,
@@ -53,6 +52,7 @@ from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
 from rverror.runs.order_file import orders_text, write_orders
 from rverror.runs.order_fit import checked_orders, order_table_from_runs

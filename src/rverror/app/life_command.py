@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
-from rverror.app.read_command import given_mapping
 from rverror.app.terminal import (
     MAPPING,
     PROGRESS,
@@ -27,6 +26,7 @@ from rverror.life.over_life import trend
 from rverror.life.sessions import run_files
 from rverror.model.model_file import load_model
 from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 from rverror.tolerances.specification import QUANTITIES, Limit, limit
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 from rverror.app.batch import processes
-from rverror.app.read_command import given_mapping
 from rverror.app.terminal import (
     MAPPING,
     PROGRESS,
@@ -38,6 +37,7 @@ from rverror.lots.of_drives import DriveLot, lot_of_drives
 from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
+from rverror.runs.bench.mapping import given_mapping
 from rverror.tolerances.tolerance_file import load_tolerances
 from rverror.views.report import to_csv
 

@@ -20,7 +20,7 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import drafted
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import given_mapping as given_mapping  # for other commands too
 from rverror.runs.measurement import load_run, run_text
 from rverror.runs.order_file import orders_text, refuse_order_file
 from rverror.runs.order_table import OrderTable
@@ -53,11 +53,6 @@ def add_commands(commands: Any) -> None:
 def add_mapping(command: argparse.ArgumentParser) -> None:
     """Add the option that names a mapping file to a command that reads runs."""
     add_options(command, MAPPING)
-
-
-def given_mapping(path: str | None) -> BenchMapping | None:
-    """Mapping of the option ``--mapping``; None where none is given."""
-    return None if path is None else load_mapping(path)
 
 
 def _read(options: argparse.Namespace) -> None:

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rverror.app.read_command import given_mapping
 from rverror.app.terminal import (
     MAPPING,
     add_command,
@@ -28,6 +27,7 @@ from rverror.model.ends import Encoders
 from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 
 _FILES = ("case.npz", "case.json")

@@ -28,7 +28,7 @@ from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.bench.file import is_bench_file, read_bench_file
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
 from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
@@ -293,8 +293,7 @@ def load_run(
     InputError
         If the file cannot be used; one line that names file, line, column, bound and remedy.
     """
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     if is_order_file(path) or (mapping is not None and mapping.orders.columns):
         return load_orders(path, mapping)
     return read_run(path, ratio, mapping)
@@ -313,8 +312,7 @@ def read_run(
         If the file cannot be used, or is an order table.
     """
     refuse_order_file(path)
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     if mapping is None and not is_bench_file(path):
         return _run(read_run_file(path), ratio)
     return _run(read_bench_file(path, mapping or BenchMapping()), ratio)

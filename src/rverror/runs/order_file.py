@@ -20,7 +20,7 @@ from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, did_you_mean, shown, split_lines, write_text
 from rverror.runs import reading
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_report import read_bench_orders
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows
@@ -132,8 +132,7 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
     """
     if mapping is None or is_order_file(path):
         return _table(_own_rows(path))
-    if not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     _check_columns(mapping.path, "[orders]", mapping.orders.given)
     return _table(read_bench_orders(path, mapping))
 
