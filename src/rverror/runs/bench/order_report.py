@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, shown, some
-from rverror.runs.bench.columns import BenchFile, Entry, as_samples
+from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_file
 from rverror.runs.bench.header import header_quantity, header_texts, unknown_word
 from rverror.runs.bench.mapping import BenchMapping, DirectionRule
@@ -77,7 +77,7 @@ def read_bench_orders(path: PathLike, mapping: BenchMapping) -> OrderRows:
     else:
         entry = found_entry(file, mapping, rules.direction.where)
         used.append(entry)
-        words = [word for word, own in zip(_words(file, entry), kept.tolist(), strict=True) if own]
+        words = [word for word, own in zip(file.words(entry), kept.tolist(), strict=True) if own]
         told = [
             _direction(file, rules.direction, f"{file.noun} {label}", word)
             for label, word in zip(lines, words, strict=True)
@@ -162,11 +162,3 @@ def _direction(file: BenchFile, rule: DirectionRule, where: str, word: str) -> f
             f'write forward = "..." and reverse = "..." beside its name ({at})'
         )
     return math.copysign(1.0, number) * rule.sign
-
-
-def _words(file: BenchFile, entry: Entry) -> list[str]:
-    """Cells of a column as text."""
-    if file.words is not None:
-        return file.words(entry)
-    (array,) = file.read([entry])
-    return [f"{value:.15g}" for value in as_samples(file.path, shown(entry.name, 60), array).tolist()]

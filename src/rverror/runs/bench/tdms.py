@@ -53,8 +53,7 @@ def open_tdms(path: PathLike) -> BenchFile:
             properties |= {f"{group.name}/{key}": str(value) for key, value in group.properties.items()}
         cut_off = bool(file.file_status.incomplete_final_segment)
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
-        places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
+    def columns(places: Sequence[int]) -> list[RawArray]:
         with _opened(name) as file:
             again = _channels(file)
             return [np.asarray(again[place][:]) for place in places]
@@ -63,7 +62,7 @@ def open_tdms(path: PathLike) -> BenchFile:
         path=name,
         kind="TDMS",
         entries=entries,
-        read=read,
+        columns=columns,
         properties=properties,
         notes=("the file ends before its last part is complete; what was written is read",) if cut_off else (),
         cut_off=cut_off,
