@@ -14,10 +14,10 @@ from rverror.geartrain.contacts import closed_form_forces, pose, torque_or_load
 from rverror.geartrain.kinematics import Pose, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
-from rverror.model.asked import Influence, influence_on
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
+from rverror.model.results import Influence, influence_on
 
 
 def influence(
