@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import operator
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -342,14 +341,8 @@ def _whole(name: str, value: Any, least: int, most: int) -> int:
 
 def _speed(value: Any) -> float:
     """Speed as the angle of one second, so that the units edge can read it."""
-    text = str(value.units) if units.is_quantity(value) else value if isinstance(value, str) else "rad"
     try:
-        if not re.search(r"deg|°|arc|rad|turn|rev|rpm", text):  # a Hz would silently be 1 rad/s
-            raise ValueError("no angle")
-        if units.is_quantity(value):
-            size = float(value.magnitude) * units.unit_factor(f"({text})*s", "angle")
-        else:
-            size = units.to_core(f"{value}*s" if isinstance(value, str) else value, "angle")
+        size = units.to_core(value, "angular_speed")
     except (TypeError, ValueError) as problem:
         raise InputError(f"speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
     least, most = _SPEEDS

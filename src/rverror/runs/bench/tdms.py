@@ -26,7 +26,6 @@ from rverror.runs.reading import refuse
 #: Bytes with which a file begins.
 SIGNATURE = b"TDSm"
 _UNIT_PROPERTIES = ("unit_string", "unit", "units", "NI_UnitDescription")
-_LOGGERS = ("nptdms.reader", "nptdms.tdms", "nptdms.tdms_segment", "nptdms.base_segment", "nptdms.daqmx")
 
 
 def open_tdms(path: PathLike) -> BenchFile:
@@ -78,27 +77,16 @@ def _channels(file: Any) -> list[Any]:
 def _opened(path: str) -> Iterator[Any]:
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError as error:
         raise InputError(f"{path}: TDMS files need npTDMS; install it with: pip install 'rverror[io]'") from error
-    with refused_in_one_line(path, "TDMS"), _quiet(), open(path, "rb") as raw:
-        yield TdmsFile.open(raw)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep npTDMS from printing of a file that is cut off: a note says it."""
-
-    def nothing(record: logging.LogRecord) -> bool:
-        return False
-
-    loggers = [logging.getLogger(name) for name in _LOGGERS]
-    for logger in loggers:
-        logger.addFilter(nothing)
+    level = log_manager.log_level
+    log_manager.set_level(logging.CRITICAL + 1)  # what npTDMS would print of a file that is cut off, a note says
     try:
-        yield
+        with refused_in_one_line(path, "TDMS"), open(path, "rb") as raw:
+            yield TdmsFile.open(raw)
     finally:
-        for logger in loggers:
-            logger.removeFilter(nothing)
+        log_manager.set_level(level)
 
 
 def _entry(channel: Any) -> Entry:
