@@ -20,8 +20,8 @@ from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where, unit_fac
 from rverror.runs.bench.mat import open_mat
 from rverror.runs.bench.text import open_text
 from rverror.runs.bench.values import core_values
-from rverror.runs.integration import INTEGRATED, angles_from_speeds
-from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Header, Reading, check_needed, refuse
+from rverror.runs.integration import integrated
+from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Reading, check_needed, refuse
 
 _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
@@ -103,30 +103,16 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     header = read_header(file, mapping, means, notes)
     notes += left_out_columns(file, used)
     size = next(iter(columns.values())).size
-    labels = np.arange(size) if file.labels is None else file.labels
-    if speeds := [key for key in SPEEDS if key in columns]:
-        columns = angles_from_speeds(file.path, columns, labels, file.noun, notes)
-        header = _of_no_zero(file.path, header, speeds)
-    return Reading(
+    reading = Reading(
         path=file.path,
         columns=columns,
         extra=extra,
-        labels=labels,
+        labels=np.arange(size) if file.labels is None else file.labels,
         noun=file.noun,
         notes=tuple(notes),
         **vars(header),
     )
-
-
-def _of_no_zero(path: str, header: Header, speeds: Sequence[str]) -> Header:
-    """The header of a run whose angles begin anywhere, with what tells so to whoever reads it again."""
-    if header.index not in ("", "unknown"):
-        refuse(
-            path,
-            f"index = {shown(header.index)}: an angle integrated from {' and '.join(speeds)} has no zero; leave index "
-            "out, or write 'unknown'",
-        )
-    return replace(header, index="unknown", metadata={**header.metadata, INTEGRATED: ", ".join(speeds)})
+    return integrated(reading)
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
