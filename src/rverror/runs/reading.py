@@ -100,8 +100,7 @@ class Rows(OfFile):
         >>> OrderRows(path="", labels=(2, 4, 7), noun="line", directions=(), columns={}).listed([1, 2])
         '(lines 4, 7)'
         """
-        labels = np.asarray(self.labels)[rows].tolist()
-        return f"({self.noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
+        return listed(self.noun, np.asarray(self.labels)[rows].tolist())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,6 +185,17 @@ class OrderRows(Rows):
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     made_in: ClassVar[str] = "order table"
+
+
+def listed(noun: str, labels: Sequence[int]) -> str:
+    """The first of some labels, in brackets, for messages.
+
+    Examples
+    --------
+    >>> listed("sample", [3])
+    '(sample 3)'
+    """
+    return f"({noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
 
 
 def refuse(path: str, message: str) -> NoReturn:

@@ -102,12 +102,11 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     }
     header = read_header(file, mapping, means, notes)
     notes += left_out_columns(file, used)
-    size = next(iter(columns.values())).size
     reading = Reading(
         path=file.path,
         columns=columns,
         extra=extra,
-        labels=np.arange(size) if file.labels is None else file.labels,
+        labels=file.rows(next(iter(columns.values())).size),
         noun=file.noun,
         notes=tuple(notes),
         **vars(header),
