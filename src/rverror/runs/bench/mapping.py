@@ -385,7 +385,9 @@ def _check_encoding(toml: TomlText, name: str) -> None:
         )
 
 
-def _where(toml: TomlText, place: Place, table: Mapping[str, Any], kinds: tuple[str, ...], example: str) -> Where:
+def _where(
+    toml: TomlText, place: Place, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
+) -> Where:
     """The one key of name, column and property that a table holds."""
     given = [key for key in kinds if key in table]
     if len(given) != 1:
@@ -422,8 +424,7 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("columns", key)
     example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
-    table = column_table(toml, place, value, example)
-    toml.check_keys(place, table, _COLUMN, f"key of {key}")
+    table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
     if toml.string(place, table, "unit", "").strip() == "counts":
         if BENCH_COLUMNS[key] != "angle" or key == "te":
@@ -434,7 +435,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
             toml.refuse((*place, "scale"), "counts have counts_per_turn and no scale; leave scale out")
         sign = _sign(toml, place, table)
         return ColumnRule(
-            where=_where(toml, place, table, ("name", "column"), example),
+            where=_where(toml, place, table, example),
             unit="counts",
             factor=sign * units.unit_factor("turn", "angle") / per_turn,
             scaled=True,
@@ -448,17 +449,19 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
-def column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:
+def column_table(toml: TomlText, place: Place, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
     """Table of a column; its name alone stands for one that holds only this.
 
     Raises
     ------
     InputError
-        If it is neither.
+        If it is neither, or holds a key of none of these names.
     """
     table = {"name": value} if isinstance(value, str) else value
     if not isinstance(table, dict):
-        toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write {place[-1]} = {{ {example} }}")
+        what = f"{place[-1]} = {shown(value)}: must be a table, or the name of a column"
+        toml.refuse(place, f"{what}; write {place[-1]} = {{ {example} }}")
+    toml.check_keys(place, table, keys, f"key of {place[-1]}")
     return table
 
 
@@ -487,7 +490,7 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
         If it is not said which column is meant, or a key has no value of its kind.
     """
     key = place[-1]
-    where = _where(toml, place, table, ("name", "column"), example)
+    where = _where(toml, place, table, example)
     unit = toml.string(place, table, "unit", "").strip()
     sign, scale = _sign(toml, place, table), _number(toml, place, table, "scale")
     if not dimension:
@@ -569,8 +572,7 @@ def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("orders", key)
     unit = f', unit = "{ORDER_EXAMPLES[key]}"' if ORDER_COLUMNS[key] else ""
     keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if ORDER_COLUMNS[key] else _UNITLESS
-    table = column_table(toml, place, value, f'name = "..."{unit}')
-    toml.check_keys(place, table, (*keys, "of") if key == "phase" else keys, f"key of {key}")
+    table = column_table(toml, place, value, f'name = "..."{unit}', (*keys, "of") if key == "phase" else keys)
     if table.get("of", "cos") not in ("cos", "sin"):
         toml.refuse((*place, "of"), f'of = {shown(table["of"])}: must be "cos" or "sin", the wave whose phase it is')
     return scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
@@ -579,9 +581,8 @@ def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
 def _direction_rule(toml: TomlText, value: object) -> DirectionRule:
     place: Place = ("orders", "direction")
     example = 'name = "...", forward = "...", reverse = "..."'
-    table = column_table(toml, place, value, example)
-    toml.check_keys(place, table, ("name", "column", "sign", "forward", "reverse"), "key of direction")
-    where, words = _where(toml, place, table, ("name", "column"), example), _direction_words(toml, place, table)
+    table = column_table(toml, place, value, example, ("name", "column", "sign", "forward", "reverse"))
+    where, words = _where(toml, place, table, example), _direction_words(toml, place, table)
     if words and "sign" in table:
         toml.refuse((*place, "sign"), "words have no sign; leave out sign, or forward and reverse")
     return DirectionRule(where=where, sign=_sign(toml, place, table), words=words)
@@ -596,7 +597,7 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
         kinds = _VALUE[:3] if dimension and of_run else ("property",)
         more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
         toml.check_keys(place, value, (*kinds, *more), f"key of {key}")
-        where = _where(toml, place, value, kinds, 'property = "..."')
+        where = _where(toml, place, value, 'property = "..."', kinds)
         unit = toml.string(place, value, "unit", "").strip()
         if unit and dimension:
             try:
@@ -627,8 +628,5 @@ def _kept(toml: TomlText, key: str, value: object) -> Where:
     match = COLUMN_NAME.match(key)
     if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", key):
         toml.refuse(place, f"{shown(key)} cannot name a kept column; use a plain word and [unit], like 'oil[degC]'")
-    table = {"name": value} if isinstance(value, str) else value
-    if not isinstance(table, dict):
-        toml.refuse(place, f'{key} = {shown(value)}: must be the name of a column; write "{key}" = "..."')
-    toml.check_keys(place, table, ("name", "column"), f"key of {key}")
-    return _where(toml, place, table, ("name", "column"), 'name = "..."')
+    table = column_table(toml, place, value, 'name = "..."', ("name", "column"))
+    return _where(toml, place, table, 'name = "..."')
