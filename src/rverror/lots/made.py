@@ -13,9 +13,9 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given
 from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
@@ -109,13 +109,7 @@ def lot(
     """
     reducer_of(model.mechanism, "a lot")
     tell = progress or (lambda text: None)
-    if isinstance(units, Amplitudes):
-        amplitudes = units
-    else:
-        check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-        if not units:
-            raise InputError("units: there is none; give three or more")
-        amplitudes = amplitudes_of(model, units)
+    amplitudes = amplitudes_given(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
     if not question.simulator.parts.processes:
