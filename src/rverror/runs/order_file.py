@@ -130,9 +130,9 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
     The transmission error is the sum of amplitude cos(order theta + phase) over the rows of a condition; theta, the
     output angle, grows in both directions.  Orders that are not listed are not known, not zero.
     """
+    mapping = given_mapping(mapping)
     if mapping is None or is_order_file(path):
         return _table(_own_rows(path))
-    mapping = given_mapping(mapping)
     _check_columns(mapping.path, "[orders]", mapping.orders.given)
     return _table(read_bench_orders(path, mapping))
 

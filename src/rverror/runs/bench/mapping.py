@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, overload
+from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
@@ -279,10 +279,6 @@ def load_mapping(path: PathLike) -> BenchMapping:
     )
 
 
-@overload
-def given_mapping(mapping: PathLike | BenchMapping) -> BenchMapping: ...
-@overload
-def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | None: ...
 def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | None:
     """Mapping as it is, or read from its file; None where none is given."""
     return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
