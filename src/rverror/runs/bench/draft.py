@@ -12,7 +12,7 @@ from rverror.base.toml import quoted
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.file import is_bench_file, open_bench_file
 from rverror.runs.bench.guess import Guess, guesses
-from rverror.runs.bench.mapping import COUNTS, BenchMapping
+from rverror.runs.bench.mapping import BenchMapping
 from rverror.runs.bench.numerals import Undecided, found_decimal, is_number
 from rverror.runs.bench.text import (
     SEPARATORS,
@@ -23,6 +23,7 @@ from rverror.runs.bench.text import (
     trimmed,
     unit_in_name,
 )
+from rverror.runs.bench.unit_words import COUNTS
 from rverror.runs.reading import refuse
 
 #: Rows of numbers by which the beginning of a table is told.

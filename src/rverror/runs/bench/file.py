@@ -16,9 +16,10 @@ from rverror.runs.bench import hdf5 as bench_hdf5
 from rverror.runs.bench import tdms as bench_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
 from rverror.runs.bench.header import read_header
-from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where, unit_factor
+from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where
 from rverror.runs.bench.mat import open_mat
 from rverror.runs.bench.text import open_text
+from rverror.runs.bench.unit_words import unit_scale
 from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
 from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Reading, check_needed, refuse
@@ -193,7 +194,7 @@ def _standard_factor(file: BenchFile, key: str, rule: ColumnRule) -> float:
             f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]'
         )
     try:
-        return unit_factor(rule.unit, COLUMNS[key])
+        return unit_scale(rule.unit, COLUMNS[key])[0]
     except ValueError as error:
         file.refuse(f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
 

@@ -11,6 +11,7 @@ from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText, read_toml
 from rverror.runs.bench.numerals import THOUSANDS
+from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.reading import (
     BENCH_COLUMNS,
     BENCH_EXAMPLES,
@@ -42,15 +43,6 @@ _HEADER_EXAMPLES = {
     "direction": "forward",
     "index": "A",
 }
-#: Words of the trade that pint reads as something else, or not at all.
-_SPELT = {
-    "Grad": "deg", "Deg": "deg", "DEG": "deg", "Umdrehung": "turn", "U": "turn", "rev": "turn", "revs": "turn",
-    "Nm": "N*m", "Ncm": "N*cm", "Nmm": "N*mm", "kNm": "kN*m", "Sek": "s", "Sekunden": "s",
-    "'": "arcmin", "′": "arcmin", "''": "arcsec", '"': "arcsec", "″": "arcsec",
-    "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "min^-1": "rpm",
-}  # fmt: skip
-#: Words for the counts of an encoder; the first is the mapping's.
-COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,59 +276,6 @@ def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | Non
     return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
 
 
-def unit_factor(unit: str, dimension: str) -> float:
-    """Core units for one of a bench's unit.
-
-    Parameters
-    ----------
-    unit : str
-        pint's notation.
-    dimension : str
-        ``angle``, ``time``, ``torque``, ``angular_speed`` or ``temperature``.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown, of another dimension, or a word that pint takes for something else.
-
-    Examples
-    --------
-    >>> unit_factor("ms", "time")
-    0.001
-    """
-    if unit in COUNTS:
-        raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
-    if unit in _SPELT:
-        raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
-    factor, _ = units.unit_scale(unit, dimension)
-    # pint takes every number without a dimension for rad: ratio, percent, bits.
-    if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
-        raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
-    return factor
-
-
-def unit_zero(unit: str, dimension: str) -> float:
-    """Zero of a bench's unit, core units: other than 0 of temperatures alone.
-
-    Examples
-    --------
-    >>> unit_zero("degC", "temperature")
-    273.15
-    """
-    return units.unit_scale(unit, dimension)[1]
-
-
-def meant_unit(word: str) -> str:
-    """Unit in pint's notation that a word of the trade means.
-
-    Examples
-    --------
-    >>> meant_unit("Nm"), meant_unit("deg")
-    ('N*m', 'deg')
-    """
-    return _SPELT.get(word, word)
-
-
 def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write '[{place[-1]}]' and keys below it")
@@ -497,7 +436,8 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
     factor = zero = 0.0
     if unit:
         try:
-            factor, zero = unit_factor(unit, dimension) * sign * (scale or 1.0), unit_zero(unit, dimension)
+            factor, zero = unit_scale(unit, dimension)
+            factor *= sign * (scale or 1.0)
         except ValueError as error:
             toml.refuse((*place, "unit"), f"{key}: {error}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
@@ -600,7 +540,8 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
                 units.parse(f"1 {unit}", dimension)
             except ValueError as error:
                 message = str(error).partition(";")[0].replace(f"1 {unit}", unit)
-                hint = f"did you mean {_SPELT[unit]!r}?" if unit in _SPELT else f"write one like {example!r}"
+                meant = meant_unit(unit)
+                hint = f"did you mean {meant!r}?" if meant != unit else f"write one like {example!r}"
                 toml.refuse((*place, "unit"), f"{key}: {message}; {hint}")
         return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
     text = toml.string(("header",), toml.content["header"], key, "").strip()

@@ -9,7 +9,8 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
-from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_factor, unit_zero
+from rverror.runs.bench.mapping import ColumnRule
+from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES
 
 _DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
@@ -106,11 +107,11 @@ def core_scale(
     if not entry.unit:
         file.refuse(f'{what} has no unit{at}; write unit = "{unit}" or another beside its name')
     try:
-        factor, zero = unit_factor(entry.unit, dimension) * rule.sign, unit_zero(entry.unit, dimension)
+        factor, zero = unit_scale(entry.unit, dimension)
     except ValueError as error:
         file.refuse(f"{what}{at}: {error}; state the unit beside its name in the mapping")
     notes.append(f"unit of {key} taken from the file: {entry.unit}")
-    return factor, zero
+    return factor * rule.sign, zero
 
 
 def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str, what: str) -> None:
@@ -118,8 +119,7 @@ def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str,
     if rule.scaled or not rule.unit or not entry.unit:
         return
     try:
-        word = meant_unit(entry.unit)
-        said = (unit_factor(word, dimension), unit_zero(word, dimension))
+        said = unit_scale(meant_unit(entry.unit), dimension)
     except ValueError:
         return  # a word that says nothing here, such as V of a sensor
     if not np.allclose((abs(rule.factor), rule.zero), said, rtol=1e-9):
