@@ -35,8 +35,8 @@ from rverror.geartrain.mechanism import (
 from rverror.geartrain.source import Index, Parameter, Source
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import CATALOGUE, extended
-from rverror.model import asked as _asked
-from rverror.model.asked import Equilibrium, Influence
+from rverror.model import results as _results
+from rverror.model.results import Equilibrium, Influence
 from rverror.model.compose import influence, transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench, Encoders
@@ -434,10 +434,10 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-_asked.error_of.register(Model, transmission_error)
+_results.error_of.register(Model, transmission_error)
 
 
-@_asked.equilibrium_of.register
+@_results.equilibrium_of.register
 def _equilibrium_of(model: Model, theta: Any, **conditions: Any) -> Equilibrium:
     found: Equilibrium = __getattr__("equilibrium")(model, theta, **conditions)
     return found

@@ -53,7 +53,7 @@ class Counting(ThreadPoolExecutor):
         self.given: list[str] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.given.append(Path(args[0]).name)
+        self.given.append(args[0].folder.name)
         return super().submit(fn, *args, **kwargs)
 
 
@@ -194,11 +194,11 @@ def test_a_unit_that_fails_now_tells_of_its_earlier_result(plant: Path) -> None:
 def test_faults_and_lost_workers_stop_no_other_unit(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Losing(Counting):
         def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-            if "a-idler" in args[0]:
+            if args[0].name == "a-idler":
                 lost: Future[Any] = Future()
                 lost.set_exception(BrokenProcessPool("killed"))
                 return lost
-            if "c-broken" in args[0]:
+            if args[0].name == "c-broken":
                 raise BrokenProcessPool("gone")
             return super().submit(fn, *args, **kwargs)
 

@@ -200,7 +200,10 @@ def diagnose_folder(
         raise InputError(f"jobs: {jobs} processes cannot work; give 1 or more")
     root = Path(folder) if executor is None else Path(folder).absolute()  # workers elsewhere have another folder
     target = Path(out)
-    units, notes = _units(root, target, _model(model, executor), _mapping(mapping, executor), pages=pages)
+    if mapping is not None and Path(mapping).name == MODEL:
+        raise InputError(f"{mapping}: this is the name of a unit's model; give the mapping another")
+    both = _of_all(model, load_model, executor), _of_all(mapping, load_mapping, executor)
+    units, notes = _units(root, target, *both, pages=pages)
     _make_output(target, units)
     for note in notes:
         tell(note)
@@ -229,27 +232,13 @@ def diagnose_folder(
     return batch
 
 
-def _model(path: PathLike | None, executor: Executor | None) -> str | None:
-    """Model of units without one, read once here so that what is wrong with it is said at once."""
+def _of_all(path: PathLike | None, load: Callable[[PathLike], object], executor: Executor | None) -> str | None:
+    """Path of a file for every unit, whose folder may be another where the workers are; refused before any work."""
     if path is None:
         return None
     check_name(path)
-    load_model(path)
-    return _for_workers(path, executor)
-
-
-def _for_workers(path: PathLike, executor: Executor | None) -> str:
+    load(path)
     return os.fspath(path) if executor is None else str(Path(path).absolute())
-
-
-def _mapping(path: PathLike | None, executor: Executor | None) -> str | None:
-    """Mapping file for the workers, read once here so that what is wrong with it is said at once."""
-    if path is None:
-        return None
-    if Path(path).name == MODEL:
-        raise InputError(f"{path}: this is the name of a unit's model; give the mapping another")
-    load_mapping(path)
-    return _for_workers(path, executor)
 
 
 def _units(
@@ -342,32 +331,28 @@ def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
     return UnitOutcome(unit.name, "diagnosed", str(data["verdict"]), keys, before, after, str(data["unit"]))
 
 
-def _diagnose_unit(
-    folder: str, model_path: str, run_paths: Sequence[str], mapping_path: str | None, with_page: bool
-) -> _Answer:
+def _diagnose_unit(unit: _Unit) -> _Answer:
     """Work of one task; never raises, since not every exception survives the way back from another process."""
     start = time.perf_counter()
     data, page, error = None, "", ""
     try:
-        if not run_paths:
-            raise InputError(f"{folder}: no run beside the model; add one or more *.csv")
-        inputs = [model_path, *run_paths] + ([] if mapping_path is None else [mapping_path])
-        for path in inputs:
+        if not unit.runs:
+            raise InputError(f"{unit.folder}: no run beside the model; add one or more *.csv")
+        for path in unit.inputs:
             check_name(path)
         # Hashed before they are read: a file that changes meanwhile leaves a hash that no longer fits, and is redone.
-        files = input_files(inputs)
-        model = load_model(model_path)
-        mapping = None if mapping_path is None else load_mapping(mapping_path)
-        found = diagnose(model, [read_run(path, model, mapping) for path in run_paths])
+        files = input_files(unit.inputs)
+        model = load_model(unit.model)
+        found = diagnose(model, [read_run(path, model, unit.mapping) for path in unit.runs])
         data = diagnosis_json(found, files=files)
-        if with_page:
+        if unit.page is not None:
             from rverror.views.report import to_html  # all kinds of results, for this option alone
 
             page = to_html(found, files=files)
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along
-        error = f"{folder}: {type(problem).__name__}: {problem}; report it with the files of the unit"
+        error = f"{unit.folder}: {type(problem).__name__}: {problem}; report it with the files of the unit"
     return _Answer(data, page, " ".join(error.split()), time.perf_counter() - start)
 
 
@@ -385,7 +370,7 @@ def _work(
     try:
         for unit in units:
             try:
-                pending[_handed_in(executor, unit)] = unit
+                pending[executor.submit(_diagnose_unit, unit)] = unit
             except BrokenExecutor as problem:
                 outcomes[unit.name] = _failed(unit, _lost(problem), None, waiting[unit.name])
         for future in as_completed(pending):
@@ -396,10 +381,6 @@ def _work(
     finally:
         for future in pending:
             future.cancel()
-
-
-def _handed_in(executor: Executor, unit: _Unit) -> Future[_Answer]:
-    return executor.submit(_diagnose_unit, str(unit.folder), unit.model, unit.runs, unit.mapping, unit.page is not None)
 
 
 def _finish(unit: _Unit, future: Future[_Answer], why: str) -> UnitOutcome:

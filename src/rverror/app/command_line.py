@@ -13,21 +13,24 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rverror.app import read_command
 from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
+    MAPPING,
+    MODEL,
+    WAYS,
     Progress,
-    add_arm,
     add_command,
-    add_output,
-    add_results,
     arm,
+    arm_option,
     check_jobs,
     check_output,
-    check_outputs,
+    choice,
+    flag,
     given_twice,
     make_folder,
-    quantity,
+    option,
+    output,
+    results,
     rounded,
     say_replaced,
     tell,
@@ -38,7 +41,7 @@ from rverror.app.terminal import (
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
-from rverror.base.text import check_name, shown
+from rverror.base.text import shown
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.result import Diagnosis
@@ -49,6 +52,7 @@ from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run, read_run, run_text, write_run
 from rverror.runs.order_file import orders_text, write_orders
 from rverror.runs.order_fit import checked_orders, order_table_from_runs
@@ -57,7 +61,7 @@ from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.blocks import as_text
 from rverror.views.diagnosis_report import diagnosis_json, diagnosis_sheet
-from rverror.views.envelope import InputFile, input_files
+from rverror.views.envelope import input_files
 
 #: Commands of each file of commands, as help lists them.  A file is loaded for its own: a diagnosis would wait for the
 #: classes of all other results.
@@ -75,8 +79,6 @@ COMMANDS = {
     "reference_commands": ("reference-cases", "compare"),
 }
 HERE = ("simulate", "diagnose", "diagnose-batch", "sources", "demo")
-
-_DIRECTIONS = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -137,149 +139,134 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"rverror {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    command = add_command(
+    add_command(
         commands,
         "simulate",
         brief="compute a run from a model file",
         does="Computes the output error of the unit that a model file describes and writes it as a run file, as a test "
         "bench would record it.",
         example='unit.toml --method equilibrium --torque "20 N*m" --direction both -o run.csv',
+        run=_simulate,
+        options={
+            **MODEL,
+            "--points": option("N", "samples per output turn (default: what the orders need)", type=int),
+            "--revolutions": option("N", "output turns (default 1)", type=int, default=1),
+            "--torque": option(
+                '"20 N*m"', "output torque; give it again for more runs", size="torque", action="append"
+            ),
+            **arm_option("in place of a torque a weight", "; the run has a column output_torque"),
+            "--method": choice(("closed", "equilibrium"), "closed"),
+            "--direction": choice(WAYS, "forward"),
+            "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),
+            "--noise-correlation": option(
+                '"2 deg"', "output angle over which the noise is correlated (default: white)", dest="correlation"
+            ),
+            "--input-counts": option("N", "counts per turn of the input encoder", type=int),
+            "--output-counts": option("N", "counts per turn of the output encoder", type=int),
+            "--seed": option("N", f"seed of the noise (default {DEFAULT_SEED})", type=int),
+            "--speed": option('"10 deg/s"', "output speed; gives the run a time column"),
+            "--orders": option('"1,39,40"', "write an order table of these orders in place of samples"),
+            **output(
+                "OUT.csv",
+                "run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
+            ),
+        },
     )
-    command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument(
-        "--points", type=int, metavar="N", help="samples per output turn (default: what the orders need)"
-    )
-    command.add_argument("--revolutions", type=int, default=1, metavar="N", help="output turns (default 1)")
-    command.add_argument(
-        "--torque", action="append", metavar='"20 N*m"', help="output torque; give it again for more runs"
-    )
-    add_arm(command, "in place of a torque a weight", "; the run has a column output_torque")
-    command.add_argument("--method", choices=("closed", "equilibrium"), default="closed")
-    command.add_argument("--direction", choices=tuple(_DIRECTIONS), default="forward")
-    command.add_argument("--noise", metavar='"0.3 arcsec"', help="rms of the noise on the transmission error")
-    command.add_argument(
-        "--noise-correlation",
-        metavar='"2 deg"',
-        help="output angle over which the noise is correlated (default: white)",
-    )
-    command.add_argument("--input-counts", type=int, metavar="N", help="counts per turn of the input encoder")
-    command.add_argument("--output-counts", type=int, metavar="N", help="counts per turn of the output encoder")
-    command.add_argument("--seed", type=int, metavar="N", help=f"seed of the noise (default {DEFAULT_SEED})")
-    command.add_argument("--speed", metavar='"10 deg/s"', help="output speed; gives the run a time column")
-    command.add_argument(
-        "--orders", metavar='"1,39,40"', help="write an order table of these orders in place of samples"
-    )
-    add_output(
-        command,
-        "OUT.csv",
-        "run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
-    )
-    command.set_defaults(run=_simulate)
-
-    command = add_command(
+    add_command(
         commands,
         "diagnose",
         brief="find what a model lacks in measured runs",
         does="Compares measured runs with a model and names the part errors that the model lacks: their sizes with 95 %"
         " intervals, what explains the runs equally well, and the error before and after.",
         example="unit.toml forward.csv reverse.csv --html found.html --save with-cause.toml",
+        run=_diagnose,
+        options={
+            **MODEL,
+            "runs": option("RUN.csv", nargs="+", reads=True),
+            "--validate": option(
+                "FILE",
+                "runs or order tables kept out of the fit, to test the result on",
+                reads=True,
+                nargs="+",
+                default=[],
+            ),
+            **MAPPING,
+            "--prior": option(
+                "MADE.toml", "usual sizes of part errors in production, as written by `lot --save`", reads=True
+            ),
+            **results(plot="waveforms and the spectrum of the residual"),
+            "--save": option("NEW.toml", "write the model with what was added"),
+            "--jobs": option("N", "threads that fit candidates (default: one for each core)", type=int),
+        },
     )
-    command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("runs", nargs="+", metavar="RUN.csv")
-    read_command.add_mapping(command)
-    command.add_argument(
-        "--validate",
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="runs or order tables kept out of the fit, to test the result on",
-    )
-    command.add_argument(
-        "--prior", metavar="MADE.toml", help="usual sizes of part errors in production, as written by `lot --save`"
-    )
-    add_results(command, plot="waveforms and the spectrum of the residual")
-    command.add_argument("--save", metavar="NEW.toml", help="write the model with what was added")
-    command.add_argument(
-        "--jobs", type=int, metavar="N", help="threads that fit candidates (default: one for each core)"
-    )
-    command.set_defaults(run=_diagnose)
-
-    command = add_command(
+    add_command(
         commands,
         "diagnose-batch",
         brief="diagnose a folder of units, one subfolder each, and resume",
         does="Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was "
         "stopped goes on when the command is given again.",
         example="lot --output lot-found --pages",
+        run=_diagnose_batch,
+        options={
+            "folder": option("FOLDER", "each subfolder with a model.toml and runs is a unit"),
+            **output("FOLDER", "folder for UNIT.json of each unit and summary.csv", required=True),
+            "--model": option("MODEL.toml", "model of every unit that has no model.toml of its own"),
+            **MAPPING,
+            "--pages --html": flag("also write UNIT.html of each, and summary.html with links to them, failures first"),
+            "--jobs": option("N", "processes (default: one for each core)", type=int),
+        },
     )
-    command.add_argument("folder", metavar="FOLDER", help="each subfolder with a model.toml and runs is a unit")
-    add_output(command, "FOLDER", "folder for UNIT.json of each unit and summary.csv", required=True)
-    command.add_argument("--model", metavar="MODEL.toml", help="model of every unit that has no model.toml of its own")
-    read_command.add_mapping(command)
-    command.add_argument(
-        "--pages",
-        "--html",
-        action="store_true",
-        help="also write UNIT.html of each, and summary.html with links to them, failures first",
-    )
-    command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one for each core)")
-    command.set_defaults(run=_diagnose_batch)
-
     for module, names in COMMANDS.items():
         if asked in names or asked not in known:
             import_module(f"rverror.app.{module}").add_commands(commands)
 
-    command = add_command(
+    add_command(
         commands,
         "sources",
         brief="list the catalogue of error sources",
         does="Lists all error sources that rverror knows: key, parameters, the part in which each is fixed, and the "
         "orders that it makes.",
         example="--json sources.json",
+        run=_sources,
+        options={"--json": option("OUT.json", "write it as JSON instead")},
     )
-    command.add_argument("--json", metavar="OUT.json", help="write it as JSON instead")
-    command.set_defaults(run=_sources)
-
-    command = add_command(
+    add_command(
         commands,
         "demo",
         brief="the whole diagnosis on the shipped example",
         does="Diagnoses the simulated unit that comes with rverror and writes its model, runs and results, so that each"
         " step can be repeated.",
         example="--output my-demo",
+        run=_demo,
+        options=output("FOLDER", "where to write (default rverror-demo)", default="rverror-demo"),
     )
-    add_output(command, "FOLDER", "where to write (default rverror-demo)", default="rverror-demo")
-    command.set_defaults(run=_demo)
     return parser
 
 
 def _simulate(options: argparse.Namespace) -> None:
     model = load_model(options.model)
     check_output(options.output, [options.model])
-    torques: list[float | GravityArm | None] = [
-        quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()
-    ]
+    torques: list[float | GravityArm | None] = list(options.torque or ())
     if options.arm is not None:
         torques.append(arm(options.arm))
     torques = torques or [None]
-    directions = _DIRECTIONS[options.direction]
+    directions = WAYS[options.direction]
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
     orders = None if options.orders is None else _orders(options.orders)
     paths = [] if orders else _run_paths(options, labels)
-    runs = simulate_runs(
-        model,
-        directions=directions,
-        torques=torques,
-        points=options.points,
-        revolutions=options.revolutions,
-        method=options.method,
-        noise=options.noise,
-        correlation=options.noise_correlation,
-        input_counts=options.input_counts,
-        output_counts=options.output_counts,
-        seed=options.seed,
-        speed=options.speed,
+    names = (
+        "points",
+        "revolutions",
+        "method",
+        "noise",
+        "correlation",
+        "input_counts",
+        "output_counts",
+        "seed",
+        "speed",
     )
+    bench = {name: getattr(options, name) for name in names}
+    runs = simulate_runs(model, directions=directions, torques=torques, **bench)
     if torques != [None] and options.method == "closed":
         tell(
             "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "
@@ -341,15 +328,10 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str]:
 
 def _diagnose(options: argparse.Namespace) -> None:
     check_jobs(options.jobs, "threads")
-    inputs = [options.model, *options.runs, *options.validate]
-    inputs += [path for path in (options.mapping, options.prior) if path]
-    check_outputs([options.json, options.html, options.save, options.plot], inputs)
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
-    for path in inputs:
-        check_name(path)
     model = load_model(options.model)
-    mapping = read_command.given_mapping(options.mapping)
+    mapping = given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
     prior: Sequence[Any] = ()
@@ -357,12 +339,11 @@ def _diagnose(options: argparse.Namespace) -> None:
         from rverror.tolerances.tolerance_file import load_tolerances  # half of all modules, for this option alone
 
         prior = load_tolerances(options.prior, model)
-    figure = _figure_maker() if options.plot else None
     result = _diagnose_with_progress(model, runs, jobs=options.jobs, prior=prior)
     if unseen:
         result = validated(result, unseen)
     print(as_text(diagnosis_sheet(result)), end="")
-    _write_results(result, options, figure, input_files(inputs))
+    _write_results(result, options)
 
 
 def _diagnose_batch(options: argparse.Namespace) -> None:
@@ -401,11 +382,14 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         )
 
 
-def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, files: Sequence[InputFile]) -> None:
+def _write_results(result: Diagnosis, options: argparse.Namespace) -> None:
+    files = input_files(options.inputs)
     if options.json:
         write_json(options.json, diagnosis_json(result, files=files))
     if options.plot:
-        write_picture(options.plot, figure(result))
+        from rverror.views.plots.drawing import diagnosis_figure
+
+        write_picture(options.plot, diagnosis_figure(result))
     if options.html:
         from rverror.views.report import to_html  # all kinds of results, for this option alone
 
@@ -424,16 +408,7 @@ def _write_results(result: Diagnosis, options: argparse.Namespace, figure: Any, 
             )
 
 
-def _figure_maker() -> Any:
-    """Check that plots can be made before the work starts."""
-    from rverror.views.plots.drawing import diagnosis_figure, new_figure
-
-    new_figure()
-    return diagnosis_figure
-
-
 def _sources(options: argparse.Namespace) -> None:
-    check_output(options.json, [])
     if options.json:
         write_json(options.json, [_source_json(s) for s in CATALOGUE.values()])
         return

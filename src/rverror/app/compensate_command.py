@@ -21,9 +21,9 @@ from rverror.app.terminal import (
     given_twice,
     quantity,
     rounded,
+    save_results,
     say_replaced,
     tell,
-    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
@@ -111,7 +111,7 @@ def _compensate(options: argparse.Namespace) -> None:
 
         return compensation_figure(made)
 
-    write_results(made, options, picture, inputs, table=table)
+    save_results(made, options, picture, inputs, table=table)
     if options.save and table is not None:
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]

@@ -10,22 +10,23 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import replace
 from typing import Any
 
-from rverror.app import read_command
 from rverror.app.batch import processes
 from rverror.app.terminal import (
+    MAPPING,
+    PROGRESS,
     Progress,
     add_command,
-    add_results,
     check_jobs,
-    check_outputs,
+    check_results,
+    option,
+    results,
     say_replaced,
     tell,
-    write_json,
     write_output,
+    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.base.text import check_name
 from rverror.base.threads import cores
 from rverror.geartrain.mechanism import Drive
 from rverror.lots.as_made import tolerances_as_made
@@ -36,9 +37,9 @@ from rverror.lots.of_drives import DriveLot, lot_of_drives
 from rverror.lots.outsider_diagnosis import diagnose_outsiders
 from rverror.lots.result import Lot
 from rverror.model.model_file import load_model
+from rverror.runs.bench.mapping import given_mapping
 from rverror.tolerances.tolerance_file import load_tolerances
-from rverror.views.envelope import InputFile, input_files
-from rverror.views.report import to_csv, to_html, to_json, to_text
+from rverror.views.report import to_csv
 
 _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as long as others take to start
 
@@ -50,70 +51,61 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "lot",
         brief="scatter of each process, or orders that drives share, from many measured units",
         does="Estimates from the runs of many finished units how far each manufacturing process scatters and how far "
         "its mean is off, and names units that do not belong to the lot.",
         example="measured --model unit.toml --save made.toml",
+        run=_lot,
+        options={
+            "parts": option(
+                "FOLDER",
+                "each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
+                "several are parts of one lot",
+                nargs="+",
+            ),
+            "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
+            "--tolerances": option(
+                "TOL.toml",
+                "tolerances of the drawing: which processes to estimate, and Cp, Cpk",
+                reads=True,
+            ),
+            **MAPPING,
+            "--compress": option(
+                "OUT.npz",
+                "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
+            ),
+            "--jobs": option(
+                "N", "processes that read runs (default: one for each core if there are many runs)", type=int
+            ),
+            "--save": option("MADE.toml", "write the scatter of the processes as a tolerance file"),
+            **results(),
+            "--csv": option("OUT.csv", "write a row for each process"),
+            "--diagnose": option(
+                "N",
+                "diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
+                type=int,
+                default=3,
+            ),
+            "--seed": option("N", "seed of the drawn units (default 0)", type=int, default=0),
+            **PROGRESS,
+        },
     )
-    command.add_argument(
-        "parts",
-        nargs="+",
-        metavar="FOLDER",
-        help="each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
-        "several are parts of one lot",
-    )
-    command.add_argument("--model", required=True, metavar="MODEL.toml", help="model of all units")
-    command.add_argument(
-        "--tolerances", metavar="TOL.toml", help="tolerances of the drawing: which processes to estimate, and Cp, Cpk"
-    )
-    read_command.add_mapping(command)
-    command.add_argument(
-        "--compress",
-        metavar="OUT.npz",
-        help="only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
-    )
-    command.add_argument(
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="processes that read runs (default: one for each core if there are many runs)",
-    )
-    command.add_argument("--save", metavar="MADE.toml", help="write the scatter of the processes as a tolerance file")
-    add_results(command)
-    command.add_argument("--csv", metavar="OUT.csv", help="write a row for each process")
-    command.add_argument(
-        "--diagnose",
-        type=int,
-        default=3,
-        metavar="N",
-        help="diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
-    )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the drawn units (default 0)")
-    command.add_argument(
-        "--progress", action="store_true", help="show progress also where standard error is no terminal"
-    )
-    command.set_defaults(run=_lot)
 
 
 def _lot(options: argparse.Namespace) -> None:
     for path in options.parts:
         if not path.strip():
             raise InputError(f"FOLDER: {path!r} has no name; give a folder")
-    if options.seed < 0:
-        raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
-    if options.diagnose < 0:
-        raise InputError(f"--diagnose: {options.diagnose} is below 0; give 0 or more")
+    for name in ("seed", "diagnose"):
+        if (number := getattr(options, name)) < 0:
+            raise InputError(f"--{name}: {number} is below 0; give 0 or more")
     check_jobs(options.jobs, "processes")
     outputs = [options.save, options.json, options.html, options.csv, options.compress]
     if options.compress is not None and any(output is not None for output in outputs[:-1]):
         raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
-    given = [path for path in (options.model, options.tolerances, options.mapping) if path is not None]
-    check_outputs(outputs, given)
-    for path in given:
-        check_name(path)
     model = load_model(options.model)
     drive = isinstance(model.mechanism, Drive)
     for name in ("tolerances", "save") if drive else ():
@@ -122,14 +114,14 @@ def _lot(options: argparse.Namespace) -> None:
                 f"--{name}: {options.model} is of a drive, whose lot has orders and no processes; leave it out"
             )
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
-    inputs = lot_inputs(options.parts, model, read_command.given_mapping(options.mapping))
+    inputs = lot_inputs(options.parts, model, given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
-    check_outputs(outputs, [*given, *tables, *inputs.files])
+    check_results(options, [*options.inputs, *tables, *inputs.files])
     _check_apart(outputs, inputs)
     if options.compress is not None:
         _compress(inputs, options)
         return
-    files = input_files([*given, *inputs.files])
+    options.inputs += inputs.files
     with closing(Progress(terminal_only=not options.progress)) as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
@@ -138,7 +130,7 @@ def _lot(options: argparse.Namespace) -> None:
         else:
             found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
             told = _diagnosed(found, inputs, options.diagnose, progress)
-    _write(told, options, files)
+    _write(told, options)
 
 
 def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
@@ -179,12 +171,8 @@ def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
 
 
-def _write(found: Lot | DriveLot, options: argparse.Namespace, files: Sequence[InputFile]) -> None:
-    print(to_text(found), end="")
-    if options.json:
-        write_json(options.json, to_json(found, files=files))
-    if options.html:
-        write_output(options.html, to_html(found, files=files))
+def _write(found: Lot | DriveLot, options: argparse.Namespace) -> None:
+    write_results(found, options)
     if options.csv:
         write_output(options.csv, to_csv(found, rows="process" if isinstance(found, Lot) else "place"))
     if options.save and isinstance(found, Lot):

@@ -8,15 +8,24 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
-from rverror.app.terminal import Progress, add_command, add_results, check_outputs, tell, write_json, write_output
+from rverror.app.terminal import (
+    PROGRESS,
+    Progress,
+    add_command,
+    flag,
+    named,
+    option,
+    results,
+    tell,
+    write_output,
+    write_results,
+)
 from rverror.app.tolerance_commands import add_limits, limits_of
 from rverror.base.errors import InputError
-from rverror.base.text import check_name
 from rverror.matching.matched import WAYS, match
 from rverror.model.model_file import load_model
 from rverror.parts.reading import load_parts
-from rverror.views.envelope import input_files
-from rverror.views.report import to_csv, to_html, to_json, to_text
+from rverror.views.report import to_csv
 
 
 def add_commands(commands: Any) -> None:
@@ -33,60 +42,44 @@ def add_commands(commands: Any) -> None:
         does="Chooses from stocks of measured parts which to assemble and in which position, so that as many units "
         "as possible meet their limits, and compares that with parts taken at random.",
         example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
-    )
-    command.add_argument("parts", nargs="+", metavar="PARTS", help="tables of parts, or files of measuring machines")
-    command.add_argument(
-        "--model", required=True, metavar="MODEL.toml", help="model of the unit, without the errors of these parts"
-    )
-    command.add_argument(
-        "--mapping", metavar="MAPPING.toml", help="mapping file: which column is which error, as for `rverror parts`"
+        run=_match,
+        options={
+            "parts": option("PARTS", "tables of parts, or files of measuring machines", reads=True, nargs="+"),
+            "--model": option(
+                "MODEL.toml", "model of the unit, without the errors of these parts", reads=True, required=True
+            ),
+            "--mapping": option(
+                "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
+            ),
+            "--turns": flag("discs may be turned by pitches of their bores"),
+            "--cost": option(
+                "matching=2.5",
+                f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
+                action="append",
+                default=[],
+            ),
+            "--seed": option("N", "seed of the random assemblies (default 0)", type=int, default=0),
+            **PROGRESS,
+            **results(),
+            "--save": option("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
+        },
     )
     add_limits(command)
-    command.add_argument("--turns", action="store_true", help="discs may be turned by pitches of their bores")
-    command.add_argument(
-        "--cost",
-        action="append",
-        default=[],
-        metavar="matching=2.5",
-        help=f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
-    )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random assemblies (default 0)")
-    command.add_argument(
-        "--progress", action="store_true", help="show progress also where standard error is no terminal"
-    )
-    add_results(command)
-    command.add_argument(
-        "--save", metavar="UNITS.csv", help="write the list for the assembly shop, a row for each unit"
-    )
-    command.set_defaults(run=_match)
 
 
 def _match(options: argparse.Namespace) -> None:
-    given = [path for path in (*options.parts, options.model, options.mapping) if path is not None]
-    for path in given:
-        check_name(path)
-    check_outputs([options.json, options.html, options.save], given)
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")
     costs = _costs(options.cost)
     model = load_model(options.model)
-    try:
+    with named():
         limits = [one for one in limits_of(options, model) if one.value is not None]
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
-    except InputError:
-        raise
-    except ValueError as problem:
-        raise InputError(str(problem)) from problem
     for note in read.notes:
         tell(note)
     with closing(Progress(terminal_only=not options.progress)) as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
-    files = input_files(given)
-    print(to_text(found), end="")
-    if options.json:
-        write_json(options.json, to_json(found, files=files))
-    if options.html:
-        write_output(options.html, to_html(found, files=files))
+    write_results(found, options)
     if options.save:
         write_output(options.save, to_csv(found, units=True))
 

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rverror.app.terminal import add_command, add_output, check_output, say_replaced, tell, write_output
+from rverror.app.terminal import add_command, check_output, flag, option, output, say_replaced, tell, write_output
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
-from rverror.base.text import check_name
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
 from rverror.parts.draft import draft_parts_mapping
@@ -25,7 +24,7 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "parts",
         brief="errors of measured parts, from files of measuring machines",
@@ -33,52 +32,47 @@ def add_commands(commands: Any) -> None:
         "model of the unit that is built of them. It needs a mapping that says which column is which error; "
         "--draft begins one.",
         example="discs.csv cranks.csv --model unit.toml --mapping parts.toml -o unit-17.toml",
+        run=_parts,
+        options={
+            "files": option("FILE", "CSV, xlsx or Q-DAS files, or tables of parts", reads=True, nargs="+"),
+            "--model": option("MODEL.toml", "model of the unit that the parts are made for", reads=True, required=True),
+            "--mapping": option("MAPPING.toml", "mapping file: which column is which error, with units", reads=True),
+            "--draft": flag("write a draft of the mapping for the first file instead"),
+            "--place": option("disc=D17,D18", "which serial number goes where", nargs="+", default=[]),
+            **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them"),
+        },
     )
-    options: dict[str, dict[str, Any]] = {
-        "files": {"nargs": "+", "metavar": "FILE", "help": "CSV, xlsx or Q-DAS files, or tables of parts"},
-        "--model": {"required": True, "metavar": "MODEL.toml", "help": "model of the unit that the parts are made for"},
-        "--mapping": {"metavar": "MAPPING.toml", "help": "mapping file: which column is which error, with units"},
-        "--draft": {"action": "store_true", "help": "write a draft of the mapping for the first file instead"},
-        "--place": {"nargs": "+", "default": [], "metavar": "disc=D17,D18", "help": "which serial number goes where"},
-    }
-    for name, more in options.items():
-        command.add_argument(name, **more)
-    add_output(command, "OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them")
-    command.set_defaults(run=_parts)
 
 
 def _parts(options: argparse.Namespace) -> None:
-    inputs = [path for path in (*options.files, options.model, options.mapping) if path]
-    for path in inputs:
-        check_name(path)
-    check_output(options.output, inputs)
-    output, suffix = options.output or "", Path(options.output or "").suffix.lower()
+    check_output(options.output, options.inputs)
+    target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:
         text = draft_parts_mapping(options.files[0])
-        if output:
-            write_output(output, text)
+        if target:
+            write_output(target, text)
         else:
             print(text, end="")
         return
     if suffix not in (".csv", ".toml") or (options.place and suffix == ".csv"):
         raise InputError(
-            f"-o {output}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"
+            f"-o {target}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"
         )
     places, model = _places(options.place), load_model(options.model)
     read = load_parts(options.files, model.mechanism, mapping=options.mapping)
     for note in read.notes:
         tell(note)
     if suffix == ".csv":
-        say_replaced(output)
-        save_parts(output, read.parts, overwrite=True)
+        say_replaced(target)
+        save_parts(target, read.parts, overwrite=True)
     else:
         for kind, serials in mounted_parts(read.parts, model.mechanism, places).items():
             tell(f"{kind}: {', '.join(serials)}" + ("" if kind in places else ", in the order of the files"))
         unit = unit_of_parts(model, read.parts, places)
-        say_replaced(output)
-        append_effects(options.model, output, unit.effects[len(model.effects) :], overwrite=True)
+        say_replaced(target)
+        append_effects(options.model, target, unit.effects[len(model.effects) :], overwrite=True)
         _tell_error(unit)
-    tell(f"wrote {output}, {count_of(len(read.parts), 'part')} read")
+    tell(f"wrote {target}, {count_of(len(read.parts), 'part')} read")
 
 
 def _tell_error(unit: Model) -> None:

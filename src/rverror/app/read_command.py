@@ -7,11 +7,20 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rverror.app.terminal import add_command, add_output, check_output, tell, write_output
+from rverror.app.terminal import (
+    MAPPING,
+    add_command,
+    add_options,
+    check_output,
+    flag,
+    option,
+    output,
+    tell,
+    write_output,
+)
 from rverror.base.errors import InputError
-from rverror.base.text import check_name
 from rverror.runs.bench.draft import drafted
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import given_mapping as given_mapping  # for other commands too
 from rverror.runs.measurement import load_run, run_text
 from rverror.runs.order_file import orders_text, refuse_order_file
 from rverror.runs.order_table import OrderTable
@@ -24,48 +33,30 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "read",
         brief="read a file of a bench and write a run file or an order table",
         does="Reads a file as a bench writes it (text, MAT, HDF5, TDMS) and writes a run file or an order table. It "
         "needs a mapping that says what the columns are; --draft begins one.",
         example="bench.tdms --mapping bench.toml -o run.csv",
+        run=_read,
+        options={
+            "file": option("BENCH.tdms", reads=True),
+            **MAPPING,
+            "--draft": flag("write a draft of the mapping instead, with what the file holds"),
+            **output("RUN.csv", "file to write (default: standard output)"),
+        },
     )
-    command.add_argument("file", metavar="BENCH.tdms")
-    add_mapping(command)
-    command.add_argument(
-        "--draft", action="store_true", help="write a draft of the mapping instead, with what the file holds"
-    )
-    add_output(command, "RUN.csv", "file to write (default: standard output)")
-    command.set_defaults(run=_read)
 
 
 def add_mapping(command: argparse.ArgumentParser) -> None:
-    """Add the option that names the mapping file."""
-    command.add_argument(
-        "--mapping", metavar="BENCH.toml", help="mapping file: the bench's names of its columns, and their units"
-    )
-
-
-def given_mapping(path: str | None) -> BenchMapping | None:
-    """Mapping that was asked for; None where there was none.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be used.
-    """
-    if path is None:
-        return None
-    check_name(path)
-    return load_mapping(path)
+    """Add the option that names a mapping file to a command that reads runs."""
+    add_options(command, MAPPING)
 
 
 def _read(options: argparse.Namespace) -> None:
-    inputs = [options.file] + ([options.mapping] if options.mapping else [])
-    check_name(options.file)
-    check_output(options.output, inputs)
+    check_output(options.output, options.inputs)
     refuse_order_file(options.file)
     if options.draft:
         if options.mapping:
@@ -76,7 +67,7 @@ def _read(options: argparse.Namespace) -> None:
         _write(options.output, text)
         return
     read = load_run(options.file, mapping=given_mapping(options.mapping))
-    names = [Path(path).name for path in inputs]
+    names = [Path(path).name for path in options.inputs]
     # In brackets, so that no note can be read back as a line of the header.
     comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in read.notes)]
     text_of = orders_text if isinstance(read, OrderTable) else run_text

@@ -7,28 +7,28 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rverror.app import read_command
 from rverror.app.terminal import (
+    MAPPING,
     add_command,
-    add_output,
-    add_results,
     check_output,
+    choice,
     make_folder,
-    quantity,
+    option,
+    output,
+    results,
     tell,
-    write_json,
     write_output,
+    write_results,
 )
 from rverror.base.errors import InputError
+from rverror.base.numbers import with_unit
 from rverror.base.text import check_name
-from rverror.base.units import ARCSEC
 from rverror.model.ends import Encoders
 from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
-from rverror.views.envelope import input_files
-from rverror.views.report import to_json, to_text
 
 _FILES = ("case.npz", "case.json")
 
@@ -40,46 +40,42 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "reference-cases",
         brief="write cases with known answers to test other tools against",
         does="Writes cases with known answers, one folder each: the model, and its output error by rverror.",
         example="--output cases --case one-cam",
+        run=_reference_cases,
+        options={
+            **output("FOLDER", "where to write; each case has a folder in it", required=True),
+            "--case": option("NAME", "write only this case; give it again for more", action="append", default=[]),
+        },
     )
-    add_output(command, "FOLDER", "where to write; each case has a folder in it", required=True)
-    command.add_argument(
-        "--case", action="append", default=[], metavar="NAME", help="write only this case; give it again for more"
-    )
-    command.set_defaults(run=_reference_cases)
-
-    command = add_command(
+    add_command(
         commands,
         "compare",
         brief="deviation of another tool's waveform from a reference case, by order",
         does="Compares a waveform from another tool with a reference case and lists how far it is off, in total and by "
         "order.",
         example='theirs.csv cases/one-cam --within "0.1 arcsec"',
+        run=_compare,
+        options={
+            "theirs": option("THEIR.csv", "run file of the other tool, or any file with --mapping", reads=True),
+            "case": option("CASE", "folder of the case, or its case.json"),
+            "--method": choice(METHODS, METHODS[0], "which waveform of the case (default equilibrium)"),
+            "--within": option(
+                '"0.1 arcsec"', "exit with 1 if the rms of the difference, offset removed, is larger", size="angle"
+            ),
+            **MAPPING,
+            "--bench": option(
+                "MODEL.toml",
+                "model file with the [bench.encoders] that measured the run, for its uncertainty",
+                reads=True,
+            ),
+            **results(html=False),
+        },
     )
-    command.add_argument("theirs", metavar="THEIR.csv", help="run file of the other tool, or any file with --mapping")
-    command.add_argument("case", metavar="CASE", help="folder of the case, or its case.json")
-    command.add_argument(
-        "--method",
-        choices=METHODS,
-        default=METHODS[0],
-        help="which waveform of the case (default equilibrium)",
-    )
-    command.add_argument(
-        "--within", metavar='"0.1 arcsec"', help="exit with 1 if the rms of the difference, offset removed, is larger"
-    )
-    command.add_argument(
-        "--bench",
-        metavar="MODEL.toml",
-        help="model file with the [bench.encoders] that measured the run, for its uncertainty",
-    )
-    read_command.add_mapping(command)
-    add_results(command, html=False)
-    command.set_defaults(run=_compare)
 
 
 def _reference_cases(options: argparse.Namespace) -> None:
@@ -98,24 +94,20 @@ def _reference_cases(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    check_name(options.theirs)
     check_name(options.case)
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
-    mapping = read_command.given_mapping(options.mapping)
-    inputs = [options.theirs, str(told), str(told.with_name("case.npz"))]
-    inputs += [given for given in (options.mapping, options.bench) if given]
-    check_output(options.json, [*inputs, options.case, str(told.with_name("case.json"))])
-    limit = None if options.within is None else _limit(options.within)
+    options.inputs[1:1] = [str(told), str(told.with_name("case.npz"))]
+    check_output(options.json, [*options.inputs, options.case, str(told.with_name("case.json"))])
+    if options.within is not None and options.within < 0:
+        raise InputError(f"--within: {options.as_written['within']!r} is below 0; write it like '0.1 arcsec'")
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None
-    run = read_run(options.theirs, case.ratio, mapping)
+    run = read_run(options.theirs, case.ratio, given_mapping(options.mapping))
     found = compare(run, case, method=options.method, encoders=encoders)
-    print(to_text(found), end="")
-    if options.json:
-        write_json(options.json, to_json(found, files=input_files(inputs)))
-    if limit is not None and found.rms > limit:
+    write_results(found, options)
+    if options.within is not None and found.rms > options.within:
         sys.stdout.flush()
-        tell(f"rms of the difference {found.rms / ARCSEC:.4g} arcsec is above {options.within}")
+        tell(f"rms of the difference {with_unit(found.rms, 'angle')} is above {options.as_written['within']}")
         raise SystemExit(1)
 
 
@@ -124,10 +116,3 @@ def _encoders(path: str) -> Encoders:
     if not stated.given():
         raise InputError(f'{path}: it has no [bench.encoders]; write them, like output_encoder = "1.24 arcsec"')
     return stated
-
-
-def _limit(text: str) -> float:
-    value = quantity("--within", text, "angle", example="0.1 arcsec")
-    if value < 0:
-        raise InputError(f"--within: {text!r} is below 0; write it like '0.1 arcsec'")
-    return value

@@ -8,21 +8,26 @@ import os
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import shown, write_bytes, write_text
+from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
+from rverror.model.model_file import append_effects
 from rverror.statics.duty import DutyPhase
 
 _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
+#: Options that name a file to write.
+_OUTPUTS = ("json", "html", "plot", "save", "csv", "compress")
 
 
 class Progress:
@@ -55,7 +60,79 @@ class Progress:
             print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
 
 
-def add_command(commands: Any, name: str, *, brief: str, does: str, example: str) -> argparse.ArgumentParser:
+def option(
+    metavar: str | tuple[str, ...] | None = None,
+    help: str | None = None,
+    *,
+    size: str = "",
+    reads: bool = False,
+    **more: Any,
+) -> dict[str, Any]:
+    """One entry of the table of options that `add_command` takes.
+
+    Parameters
+    ----------
+    metavar, help
+        For argparse.
+    size : str
+        Dimension of a quantity, written as `metavar` shows: the command gets its value in the core unit.
+    reads : bool
+        Whether it names files that are read: no output may be one of them.
+    **more
+        For argparse.
+    """
+    return {"metavar": metavar, "help": help, "size": size, "reads": reads, **more}
+
+
+def flag(help: str) -> dict[str, Any]:
+    """Option that is given or not."""
+    return {"help": help, "action": "store_true"}
+
+
+def choice(choices: Iterable[str], default: str, help: str | None = None) -> dict[str, Any]:
+    """Option that is one of some words."""
+    return {"help": help, "choices": tuple(choices), "default": default}
+
+
+def output(metavar: str, help: str, **more: Any) -> dict[str, Any]:
+    """Option for the file or folder that a command is for."""
+    return {"-o --output --out": option(metavar, help, **more)}
+
+
+def results(*, plot: str | None = None, html: bool = True) -> dict[str, Any]:
+    """Options that write a result: JSON, a page, and a picture where `plot` says of what."""
+    found = {"--json": option("OUT.json", "write the result as JSON")}
+    if html:
+        found["--html --report"] = option("OUT.html", "write one self-contained page with tables and pictures")
+    if plot is not None:
+        found["--plot"] = option("OUT.png", f"draw {plot}")
+    return found
+
+
+#: Options that several commands have, for their tables.
+MODEL: Mapping[str, Any] = {"model": option("MODEL.toml", reads=True)}
+MAPPING: Mapping[str, Any] = {
+    "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
+}
+PROGRESS: Mapping[str, Any] = {"--progress": flag("show progress also where standard error is no terminal")}
+WIDTHS: Mapping[str, Any] = {
+    "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
+    "--gear-width": option('"8 mm"', "contact length of a planet gear on the sun", size="length", required=True),
+}
+WAYS: Mapping[str, tuple[float, ...]] = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
+WAY: Mapping[str, Any] = {"--direction": choice(("forward", "reverse"), "forward")}
+
+
+def add_command(
+    commands: Any,
+    name: str,
+    *,
+    brief: str,
+    does: str,
+    example: str,
+    run: Callable[[argparse.Namespace], None] | None = None,
+    options: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> argparse.ArgumentParser:
     """Add a command.
 
     Parameters
@@ -68,6 +145,11 @@ def add_command(commands: Any, name: str, *, brief: str, does: str, example: str
         What it does, in sentences, for its own help.
     example : str
         Arguments that show it at work, for its own help.
+    run : callable, optional
+        What does it, of options whose quantities are read and whose outputs can be written; `inputs` of them lists the
+        files that are read, and `as_written` has the quantities as given.
+    options : mapping of str to mapping
+        Each as `option` makes it, by its names with blanks between them.
 
     Returns
     -------
@@ -80,47 +162,102 @@ def add_command(commands: Any, name: str, *, brief: str, does: str, example: str
         epilog=f"example:\n  rverror {name} {example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    read, sized = list[str](), dict[str, tuple[str, str, str]]()
+    for names, row in options.items():
+        said = dict(row)
+        size, reads = said.pop("size", ""), said.pop("reads", False)
+        action = parser.add_argument(*names.split(), **said)
+        read += [action.dest] if reads else []
+        if size:
+            sized[action.dest] = names.split()[0], size, str(action.metavar).strip('"')
+
+    def begin(given: argparse.Namespace) -> None:
+        files = [getattr(given, dest) or () for dest in read]
+        given.inputs = [path for some in files for path in ([some] if isinstance(some, str) else some)]
+        check_results(given, given.inputs)
+        given.as_written = {dest: getattr(given, dest) for dest in sized}
+        for dest, (named, dimension, written) in sized.items():
+            text = given.as_written[dest]
+            if isinstance(text, str):
+                setattr(given, dest, quantity(named, text, dimension, example=written))
+            elif text:
+                setattr(given, dest, [quantity(named, one, dimension, example=written) for one in text])
+        assert run is not None
+        run(given)
+
+    parser.set_defaults(run=None if run is None else begin)
     return parser
+
+
+def add_options(command: argparse.ArgumentParser, options: Mapping[str, Mapping[str, Any]]) -> None:
+    """Add the options of a table to a command that reads them itself."""
+    for names, row in options.items():
+        command.add_argument(*names.split(), **{key: said for key, said in row.items() if key not in ("size", "reads")})
 
 
 def add_output(command: argparse.ArgumentParser, metavar: str, help: str, **more: Any) -> None:
     """Add the option for the file or folder that a command is for."""
-    command.add_argument("-o", "--output", "--out", metavar=metavar, help=help, **more)
+    add_options(command, output(metavar, help, **more))
 
 
-def add_results(command: argparse.ArgumentParser, *, plot: str | None = None, html: bool = True) -> None:
-    """Add the options that write a result: JSON, a page, and a picture where `plot` says of what."""
-    command.add_argument("--json", metavar="OUT.json", help="write the result as JSON")
-    if html:
-        command.add_argument(
-            "--html", "--report", metavar="OUT.html", help="write one self-contained page with tables and pictures"
-        )
-    if plot is not None:
-        command.add_argument("--plot", metavar="OUT.png", help=f"draw {plot}")
+def add_results(command: argparse.ArgumentParser, *, plot: str | None = None) -> None:
+    """Add the options that write a result."""
+    add_options(command, results(plot=plot))
 
 
 def check_results(options: argparse.Namespace, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, outputs that cannot be written, and a picture that cannot be drawn."""
-    check_outputs([options.json, options.html, options.plot, getattr(options, "save", None)], inputs)
-    if options.plot:
+    """Refuse, before any work, files that no message can name, outputs that cannot be written, and a picture without
+    what draws it.
+    """
+    for path in inputs:
+        check_name(path)
+    check_outputs([getattr(options, name, None) for name in _OUTPUTS], inputs)
+    if getattr(options, "plot", None):
         from rverror.views.plots.figure import check_axes
 
         check_axes(None)
 
 
-def write_results(
-    found: Any, options: argparse.Namespace, draw: Callable[[], Any], inputs: Sequence[str], **more: Any
+def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None) -> None:
+    """Print a result, or several of one kind, and write it as the options of `results` ask."""
+    from rverror.views.report import to_text  # half of all modules
+
+    print(to_text(found), end="")
+    save_results(found, options, draw, options.inputs)
+
+
+def save_results(
+    found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None, inputs: Sequence[str], **more: Any
 ) -> None:
-    """Write a result, or several of one kind, as the options of `add_results` ask; with `more` told of it."""
+    """Write a result, or several of one kind, as the options of `results` ask; with `more` told of it."""
     from rverror.views.envelope import input_files  # half of all modules
     from rverror.views.report import to_html, to_json
 
+    files = input_files(inputs) if options.json or getattr(options, "html", None) else ()
     if options.json:
-        write_json(options.json, to_json(found, files=input_files(inputs), **more))
-    if options.html:
-        write_output(options.html, to_html(found, files=input_files(inputs), **more))
-    if options.plot:
+        write_json(options.json, to_json(found, files=files, **more))
+    if getattr(options, "html", None):
+        write_output(options.html, to_html(found, files=files, **more))
+    if draw is not None and options.plot:
         write_picture(options.plot, draw().figure)
+
+
+def save_model(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
+    """Write the model with more effects, as the option --save asks."""
+    if options.save:
+        say_replaced(options.save)
+        append_effects(options.model, options.save, [rounded(effect) for effect in effects], overwrite=True)
+
+
+@contextmanager
+def named(what: str = "") -> Iterator[None]:
+    """Turn a refused value into a line that begins with the file or option it came from."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as problem:
+        raise InputError(f"{what}: {problem}" if what else str(problem)) from problem
 
 
 def check_output(path: str | None, inputs: Sequence[str]) -> None:
@@ -196,13 +333,15 @@ def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
 
 
+def arm_option(what: str, more: str = "") -> dict[str, Any]:
+    """Option that gives a load over the angle."""
+    told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
+    return {"--arm": option(f'"{_ARM}"', told)}
+
+
 def add_arm(command: argparse.ArgumentParser, what: str, more: str = "") -> None:
     """Add the option that gives a load over the angle."""
-    command.add_argument(
-        "--arm",
-        metavar=f'"{_ARM}"',
-        help=f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}",
-    )
+    add_options(command, arm_option(what, more))
 
 
 def arm(text: str) -> GravityArm:
@@ -219,15 +358,15 @@ def arm(text: str) -> GravityArm:
         raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
 
 
-def add_phases(command: argparse.ArgumentParser) -> None:
-    """Add the option for phases of a duty."""
-    command.add_argument(
-        "--phase",
+#: Option for phases of a duty.
+PHASES: Mapping[str, Any] = {
+    "--phase": option(
+        f'"{_PHASE}"',
+        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for each "
+        "phase",
         action="append",
-        metavar=f'"{_PHASE}"',
-        help="one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for "
-        "each phase",
     )
+}
 
 
 def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:

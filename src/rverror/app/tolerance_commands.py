@@ -16,9 +16,9 @@ from rverror.app.terminal import (
     arm,
     check_results,
     quantity,
+    save_results,
     say_replaced,
     tell,
-    write_results,
 )
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
@@ -177,7 +177,7 @@ def _budget(options: argparse.Namespace) -> None:
 
         return budget_figure(found, limit=limit)
 
-    write_results(found, options, picture, [options.model, options.tolerances], limit=limit)
+    save_results(found, options, picture, [options.model, options.tolerances], limit=limit)
 
 
 def _allocate(options: argparse.Namespace) -> None:
@@ -199,7 +199,7 @@ def _allocate(options: argparse.Namespace) -> None:
 
         return front_figure(front, found) if front else allocation_figure(found)
 
-    write_results(found, options, picture, [options.model, options.tolerances])
+    save_results(found, options, picture, [options.model, options.tolerances])
 
 
 def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:

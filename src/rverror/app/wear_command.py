@@ -7,21 +7,23 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rverror.app.terminal import (
+    MODEL,
+    PHASES,
+    WIDTHS,
     add_command,
-    add_phases,
-    add_results,
-    check_results,
+    choice,
     duty_phases,
+    named,
+    option,
     quantity,
-    rounded,
-    say_replaced,
+    results,
+    save_model,
     write_results,
 )
 from rverror.base.errors import InputError
-from rverror.base.text import check_name, did_you_mean
-from rverror.model.model_file import append_effects, load_model
+from rverror.base.text import did_you_mean
+from rverror.model.model_file import load_model
 from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearCoefficients, wear
-from rverror.views.report import to_text
 
 _DIRECTIONS = {"both": None, "forward": 1.0, "reverse": -1.0}
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
@@ -34,7 +36,7 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "wear",
         brief="wear of pins, discs and gears over hours of operation",
@@ -42,80 +44,63 @@ def add_commands(commands: Any) -> None:
         "motion that follow. The wear coefficients are yours to give; none are assumed.",
         example='unit.toml --torque "412 N*m" --speed "1815 rpm" --hours 6000 \\\n'
         '    --coefficient "1e-10 mm^3/(N*m)" --disc-width "9 mm" --gear-width "8 mm"',
+        run=_wear,
+        options={
+            **MODEL,
+            "--torque": option('"412 N*m"', "output torque of the duty", size="torque"),
+            "--speed": option('"1815 rpm"', "input speed of the duty", size="angular_speed"),
+            **PHASES,
+            "--hours": option("N", "hours of operation", required=True, type=float),
+            "--coefficient": option(
+                f'"{_COEFFICIENT}"',
+                f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
+                f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give "
+                "it again for more",
+                action="append",
+                required=True,
+            ),
+            "--running-in": option(
+                '"0.5 um, 1e-8 mm^3/(N*m)"',
+                "running in: depth of the roughness that wears off and wear coefficient of the new surface, of all "
+                "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
+                action="append",
+                default=[],
+            ),
+            **WIDTHS,
+            "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
+            "--direction": choice(_DIRECTIONS, "both", "direction of the duty (default both)"),
+            **results(plot="error and lost motion over the hours"),
+            "--save": option("NEW.toml", "write the model of the worn unit"),
+        },
     )
-    command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("--torque", metavar='"412 N*m"', help="output torque of the duty")
-    command.add_argument("--speed", metavar='"1815 rpm"', help="input speed of the duty")
-    add_phases(command)
-    command.add_argument("--hours", required=True, type=float, metavar="N", help="hours of operation")
-    command.add_argument(
-        "--coefficient",
-        action="append",
-        required=True,
-        metavar='"1e-10 mm^3/(N*m)"',
-        help=f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); of "
-        f"a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give it again for "
-        "more",
-    )
-    command.add_argument(
-        "--running-in",
-        action="append",
-        default=[],
-        metavar='"0.5 um, 1e-8 mm^3/(N*m)"',
-        help="running in: depth of the roughness that wears off and wear coefficient of the new surface, of all bodies "
-        "or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
-    )
-    command.add_argument("--disc-width", required=True, metavar='"9 mm"', help="contact length of a pin on one disc")
-    command.add_argument(
-        "--gear-width", required=True, metavar='"8 mm"', help="contact length of a planet gear on the sun"
-    )
-    command.add_argument(
-        "--pins", choices=PINS, default=PINS[0], help=f"whether pins turn in the housing (default {PINS[0]})"
-    )
-    command.add_argument(
-        "--direction", choices=tuple(_DIRECTIONS), default="both", help="direction of the duty (default both)"
-    )
-    add_results(command, plot="error and lost motion over the hours")
-    command.add_argument("--save", metavar="NEW.toml", help="write the model of the worn unit")
-    command.set_defaults(run=_wear)
 
 
 def _wear(options: argparse.Namespace) -> None:
-    check_name(options.model)
-    check_results(options, [options.model])
     model = load_model(options.model)
-    try:
+    with named():
         found = wear(
             model,
             **_duty(options),
             hours=options.hours,
             coefficients=_coefficients(options.coefficient),
             running_in=_running_in(options.running_in),
-            disc_width=quantity("--disc-width", options.disc_width, "length", example="9 mm"),
-            gear_width=quantity("--gear-width", options.gear_width, "length", example="8 mm"),
+            disc_width=options.disc_width,
+            gear_width=options.gear_width,
             pins=options.pins,
             direction=_DIRECTIONS[options.direction],
         )
-    except InputError:
-        raise
-    except ValueError as problem:
-        raise InputError(str(problem)) from problem
-    print(to_text(found), end="")
-    write_results(found, options, found.plot, [options.model])
-    if options.save:
-        say_replaced(options.save)
-        append_effects(options.model, options.save, [rounded(one) for one in found.effects], overwrite=True)
+    write_results(found, options, found.plot)
+    save_model(options, found.effects)
 
 
 def _duty(options: argparse.Namespace) -> dict[str, Any]:
-    if options.phase and not (options.torque or options.speed):
+    """What the duty options give to `wear`."""
+    both = options.torque is not None and options.speed is not None
+    if options.phase and options.torque is options.speed is None:
         return {"duty": duty_phases(options.phase)}
-    if options.phase or not (options.torque and options.speed):
+    if options.phase or not both:
         raise InputError("wear: give --torque and --speed, or --phase in place of both")
-    return {
-        "torque": quantity("--torque", options.torque, "torque", example="412 N*m"),
-        "speed": quantity("--speed", options.speed, "angular_speed", example="1815 rpm"),
-    }
+    return {"torque": options.torque, "speed": options.speed}
 
 
 def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[list[str], str]]:

@@ -27,7 +27,7 @@ from rverror.tolerances.specification import Limit
 _RELATIVE = 0.1  # of a size: influences of states that fit alike are off by that from those of the unit, see the page
 _WAVES = 512  # angles of a turn
 _DRAWS = 200  # of what is known of the causes, for the time that remains
-_FURTHEST = 100.0  # times the time that was measured: beyond it nothing is foretold
+_FURTHEST = 100.0  # times the time that was measured: beyond it nothing is predicted
 _TIMES = 120  # at which a limit is asked for, each 10 % after the last
 _ROUNDS, _SAME = 2, 0.9  # of the noise: once what changed is known, it is no noise; and the share that is no change
 

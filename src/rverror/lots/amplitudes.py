@@ -15,7 +15,7 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
@@ -172,6 +172,22 @@ def amplitudes_of(model: Model, units: Iterable[LotUnit]) -> Amplitudes:
         If fewer than three units are left, a serial number stands twice, or runs do not fit the model.
     """
     return joined_units([split_unit(model, unit) for unit in units])
+
+
+def amplitudes_given(model: Model, units: Sequence[LotUnit] | Amplitudes) -> Amplitudes:
+    """Amplitudes as they are, or those of a list of units.
+
+    Raises
+    ------
+    InputError
+        As `amplitudes_of`, or if it is neither.
+    """
+    if isinstance(units, Amplitudes):
+        return units
+    check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
+    if not units:
+        raise InputError("units: there is none; give three or more")
+    return amplitudes_of(model, units)
 
 
 def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: str = "unit") -> Amplitudes:

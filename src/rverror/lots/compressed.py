@@ -35,7 +35,7 @@ from rverror.lots.amplitudes import Amplitudes, Condition, UnitAmplitudes, joine
 from rverror.lots.folder import LotFolder, UnitFiles, list_units
 from rverror.model.catalogue import source
 from rverror.model.effects import Model, check_model
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.measurement import ratio_of
 
 #: Units of a task, of a chunk that a killed call leaves, and of a block of the file: 0.1 MB of two runs each.
@@ -255,8 +255,7 @@ def lot_inputs(
     check_each("paths", given, (str, os.PathLike), "give a folder of units, a file of a compressed lot, or a list")
     if not given:
         raise InputError("paths: there is none; give a folder of units, or a file of a compressed lot")
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     parts, owner = list[LotFolder | LotFile](), dict[str, str]()
     for path in given:
         check_name(path)

@@ -14,7 +14,7 @@ from rverror.base.text import PathLike, check_name, check_path, did_you_mean, re
 from rverror.lots.amplitudes import LotUnit, some
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.file import RUN_SUFFIXES
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.measurement import read_run
 
 #: Table of the units beside their folders, and its column of their names.
@@ -68,8 +68,7 @@ def lot_units(
     ('A-17', 1, ())
     """
     check_model(model)
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     found = list_units(folder, mapping)
     return tuple(unit.read(model, mapping) for unit in found.units), found.notes
 
@@ -211,22 +210,14 @@ def _serial_place(path: Path, line: int, heads: Sequence[str]) -> int:
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Rows with text and the number of their line; comments begin with #, spreadsheets may part cells by semicolons."""
-    lines = [
-        (number, line)
-        for number, line in enumerate(split_lines(read_text(path)), 1)
-        if not line.lstrip().startswith("#")
-    ]
-    head = next((line for _, line in lines if line.strip()), "")
-    separator = ";" if head.count(";") > head.count(",") else ","
-    rows = []
-    for number, line in lines:
-        try:
-            cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True), [])]
-        except csv.Error as error:
-            raise InputError(f"{path}, line {number}: no row of a table ({error}); correct the quotes") from error
-        if any(cells):
-            rows.append((number, cells))
-    return rows
+    lines = ["" if line.lstrip().startswith("#") else line for line in split_lines(read_text(path))]
+    head = next(filter(str.strip, lines), "")
+    rows = csv.reader(lines, delimiter=";" if head.count(";") > head.count(",") else ",", strict=True)
+    try:
+        found = [(rows.line_num, [cell.strip() for cell in cells]) for cells in rows]
+    except csv.Error as error:
+        raise InputError(f"{path}, line {rows.line_num}: no row of a table ({error}); correct the quotes") from error
+    return [(number, cells) for number, cells in found if any(cells)]
 
 
 def _natural(name: str) -> tuple[list[tuple[int, str]], str]:

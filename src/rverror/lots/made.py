@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import compress
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given
 from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
@@ -108,13 +109,7 @@ def lot(
     """
     reducer_of(model.mechanism, "a lot")
     tell = progress or (lambda text: None)
-    if isinstance(units, Amplitudes):
-        amplitudes = units
-    else:
-        check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-        if not units:
-            raise InputError("units: there is none; give three or more")
-        amplitudes = amplitudes_of(model, units)
+    amplitudes = amplitudes_given(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
     if not question.simulator.parts.processes:
@@ -260,13 +255,21 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
     for number, process in enumerate(simulator.parts.processes):
         variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
         size = Interval(math.sqrt(variance), *interval(variance, error))
-        above = size.low > 0
-        needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None
-        one = _made(process, size, above, float(power[number] / power.sum()), question.alike[number], needed, means)
-        found.append(replace(one, least_difference=limits[number][0], least_error=limits[number][1]))
+        needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if size.low > 0 else None
+        found.append(
+            _made(
+                process,
+                size,
+                means,
+                share=float(power[number] / power.sum()),
+                alike=tuple(one.label for one in question.alike[number]),
+                units_needed=needed,
+                least_difference=limits[number][0],
+                least_error=limits[number][1],
+            )
+        )
     found.sort(key=lambda one: -one.share)
-    silent = [_made(process, None, False, 0.0, (), None, ()) for process in question.silent]
-    return (*found, *silent)
+    return (*found, *(_made(process, None, share=0.0) for process in question.silent))
 
 
 def _limits(simulator: Simulator, estimate: LotEstimate, units: int) -> list[tuple[float, float]]:
@@ -279,36 +282,24 @@ def _limits(simulator: Simulator, estimate: LotEstimate, units: int) -> list[tup
     return list(zip(differences.tolist(), errors.tolist(), strict=True))
 
 
-def _made(
-    process: Process,
-    size: Interval | None,
-    above: bool,
-    share: float,
-    alike: Sequence[Process],
-    needed: int | None,
-    means: Sequence[Shift],
-) -> MadeBy:
-    tolerance = process.tolerance
-    capable = centred = None
+def _made(process: Process, size: Interval | None, means: Sequence[Shift] = (), **told: Any) -> MadeBy:
+    tolerance, above = process.tolerance, size is not None and size.low > 0
     if tolerance is not None and size is not None and above:
         reach = 3.0 if len(process.parameters) < 2 or not tolerance.in_vectors else math.sqrt(-2 * math.log(OUTSIDE))
         own = [m.size.value for m in means if m.key == process.key and m.indices == process.indices]
         wanted = [tolerance.mean.get(parameter.name, 0.0) for parameter in process.parameters]
         off = math.hypot(*(mean - middle for mean, middle in zip(own, wanted, strict=True)))
-        capable, centred = (width / (reach * size.value) for width in (tolerance.width, tolerance.width - off))
+        for name, width in (("capability", tolerance.width), ("capability_centred", tolerance.width - off)):
+            told[name] = width / (reach * size.value)
     return MadeBy(
-        process.key,
-        process.indices,
-        tuple(parameter.name for parameter in process.parameters),
-        process.parameters[0].dimension,
-        size,
-        above,
-        share,
-        tuple(one.label for one in alike),
-        needed,
-        "" if tolerance is None else tolerance.label,
-        capable,
-        centred,
+        key=process.key,
+        indices=process.indices,
+        parameters=tuple(parameter.name for parameter in process.parameters),
+        dimension=process.parameters[0].dimension,
+        deviation=size,
+        above_zero=above,
+        tolerance="" if tolerance is None else tolerance.label,
+        **told,
     )
 
 

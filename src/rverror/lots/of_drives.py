@@ -14,10 +14,10 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.errors import InputError, check_kind
 from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import Drive
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given
 from rverror.lots.result import Interval
 from rverror.model.effects import Model
 
@@ -182,9 +182,7 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
     """
     check_kind("model", model, Model, "make one with load_model or Model(Drive(ratio=...))")
     check_kind("model: its mechanism", model.mechanism, Drive, "give a model with [drive]; lot takes reducers")
-    if not isinstance(units, Amplitudes):
-        check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-    amplitudes = units if isinstance(units, Amplitudes) else amplitudes_of(model, units)
+    amplitudes = amplitudes_given(model, units)
     count = len(amplitudes.serials)
     if count < _LEAST:
         raise InputError(f"units: {count} of drives, it takes {_LEAST} or more to tell one from the others; add units")

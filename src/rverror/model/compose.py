@@ -14,10 +14,10 @@ from rverror.geartrain.contacts import closed_form_forces, pose, torque_or_load
 from rverror.geartrain.kinematics import Pose, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
-from rverror.model.asked import Influence, influence_on
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model
-from rverror.model.readings import Stand, stand
+from rverror.model.readings import stand
+from rverror.model.results import Influence, influence_on
 
 
 def influence(
@@ -143,10 +143,7 @@ def transmission_error(
     >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
     True
     """
-    check_model(model)
-    angles = model.angles if theta is None else theta
-    read = pose(model.mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
-    rows = _influences(model, stand(model, read), forces)
+    rows = _influences(model, theta, forces, direction=direction, time=time, **torque_or_load(torque))
     return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
 
 
@@ -188,16 +185,15 @@ def transmission_error_by_effect(
     >>> bool(np.allclose(parts.sum(axis=0), transmission_error(unit, theta)))
     True
     """
-    check_model(model)
-    angles = model.angles if theta is None else theta
-    read = pose(model.mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
-    rows = _influences(model, stand(model, read), forces)
+    rows = _influences(model, theta, forces, direction=direction, time=time, **torque_or_load(torque))
     parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
     return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])
 
 
-def _influences(model: Model, where: Stand, forces: ContactForces | None) -> list[Array]:
+def _influences(model: Model, theta: Any | None, forces: ContactForces | None, **conditions: Any) -> list[Array]:
     """Influence matrix of each effect, after one without rows."""
+    check_model(model)
+    where = stand(model, pose(model.mechanism, model.angles if theta is None else theta, **conditions))
     used = closed_form_forces(where.gears) if forces is None else forces
     return [
         np.zeros((0, where.read.theta.size)),

@@ -17,9 +17,9 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
-from rverror.model.asked import Equilibrium, Influence, equilibrium_of, error_of, influence_on
 from rverror.model.catalogue import source
 from rverror.model.ends import Bench, Encoders
+from rverror.model.results import Equilibrium, Influence, equilibrium_of, error_of, influence_on
 
 _MECHANISM = "give reducer('RV-40E'), a Reducer or a Drive"
 

@@ -1,7 +1,7 @@
 """Empirical orders: a line of the output error described by its size alone, in the frame whose order it follows.
 
 For what is measured and not yet understood.  No part stands behind it, so no size of a part follows from it, and it
-foretells nothing of another load or another unit.
+predicts nothing of another load or another unit.
 """
 
 from __future__ import annotations

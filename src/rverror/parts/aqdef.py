@@ -71,16 +71,16 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
         *(each for each in (*_OF_PART, *_OF_VALUE) if each == "K0014" or any(each in row for row in rows)),
     ]
 
-    def words(entry: Entry) -> list[str]:
-        return [row.get(entry.name, "") for row in rows]
+    def cells(place: int) -> list[str]:
+        return [row.get(columns[place], "") for row in rows]
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
-        numbers = ([plain_number(word.replace(",", ".")) for word in words(entry)] for entry in chosen)
+    def read(places: Sequence[int]) -> list[RawArray]:
+        numbers = ([plain_number(word.replace(",", ".")) for word in cells(place)] for place in places)
         return [np.array(each, dtype=np.float64) for each in numbers]  # None is NaN
 
     entries = tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns)
     return BenchFile(
-        path=name, kind="text", entries=entries, read=read, words=words, notes=notes, noun="piece",
+        path=name, kind="text", entries=entries, columns=read, cells=cells, notes=notes, noun="piece",
         labels=np.arange(len(rows)) + 1, parse=plain_number,
     ), nominal  # fmt: skip
 

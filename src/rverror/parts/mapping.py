@@ -156,7 +156,7 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "thousands", "skip"), "key of [file]")
     serial = None
     if "serial" in content:
-        table = column_table(toml, ("serial",), content["serial"], 'name = "..."')
+        table = column_table(toml, ("serial",), content["serial"], 'name = "..."', ("name", "column"))
         serial = scaled_rule(toml, ("serial",), table, 'name = "..."', "").where
     features = (_feature(toml, given[0], content[given[0]], kind),) if given != ["error"] else ()
     groups = features or tuple(_error(toml, ("error", i), item, kind) for i, item in enumerate(errors))
@@ -195,8 +195,7 @@ def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColum
 def _column(toml: TomlText, place: Place, value: object, dimension: str) -> PartColumn:
     unit = units.DISPLAY_UNITS[dimension] if dimension else ""
     example = 'name = "..."' + (f', unit = "{unit}"' if unit else "")
-    table = dict(column_table(toml, place, value, example))
-    toml.check_keys(place, table, _COLUMN if dimension else _COLUMN[:2], f"key of {place[-1]}")
+    table = dict(column_table(toml, place, value, example, _COLUMN if dimension else _COLUMN[:2]))
     scale, nominal, sigma = table.pop("scale", 1), table.pop("nominal", None), table.pop("uncertainty", None)
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e6:
         toml.refuse((*place, "scale"), f"scale = {shown(scale)}: must be a number above 0; write 0.5 for a diameter")

@@ -157,9 +157,8 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     notes += file.notes
     bench = BenchMapping(path=rules.path, text=rules.text)
     entries = [found_entry(file, bench, where) for where in places]
-    labels, words = file.labels, file.words
+    labels = file.labels
     assert labels is not None  # of a text
-    assert words is not None
 
     def at(row: int) -> str:
         return f"{file.path}, {file.noun} {labels[row]}"
@@ -168,7 +167,7 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     for group in rules.groups:
         columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
         given = np.isfinite(list(columns.values())).all(axis=0)
-        serials = [word.strip() for word in words(entries[-1])] if serial else [Path(path).stem] * given.size
+        serials = [word.strip() for word in file.words(entries[-1])] if serial else [Path(path).stem] * given.size
         if not given.all():
             what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
             lost = f"{count_of(int((~given).sum()), 'row')} left out{what}"

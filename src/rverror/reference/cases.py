@@ -7,9 +7,11 @@ import io
 import json
 import math
 import tempfile
+import tomllib
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
@@ -170,91 +172,34 @@ ARRAYS: Mapping[str, tuple[str, str, str]] = {
 # --- the cases --------------------------------------------------------------------------------------------------------
 
 
-def _case(name: str, shows: str, unit: Reducer, *effects: Effect, **rest: Any) -> Definition:
-    return Definition(name, shows, Model(unit, effects, name.replace("-", " ")), **rest)
-
-
 def definitions() -> tuple[Definition, ...]:
-    """The reference cases; errors are 5 um, the load is 412 N*m, forward, unless a case says otherwise."""
-    unit = reducer("RV-40E")
-    several = (
-        effect("crank.eccentricity", crank=0, disc=0, radial="4 um", tangential="-2 um"),
-        effect("cycloid.disc_pitch", disc=1, harmonic=1, cos="3 um", sin="2 um"),
-        effect("cycloid.pin_position", pin=7, radial="-4 um", tangential="6 um"),
-        effect("cycloid.pin_circle", harmonic=2, radial_cos="2 um", tangential_sin="3 um"),
-        effect("cycloid.disc_bore_position", disc=0, crank=1, radial="2 um", tangential="3 um"),
-        effect("coupling.carrier_bore_position", crank=0, tangential="4 um"),
-        effect("involute.planet_eccentricity", crank=1, x="5 um", y="-3 um"),
+    """The reference cases, as ``data/reference-cases.toml`` has them."""
+    text = (resources.files("rverror") / "data" / "reference-cases.toml").read_text(encoding="utf-8")
+    cases = tomllib.loads(text)["case"]
+    errors = {case["name"]: case.get("effects", ()) for case in cases}
+    return tuple(_definition(case, errors[case.get("same_errors_as", case["name"])]) for case in cases)
+
+
+def _definition(case: Mapping[str, Any], errors: Sequence[Mapping[str, Any]]) -> Definition:
+    model = Model(
+        reducer(case.get("preset", "RV-40E")),
+        tuple(effect(**one) for one in errors),
+        case["name"].replace("-", " "),
     )
-    pins = "with rigid bearings and equal contacts; rms_from_equilibrium_arcsec is what that leaves out"
-    return (
-        _case(
-            "perfect-unit",
-            "no error: elastic windup alone, and what the change of loaded pins leaves",
-            unit,
-            closed_form="exact: zero",
-            known=(KnownNumber("closed", 0, 0.0, 0.0, "docs/theory/principle.md"),),
+    return Definition(
+        case["name"],
+        case["shows"],
+        model,
+        units.parse(case.get("torque", "412 N*m"), "torque"),
+        case.get("direction", 1.0),
+        case.get("closed_form", ""),
+        tuple(
+            KnownNumber(method, one["order"], one["arcsec"] * ARCSEC, one["tolerance"], one["where"])
+            for one in case.get("known", ())
+            for method in METHODS
+            if one.get("method", method) == method
         ),
-        _case(
-            "one-cam",
-            "one cam of one crank too eccentric: order 40",
-            unit,
-            effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
-            closed_form="within 0.1 arcsec at rated load",
-            known=tuple(KnownNumber(m, 40, 18.467 / 2 * ARCSEC, 1e-3, "docs/theory/crank.md") for m in METHODS),
-        ),
-        _case(
-            "disc-pitch",
-            "first harmonic of one disc's pitch error: order 40 through the loaded pins",
-            unit,
-            effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="5 um"),
-            closed_form=pins,
-            known=(KnownNumber("closed", 40, 6.725 * ARCSEC, 1e-3, "docs/theory/cycloid.md"),),
-        ),
-        _case(
-            "one-pin",
-            "one pin displaced along the pin circle: orders 78 h, the odd multiples of 39 cancel",
-            unit,
-            effect("cycloid.pin_position", pin=7, tangential="5 um"),
-            closed_form=pins,
-        ),
-        _case(
-            "carrier-bore",
-            "one crank bore of the carrier displaced tangentially: a constant, no wave of order 1",
-            unit,
-            effect("coupling.carrier_bore_position", crank=0, tangential="5 um"),
-            closed_form="exact",
-            known=(KnownNumber("closed", 0, -38.197 / 2 * ARCSEC, 1e-4, "docs/theory/coupling.md"),),
-        ),
-        _case(
-            "planet-eccentricity",
-            "one planet eccentric: order 40 through the gear mesh and the cranks",
-            unit,
-            effect("involute.planet_eccentricity", crank=0, x="5 um"),
-            closed_form="exact",
-            known=tuple(KnownNumber(m, 40, 0.672 * ARCSEC, 1e-3, "docs/theory/involute.md") for m in METHODS),
-        ),
-        _case(
-            "bearing-clearance",
-            "radial clearance of all cam bearings at 20 N*m: order 80, and a lag",
-            unit,
-            effect("crank.bearing_clearance", clearance="5 um"),
-            torque=20e3,
-            known=(KnownNumber("equilibrium", 80, 2.7 * ARCSEC, 0.02, "tests/statics/test_clearance.py"),),
-        ),
-        _case("several-errors", "errors of cams, discs, pins, bores and a planet together", unit, *several,
-              closed_form=pins),
-        _case("several-errors-reverse", "the same in reverse: the other side's pins and flanks carry", unit, *several,
-              direction=-1.0, closed_form=pins),
-        _case(
-            "unit-003",
-            "another geometry, source 003's unit with three cranks: one cam, and one disc's pitch",
-            reducer("RV-003"),
-            effect("crank.eccentricity", crank=0, disc=0, radial="5 um"),
-            effect("cycloid.disc_pitch", disc=1, harmonic=1, sin="5 um"),
-            closed_form=pins,
-        ),
-    )  # fmt: skip
+    )
 
 
 def pick(names: Sequence[str]) -> tuple[Definition, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of, way
-from rverror.base.text import some
 from rverror.geartrain.kinematics import motion_direction
 from rverror.runs.reading import Reading, check_needed, refuse
 
@@ -72,23 +71,19 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
 
 
 def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
-    path, labels, noun = reading.path, reading.labels, reading.noun
     usable = np.logical_and.reduce([np.abs(values) < _LARGEST for values in reading.columns.values()])  # false for NaN
     dropped = int(np.count_nonzero(~usable))
     if dropped:
-        listed = some((labels[~usable]).tolist())
-        plural = "s" if dropped > 1 else ""
-        where = f"({noun}{plural} {listed})"
+        where = reading.listed(~usable)
         if dropped > MOST_UNUSABLE * usable.size:
-            refuse(
-                path,
+            reading.refuse(
                 f"{dropped} of {usable.size} rows hold no number in a needed column {where}, at most "
                 f"{100 * MOST_UNUSABLE:.0f} % may be left out; repair or export the file again",
             )
-        notes.append(f"{dropped} row{plural} without a number left out {where}")
+        notes.append(f"{count_of(dropped, 'row')} without a number left out {where}")
     count = int(np.count_nonzero(usable))
     if count < LEAST_SAMPLES:
-        refuse(path, f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
+        reading.refuse(f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
     if not dropped:
         return reading
     return _picked(reading, usable)
@@ -102,8 +97,7 @@ def _without_doubles(reading: Reading, notes: list[str]) -> Reading:
     count = int(np.count_nonzero(~new))
     if not count or np.count_nonzero(new) < LEAST_SAMPLES:  # a standstill is refused as such
         return reading
-    plural = "s" if count > 1 else ""
-    notes.append(f"{count} doubled row{plural} left out ({reading.noun}{plural} {some(reading.labels[~new].tolist())})")
+    notes.append(f"{count_of(count, 'doubled row')} left out {reading.listed(~new)}")
     return _picked(reading, new)
 
 
@@ -117,23 +111,19 @@ def _picked(reading: Reading, rows: np.ndarray[Any, np.dtype[np.bool_]]) -> Read
 
 
 def _check_time(reading: Reading, time: Array, notes: list[str]) -> None:
-    path, labels, noun = reading.path, reading.labels, reading.noun
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
     if back.size:
-        refuse(
-            path,
-            f"{noun} {labels[back[0] + 1]}: time runs back from {time[back[0]]:.9g} s to {time[back[0] + 1]:.9g} s; "
+        reading.refuse(
+            f"{reading.at(back[0] + 1)}: time runs back from {time[back[0]]:.9g} s to {time[back[0] + 1]:.9g} s; "
             "put the rows in order, and each run in a file of its own",
         )
     repeated = np.flatnonzero(steps == 0)
     if repeated.size == steps.size:
-        refuse(path, f"time stands still at {time[0]:.9g} s; leave the column out or repair it")
+        reading.refuse(f"time stands still at {time[0]:.9g} s; leave the column out or repair it")
     if repeated.size:
-        plural = "s" if repeated.size > 1 else ""
-        notes.append(
-            f"{repeated.size} repeated time stamp{plural} ({noun}{plural} {some(labels[repeated + 1].tolist())})"
-        )
+        listed = reading.listed(repeated + 1)
+        notes.append(f"{count_of(repeated.size, 'repeated time stamp')} {listed}")
 
 
 def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
@@ -172,8 +162,8 @@ def _note_counters(reading: Reading, columns: Mapping[str, Array], notes: list[s
             size = np.rad2deg(steps[name][first] - np.median(around))
             oftener = f", and {places.size - 1} times more" if places.size > 1 else ""
             notes.append(
-                f"{name} jumps by {size:.4g} deg at {reading.noun} "
-                f"{reading.labels[first + 1]}{oftener}, {other} does not: its counter has jumped"
+                f"{name} jumps by {size:.4g} deg at {reading.at(first + 1)}{oftener}, {other} does not: its counter "
+                "has jumped"
             )
     return jumped
 
@@ -188,7 +178,7 @@ def _note_gaps(reading: Reading, name: str, values: Array, unit: str, notes: lis
         longest = gaps[np.argmax(steps[gaps])]
         notes.append(
             f"{count_of(gaps.size, 'gap')} in {name} (step above {GAP:g} times the median of {median:.4g} {unit}; "
-            f"the longest, {steps[longest]:.4g} {unit}, after {reading.noun} {reading.labels[longest]})"
+            f"the longest, {steps[longest]:.4g} {unit}, after {reading.at(longest)})"
         )
 
 
@@ -224,7 +214,7 @@ def _sense(columns: Mapping[str, Array], ratio: float | None, jumped: set[str]) 
 def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: list[str]) -> Array:
     reach = float(np.ptp(angle))
     if reach == 0:
-        refuse(reading.path, f"{name} does not move, so there is nothing to compare; give the run of a turning drive")
+        reading.refuse(f"{name} does not move, so there is nothing to compare; give the run of a turning drive")
     steps = np.abs(np.diff(angle))
     # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
     jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
@@ -257,10 +247,9 @@ def _check_one_run(reading: Reading, name: str, angle: Array) -> None:
     for i in back.tolist():
         before, after = steps[max(i - 5, 0) : i].sum(), steps[i + 1 : i + 6].sum()
         if before * after > 0 and before * steps[i] < 0:
-            refuse(
-                reading.path,
-                f"{reading.noun} {reading.labels[i + 1]}: {name} jumps back by {np.rad2deg(abs(steps[i])):.4g} deg and "
-                "goes on as before, so there are two runs in one; put each in a file of its own",
+            reading.refuse(
+                f"{reading.at(i + 1)}: {name} jumps back by {np.rad2deg(abs(steps[i])):.4g} deg and "
+                "goes on as before, so there are two runs in one; put each in a file of its own"
             )
 
 
@@ -269,22 +258,48 @@ def _check_direction(reading: Reading, name: str, angle: Array, stated: float, j
     way = stated * angle
     if way[-1] < way[0]:
         verb = "falls" if stated > 0 else "grows"
-        refuse(
-            reading.path,
+        reading.refuse(
             f"{reading.stated_at}direction says {word}, but the output angle {verb} from first to last row; "
-            f"write {opposite}",
+            f"write {opposite}"
         )
     back = np.maximum.accumulate(way) - way
     worst = int(np.argmax(back))
     bound = max(jitter, 0.01 * float(np.ptp(angle)))
     if back[worst] > bound:
         turned = reading.labels[int(np.argmax(way[: worst + 1]))]
-        refuse(
-            reading.path,
-            f"{reading.noun} {reading.labels[worst]}: direction says {word}, but {name} has gone back by "
+        reading.refuse(
+            f"{reading.at(worst)}: direction says {word}, but {name} has gone back by "
             f"{np.rad2deg(back[worst]):.4g} deg (bound {np.rad2deg(bound):.3g} deg) since {reading.noun} {turned}; "
-            "write 'mixed' or split the run",
+            "write 'mixed' or split the run"
         )
+
+
+def reversals(angle: Array, jitter: float) -> tuple[list[int], int]:
+    """Samples at which an angle that jitters turns back, and its last extreme.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+    jitter : float
+        A way back counts as a reversal only where it is longer than this.
+
+    Returns
+    -------
+    list of int, int
+    """
+    extremes: list[int] = []
+    sense = low = high = 0
+    values = angle.tolist()
+    for i, value in enumerate(values):
+        high = i if value >= values[high] else high
+        low = i if value <= values[low] else low
+        if sense >= 0 and values[high] - value > jitter:
+            extremes += [high] if sense else []  # before the first way longer than the jitter there is no reversal
+            sense, low = -1, i
+        elif sense <= 0 and value - values[low] > jitter:
+            extremes += [low] if sense else []
+            sense, high = 1, i
+    return extremes, high if sense > 0 else low if sense < 0 else angle.size - 1
 
 
 def smooth_direction(angle: Array, jitter: float) -> Array:
@@ -302,24 +317,7 @@ def smooth_direction(angle: Array, jitter: float) -> Array:
     ndarray, shape (n,)
         +1 or -1, turning at the extreme itself, not where the way back has grown long enough.
     """
-    extremes = [0]
-    low = high = 0
-    sense = 0
-    values = angle.tolist()
-    for i, value in enumerate(values):
-        if value >= values[high]:
-            high = i
-        if value <= values[low]:
-            low = i
-        if sense >= 0 and values[high] - value > jitter:
-            if sense:  # before the first way longer than the jitter there is no reversal
-                extremes.append(high)
-            sense, low = -1, i
-        elif sense <= 0 and value - values[low] > jitter:
-            if sense:
-                extremes.append(low)
-            sense, high = 1, i
-    extremes.append(high if sense > 0 else low if sense < 0 else angle.size - 1)
-    places = np.unique(extremes)
+    extremes, last = reversals(angle, jitter)
+    places = np.unique([0, *extremes, last])
     # A line through the extremes moves as the angle does, without its jitter.
     return motion_direction(np.interp(np.arange(angle.size), places, angle[places]))

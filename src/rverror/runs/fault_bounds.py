@@ -34,7 +34,7 @@ class FaultBounds:
     ----------
     certain : float
         First pass: a spike or slip is larger than so many times the scatter, near it and in all, of what neighbours do
-        not foretell.  Gear error is no Gaussian noise, so this is no level of chance: in clean runs of the loaded
+        not predict.  Gear error is no Gaussian noise, so this is no level of chance: in clean runs of the loaded
         equilibrium, with kinks and content near the Nyquist order, the largest was below 6.
     spike_chance, burst_chance, slip_chance : float
         Second pass: probability that a clean run gets a single sample, a burst or a slip set aside, shared by all

@@ -16,6 +16,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
+from rverror.runs.checks import reversals
 from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
@@ -118,7 +119,13 @@ class Faults:
 
         A gap, a sample set aside, a change of direction and a slip break the series; a doubled row does not.
         """
-        return _segments(self)
+        broken = np.zeros(self.theta.size + 1, dtype=bool)
+        broken[[*self.turned, *(gap.index for gap in self.gaps), *(slip.index for slip in self.slips)]] = True
+        # What is set aside leaves a hole, unless it only repeats the angle before.
+        broken[:-1] |= ~self.kept & ~_again(self.theta)
+        part = np.cumsum(broken[:-1])[self.kept]
+        edges = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), part.size]
+        return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
     def levels(self) -> Index:
         """Number of the level at each sample, shape (n,): 0 before the first slip, one more after each."""
@@ -249,19 +256,7 @@ def _turned(theta: Array) -> list[int]:
     typical = float(np.median(np.abs(steps[steps != 0])))
     way = np.concatenate([[0.0], np.cumsum(np.clip(steps, -5 * typical, 5 * typical))])
     jitter = min(10 * typical, float(np.ptp(way)) / 4)
-    turned: list[int] = []
-    values = way.tolist()
-    sense, low, high = 0, 0, 0
-    for i, value in enumerate(values):
-        high = i if value >= values[high] else high
-        low = i if value <= values[low] else low
-        if sense >= 0 and values[high] - value > jitter:
-            turned += [high + 1] if sense else []
-            sense, low = -1, i
-        elif sense <= 0 and value - values[low] > jitter:
-            turned += [low + 1] if sense else []
-            sense, high = 1, i
-    return turned
+    return [extreme + 1 for extreme in reversals(way, jitter)[0]]
 
 
 def _gaps(theta: Array, turned: Mask, bounds: FaultBounds) -> list[Gap]:
@@ -288,16 +283,6 @@ def _gaps(theta: Array, turned: Mask, bounds: FaultBounds) -> list[Gap]:
 def _stretches(found: Faults) -> list[slice]:
     """Samples between changes of direction, where the reading rightly jumps by the lost motion."""
     return [slice(a, b) for a, b in pairwise([0, *found.turned, found.theta.size]) if b > a]
-
-
-def _segments(found: Faults) -> list[slice]:
-    broken = np.zeros(found.theta.size + 1, dtype=bool)
-    broken[[*found.turned, *(gap.index for gap in found.gaps), *(slip.index for slip in found.slips)]] = True
-    # What is set aside leaves a hole, unless it only repeats the angle before.
-    broken[:-1] |= ~found.kept & ~_again(found.theta)
-    part = np.cumsum(broken[:-1])[found.kept]
-    edges = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), part.size]
-    return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
 def _count(reading: Array) -> float:

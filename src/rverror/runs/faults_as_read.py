@@ -1,4 +1,4 @@
-"""First search for faults: samples and steps of a run as read that the neighbours on neither side foretell."""
+"""First search for faults: samples and steps of a run as read that the neighbours on neither side predict."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         if not more:
             break
         off |= more
-        # What neighbours foretell stands in for them: from those that are left first, then by the parabolas.
+        # What neighbours predict stands in for them: from those that are left first, then by the parabolas.
         places = np.array(sorted(off), dtype=np.intp)
         doubtful[places] = np.nan
         left = np.setdiff1d(np.flatnonzero(np.isnan(doubtful)), places)
@@ -136,7 +136,7 @@ def _running_median(values: Array, width: int) -> Array:
 def _apart(values: Array, widths: tuple[int, ...]) -> Array:
     """Medians of the neighbourhood where a sample is far from them, else NaN.
 
-    Those stand in for what may be faults while scatter is told: each fault would spoil what 16 neighbours foretell.
+    Those stand in for what may be faults while scatter is told: each fault would spoil what 16 neighbours predict.
     """
     found = np.full(values.size, np.nan)
     for width in widths:
@@ -148,7 +148,7 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
 
 
 def _stands_out(values: Array, clean: Array, at: int) -> bool:
-    """Whether a sample beside an end is farther off than all that is near: an end turned over foretells but roughly.
+    """Whether a sample beside an end is farther off than all that is near: an end turned over predicts but roughly.
 
     Off a line, since the error may rise there as steeply as a spike is large; and by a jump, since what bends away from
     that line does so gradually.
@@ -244,7 +244,7 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: Fa
             cleaned += rest[k + j] / length
         mean = off.mean(axis=0)
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
-        # A kink is foretold from one of its sides, and so is a slip.
+        # A kink is predicted from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
         score = _score(mean, mean + cleaned, alone, floor, bounds.certain)
         better = score > best[k]

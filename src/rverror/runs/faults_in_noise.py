@@ -199,7 +199,7 @@ def _whitened(values: Array, good: Mask, pieces: Sequence[tuple[int, int]], colo
     for first, last in pieces:
         part = rows[:, first:last].copy()
         for k in np.flatnonzero(~good[first:last]).tolist():
-            p = min(k, order)  # a hole holds what its past foretells, so that it adds nothing
+            p = min(k, order)  # a hole holds what its past predicts, so that it adds nothing
             part[:, k] = -part[:, k - p : k] @ colour.filters[p, p:0:-1]
         for row, into in zip(part, out[:, first:last], strict=True):
             into[:] = np.convolve(row, colour.filters[order])[: row.size] / colour.spread[order]

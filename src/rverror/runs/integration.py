@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.text import shown
 from rverror.runs.checks import GAP, LEAST_SAMPLES, fitted_slope
-from rverror.runs.reading import SPEEDS, refuse
+from rverror.runs.reading import SPEEDS, Reading
 
 #: Key of a run's metadata that tells which of its angles are integrals.
 INTEGRATED = "integrated"
@@ -19,76 +19,79 @@ LEAST_TURNS = 2
 _TURN = 2 * math.pi
 
 
-def angles_from_speeds(
-    path: str, columns: Mapping[str, Array], labels: np.ndarray[Any, np.dtype[Any]], noun: str, notes: list[str]
-) -> dict[str, Array]:
-    """Columns with each speed replaced by its integral over time, that of a cubic spline through its samples.
+def integrated(reading: Reading) -> Reading:
+    """Replace each speed of a run by its integral over time, that of a cubic spline through its samples.
 
     Parameters
     ----------
-    path : str
-        File, for messages.
-    columns : mapping of str to ndarray, shape (n,)
+    reading : Reading
         ``input_speed`` and ``output_speed`` in rad/s, ``time`` in s, others as they are.
-    labels : ndarray of int, shape (n,)
-        What messages call each row.
-    noun : str
-        What the labels count.
-    notes : list of str
-        Gets what was integrated.
 
     Returns
     -------
-    dict of str to ndarray
-        Angles, rad, from 0 at the first sample.
+    Reading
+        With angles, rad, from 0 at the first sample; its header tells which they are, and that they have no zero.
 
     Raises
     ------
     InputError
-        If there is no time, time does not grow or has a gap, or a speed is missing: no integral goes across.
+        If there is no time, time does not grow or has a gap, or a speed is missing: no integral goes across; or if the
+        header states a zero.
 
     Notes
     -----
     A wave of x = omega h, h the time between samples, comes out 1 - x^4/720 as high as it is;
     `docs/theory/test-bench.md` has the derivation, and what the integral makes of noise.
     """
-    given = [name for name in SPEEDS if name in columns]
+    columns, given = reading.columns, [name for name in SPEEDS if name in reading.columns]
     if not given:
-        return dict(columns)
+        return reading
     listed = " and ".join(given)
     if "time" not in columns:
-        refuse(path, f"{listed}: there is no time to integrate over; name the time column in [columns]")
-    time = columns["time"]
-    if time.size < LEAST_SAMPLES:
-        refuse(path, f"{time.size} samples of {listed}; {LEAST_SAMPLES} or more are needed: measure a longer run")
-    for name in ("time", *given):
-        if (missing := np.flatnonzero(~np.isfinite(columns[name]))).size:
-            where = f"{noun} {labels[missing[0]]}"
-            refuse(
-                path, f"{where}: {name} holds no number, and {listed} cannot be integrated across; split the run there"
-            )
-    steps = np.diff(time)
-    if (still := np.flatnonzero(steps <= 0)).size:
-        refuse(path, f"{noun} {labels[still[0] + 1]}: time does not grow, so {listed} cannot be integrated; repair it")
-    usual = float(np.median(steps))
-    if (long := np.flatnonzero(steps > GAP * usual * (1 + 1e-9))).size:
-        refuse(
-            path,
-            f"{noun} {labels[long[0] + 1]}: a gap of {steps[long[0]]:.4g} s after steps of {usual:.4g} s, at most "
-            f"{GAP:g} of them: {listed} cannot be integrated across; split the run there",
+        reading.refuse(f"{listed}: there is no time to integrate over; name the time column in [columns]")
+    if reading.index not in ("", "unknown"):
+        reading.refuse(
+            f"index = {shown(reading.index)}: an angle integrated from {listed} has no zero; leave index out, or write "
+            "'unknown'"
         )
-    from scipy.interpolate import CubicSpline  # takes long to load
+    _check_unbroken(reading, given, listed)
+    from scipy.interpolate import CubicSpline  # loads slowly, and few runs have speeds
 
     found = {name: values for name, values in columns.items() if name not in SPEEDS}
+    notes = list(reading.notes)
     for name in given:
-        angle = CubicSpline(time, columns[name]).antiderivative()(time)
+        angle = CubicSpline(columns["time"], columns[name]).antiderivative()(columns["time"])
         found[SPEEDS[name]] = np.asarray(angle, dtype=np.float64)
         notes.append(f"{SPEEDS[name]} is the integral of {name} over time: its start is not known")
     line = "taken off the error is the straight line in time that an offset of a speed makes"
     if "output_angle" in found and np.ptp(found["output_angle"]) < (LEAST_TURNS - 0.01) * _TURN:
         line += f"; over less than {LEAST_TURNS} output turns some of the slow orders goes with it"
-    notes.append(line)
-    return found
+    return replace(
+        reading,
+        columns=found,
+        index="unknown",
+        metadata={**reading.metadata, INTEGRATED: ", ".join(given)},
+        notes=(*notes, line),
+    )
+
+
+def _check_unbroken(reading: Reading, given: list[str], listed: str) -> None:
+    time = reading.columns["time"]
+    if time.size < LEAST_SAMPLES:
+        reading.refuse(f"{time.size} samples of {listed}; {LEAST_SAMPLES} or more are needed: measure a longer run")
+    for name in ("time", *given):
+        if (missing := np.flatnonzero(~np.isfinite(reading.columns[name]))).size:
+            where = f"{reading.at(missing[0])}: {name} holds no number"
+            reading.refuse(f"{where}, and {listed} cannot be integrated across; split the run there")
+    steps = np.diff(time)
+    if (still := np.flatnonzero(steps <= 0)).size:
+        reading.refuse(f"{reading.at(still[0] + 1)}: time does not grow, so {listed} cannot be integrated; repair it")
+    usual = float(np.median(steps))
+    if (long := np.flatnonzero(steps > GAP * usual * (1 + 1e-9))).size:
+        reading.refuse(
+            f"{reading.at(long[0] + 1)}: a gap of {steps[long[0]]:.4g} s after steps of {usual:.4g} s, at most "
+            f"{GAP:g} of them: {listed} cannot be integrated across; split the run there"
+        )
 
 
 def without_line(error: Array, *, theta: Array, time: Array) -> Array:

@@ -28,7 +28,7 @@ from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.bench.file import is_bench_file, read_bench_file
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
 from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
@@ -38,6 +38,7 @@ from rverror.runs.reading import (
     COLUMNS,
     DIRECTIONS,
     HEADER_KEYS,
+    OfFile,
     Reading,
     checked_value,
     refuse,
@@ -45,7 +46,7 @@ from rverror.runs.reading import (
     torque_column,
 )
 from rverror.runs.run_file import read_run_file
-from rverror.runs.text_table import HEADER_LINE
+from rverror.runs.text_table import HEADER_LINE, header_lines
 
 __all__ = [
     "Run",
@@ -66,7 +67,7 @@ _BY_NOISE = 6.0  # standard deviations of a mean: of sixteen the range is 3.5, a
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run(Viewed):
+class Run(OfFile, Viewed):
     """Angles of one pass over the test bench.
 
     Attributes
@@ -174,7 +175,7 @@ class Run(Viewed):
         try:
             return fitted_torque(self.nominal_angle(ratio), self.load_column)
         except ValueError as problem:
-            refuse(self.path, str(problem))
+            self.refuse(str(problem))
 
     def check_effects(self, model: Model, name: str) -> None:
         """Check that the run tells what the effects of a model need.
@@ -214,10 +215,9 @@ class Run(Viewed):
         """
         theta = self.nominal_angle(ratio)
         if self.te_column is None and (self.output_angle is None or self.input_angle is None):
-            refuse(
-                self.path,
+            self.refuse(
                 "a torque record holds one angle, so it has no transmission error; only a [drive] model is diagnosed "
-                "from it",
+                "from it"
             )
         if self.te_column is None:
             assert self.output_angle is not None  # checked when the run was made
@@ -231,11 +231,10 @@ class Run(Viewed):
             # Room for the rounding of printed columns: 0.1 arcsec, or 1 % of a large error.
             allowed = max(0.1 * units.ARCSEC, 0.01 * float(np.std(self.te_column)))
             if worst > allowed:
-                refuse(
-                    self.path,
+                self.refuse(
                     f"te differs from output_angle - input_angle / {ratio_of(ratio):g} by up to "
                     f"{worst / units.ARCSEC:.3g} arcsec, allowed are {allowed / units.ARCSEC:.2g}; "
-                    "leave out te, or check the ratio",
+                    "leave out te, or check the ratio"
                 )
         return self.te_column.copy()
 
@@ -245,10 +244,9 @@ class Run(Viewed):
             # Direction tells the sign: it was stated, or read with the sign known then.
             travel = way_made(self.input_angle, self.direction)
             if travel * ratio < 0:
-                refuse(
-                    self.path,
+                self.refuse(
                     f"with the ratio {ratio:g} the nominal angle runs against the run's direction; correct "
-                    f"'direction' or the sign of the ratio, and for mixed directions give load_run the ratio",
+                    f"'direction' or the sign of the ratio, and for mixed directions give load_run the ratio"
                 )
             return
         theta = self.input_angle / ratio
@@ -257,16 +255,14 @@ class Run(Viewed):
         slope = fitted_slope(theta, self.output_angle)
         measured = ratio / slope if slope else np.inf
         if slope < 0:
-            refuse(
-                self.path,
+            self.refuse(
                 f"the output turns {'with' if measured > 0 else 'against'} the input, the model's ratio of {ratio:g} "
-                f"says otherwise; the run's ratio is about {measured:.4g}: change the sign of the ratio or of a column",
+                f"says otherwise; the run's ratio is about {measured:.4g}: change the sign of the ratio or of a column"
             )
         if not 0.5 < slope < 2:
-            refuse(
-                self.path,
+            self.refuse(
                 f"the run's ratio is about {measured:.4g}, the model's {ratio:g} (a factor of 2 is the bound); "
-                "check the units of the columns, their order, and the model",
+                "check the units of the columns, their order, and the model"
             )
 
 
@@ -297,8 +293,7 @@ def load_run(
     InputError
         If the file cannot be used; one line that names file, line, column, bound and remedy.
     """
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     if is_order_file(path) or (mapping is not None and mapping.orders.columns):
         return load_orders(path, mapping)
     return read_run(path, ratio, mapping)
@@ -317,8 +312,7 @@ def read_run(
         If the file cannot be used, or is an order table.
     """
     refuse_order_file(path)
-    if mapping is not None and not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
+    mapping = given_mapping(mapping)
     if mapping is None and not is_bench_file(path):
         return _run(read_run_file(path), ratio)
     return _run(read_bench_file(path, mapping or BenchMapping()), ratio)
@@ -439,12 +433,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
     if run.index:
         keys["index"] = run.index
     keys |= {key: value for key, value in run.metadata.items() if key.lower() not in HEADER_KEYS}
-    for key, value in keys.items():
-        line = f"# {key}: {value}"
-        match = HEADER_LINE.match(line)
-        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
-            refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
-        head.append(line)
+    head += header_lines(path, keys)
     columns = {
         "time[s]": run.time,
         "input_angle[deg]": None if run.input_angle is None else np.rad2deg(run.input_angle),

@@ -18,29 +18,29 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, did_you_mean, shown, some, split_lines, write_text
+from rverror.base.text import PathLike, check_path, did_you_mean, shown, split_lines, write_text
 from rverror.runs import reading
-from rverror.runs.bench.mapping import BenchMapping, load_mapping
+from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_report import read_bench_orders
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows
-from rverror.runs.text_table import (
-    HEADER_LINE,
-    NUMERALS,
-    TextTable,
-    cells_of,
-    column_names,
-    column_unit,
-    header_number,
-    opened,
-)
+from rverror.runs.text_table import HEADER_LINE, NUMERALS, TextKind, TextTable, header_lines, opened
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
 
-_KEYS = ("kind", "direction", *ORDER_CONDITIONS, "index")
+_ORDERS = TextKind(
+    keys=("kind", "direction", *ORDER_CONDITIONS, "index"),
+    dimensions={**ORDER_COLUMNS, "direction": ""},
+    examples=ORDER_EXAMPLES,
+    names="direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]",
+    example="amplitude[arcsec]",
+    needed="write one for each order of each condition",
+    remedy=", or make it a column",
+)
+#: Attribute of a condition that has the number of a column.
+_ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
 _DIRECTIONS = {"forward": 1.0, "reverse": -1.0}
-_NAMES = "direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]"
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
 
@@ -130,48 +130,42 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
     The transmission error is the sum of amplitude cos(order theta + phase) over the rows of a condition; theta, the
     output angle, grows in both directions.  Orders that are not listed are not known, not zero.
     """
+    mapping = given_mapping(mapping)
     if mapping is None or is_order_file(path):
         return _table(_own_rows(path))
-    if not isinstance(mapping, BenchMapping):
-        mapping = load_mapping(mapping)
     _check_columns(mapping.path, "[orders]", mapping.orders.given)
     return _table(read_bench_orders(path, mapping))
 
 
 def _own_rows(path: PathLike) -> OrderRows:
     """Rows of a text whose header says what it is."""
-    text = opened(
-        path,
-        keys=_KEYS,
-        names=_NAMES,
-        needed="write one for each order of each condition",
-        remedy=", or make it a column",
-    )
+    text = opened(path, _ORDERS)
     _check_kind(text)
-    places = _columns(text)
-    cells = [cells_of(text, place, len(places)) for place in text.rows]
+    scales = text.scales()
+    others = [name for name, scale in scales.items() if scale is None]
+    _check_columns(text.path, f"line {text.first + 1}", list(scales), others=others)
+    cells = text.cells(len(scales))
     with np.errstate(over="ignore"):  # what overflows is left out below, and counted
         columns = {
-            name: np.array([_number(row[at]) for row in cells]) * factor + zero
-            for at, (name, (factor, zero)) in enumerate(places.items())
-            if name in ORDER_COLUMNS
+            name: np.array([_number(row[at]) for row in cells]) * scale[0] + scale[1]
+            for at, (name, scale) in enumerate(scales.items())
+            if scale is not None and name != "direction"
         }
-    others = [name for name in places if name not in ORDER_COLUMNS and name != "direction"]
-    notes = [*text.notes(_KEYS)]
+    notes = [*text.notes]
     if others:
         notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
     return OrderRows(
         path=text.path,
         labels=tuple(place + 1 for place in text.rows),
         noun="line",
-        directions=_directions(text, places, cells),
+        directions=_directions(text, list(scales), cells),
         columns=columns,
         stated={
             name: (number, f"line {text.header[name].line}")
             for name, dimension in ORDER_CONDITIONS.items()
-            if (number := header_number(text, name, dimension)) is not None
+            if (number := text.number(name, dimension)) is not None
         },
-        index=text.header["index"].value if "index" in text.header else "",
+        index=text.index,
         metadata=text.metadata,
         notes=tuple(notes),
     )
@@ -180,34 +174,9 @@ def _own_rows(path: PathLike) -> OrderRows:
 def _check_kind(text: TextTable) -> None:
     kind = text.header.get("kind")
     if kind is None:
-        _refuse(text.path, f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
+        text.refuse(f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
     if kind.value.lower() != KIND:
-        _refuse(text.path, f"line {kind.line}: kind = {shown(kind.value)}: must be {KIND}")
-
-
-def _columns(text: TextTable) -> dict[str, tuple[float, float]]:
-    """Columns by name, in their order: factor to core units and zero; others keep the name as written."""
-    found: dict[str, tuple[float, float]] = {}
-    for at, cell, name in column_names(text, names=_NAMES, example="amplitude[arcsec]"):
-        known = name if name in (*ORDER_COLUMNS, "direction") else cell
-        if known in found:
-            _refuse(text.path, f"{at}: {known} stands in column {list(found).index(known) + 1} too; leave one of them")
-        found[known] = (1.0, 0.0)
-        if ORDER_COLUMNS.get(known):
-            found[known] = column_unit(
-                text.path,
-                at,
-                cell=cell,
-                name=known,
-                example=ORDER_EXAMPLES[known],
-                dimension=ORDER_COLUMNS[known],
-            )
-        elif known != cell.lower():
-            _refuse(text.path, f"{at}: {known} has no unit; write '{known}'")
-    _check_columns(
-        text.path, f"line {text.first + 1}", list(found), others=[n for n in found if n not in ORDER_COLUMNS]
-    )
-    return found
+        text.refuse(f"line {kind.line}: kind = {shown(kind.value)}: must be {KIND}")
 
 
 def _check_columns(path: str, where: str, names: Collection[str], *, others: Sequence[str] = ()) -> None:
@@ -221,24 +190,15 @@ def _check_columns(path: str, where: str, names: Collection[str], *, others: Seq
                 return f" did you mean {name!r} by {shown(match)}?"
         return ""
 
-    if "order" not in names:
+    given = set(names)
+    if "order" not in given:
         _refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")
-    for one, other in (("cos", "sin"), ("sin", "cos")):
-        if one in names and other not in names:
-            _refuse(path, f"{where}: {one} without {other};{meant(other)} give both, or amplitude and phase")
-    if "cos" in names and {"amplitude", "phase"} & set(names):
-        both = " and ".join(name for name in ("amplitude", "phase") if name in names)
-        _refuse(path, f"{where}: {both} beside cos and sin; leave one form of them")
-    if "cos" in names:
-        return
-    for one, other in (("amplitude", "phase"), ("phase", "amplitude")):
-        if one in names and other not in names:
-            _refuse(
-                path,
-                f"{where}: {one} without {other}, so the waves are not known;{meant(other)} give {other}"
-                f"[{ORDER_EXAMPLES[other]}], or cos[arcsec] and sin[arcsec]",
-            )
-    if "amplitude" not in names:
+    if {"cos", "sin"} <= given and (both := [name for name in ("amplitude", "phase") if name in given]):
+        _refuse(path, f"{where}: {' and '.join(both)} beside cos and sin; leave one form of them")
+    for one, other, why, remedy in _PAIRS:
+        if one in given and other not in given:
+            _refuse(path, f"{where}: {one} without {other}{why};{meant(other)} give {remedy}")
+    if not given & {"cos", "amplitude"}:
         _refuse(
             path,
             f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
@@ -246,30 +206,35 @@ def _check_columns(path: str, where: str, names: Collection[str], *, others: Seq
         )
 
 
-def _directions(
-    text: TextTable, places: Mapping[str, tuple[float, float]], cells: Sequence[Sequence[str]]
-) -> tuple[float, ...]:
+#: Columns that need another: what is not known without it, and what to give.
+_PAIRS = (
+    ("cos", "sin", "", "both, or amplitude and phase"),
+    ("sin", "cos", "", "both, or amplitude and phase"),
+    ("amplitude", "phase", ", so the waves are not known", "phase[deg], or cos[arcsec] and sin[arcsec]"),
+    ("phase", "amplitude", ", so the waves are not known", "amplitude[arcsec], or cos[arcsec] and sin[arcsec]"),
+)
+
+
+def _directions(text: TextTable, names: list[str], cells: Sequence[Sequence[str]]) -> tuple[float, ...]:
     """+1 or -1 of each row."""
     stated, line = None, 0
     if "direction" in text.header:
         line = text.header["direction"].line
         stated = _direction(text.path, f"line {line}", text.header["direction"].value)
-    if "direction" not in places:
+    if "direction" not in names:
         if stated is None:
-            _refuse(
-                text.path,
+            text.refuse(
                 f"line {text.first + 1}: there is no direction; write '# direction: forward' above the names, or a "
-                "column 'direction'",
+                "column 'direction'"
             )
         return (stated,) * len(cells)
-    at = list(places).index("direction")
+    at = names.index("direction")
     found = []
     for place, row in zip(text.rows, cells, strict=True):
         value = _direction(text.path, f"line {place + 1}", row[at].strip().strip('"').strip())
         if stated is not None and value != stated:
-            _refuse(
-                text.path,
-                f"line {place + 1}: direction = {way(value)}, but line {line} says {way(stated)}; leave one of them",
+            text.refuse(
+                f"line {place + 1}: direction = {way(value)}, but line {line} says {way(stated)}; leave one of them"
             )
         found.append(value)
     return tuple(found)
@@ -302,7 +267,7 @@ def _table(rows: OrderRows) -> OrderTable:
     sigma = _sigma(rows, columns, waves, notes)
     usable = np.isfinite(waves)
     for row in np.flatnonzero(~np.isfinite(columns["order"])).tolist():
-        _refuse(rows.path, f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
+        rows.refuse(f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
     for name in ("order", *ORDER_CONDITIONS):
         if name in columns:
             usable &= np.isfinite(columns[name])
@@ -312,16 +277,14 @@ def _table(rows: OrderRows) -> OrderTable:
     for row in np.flatnonzero(usable).tolist():
         where, order = rows.at(row), float(columns["order"][row])
         if order <= 0:
-            _refuse(rows.path, f"{where}: order = {order:g}: must be above 0, in waves per output turn")
+            rows.refuse(f"{where}: order = {order:g}: must be above 0, in waves per output turn")
         known = {name: value for name, (value, _) in rows.stated.items()}
         known |= {name: float(columns[name][row]) for name in ORDER_CONDITIONS if name in columns}
         for name, value in known.items():
             _check_condition(rows.path, where, name, value)
         condition = TableCondition(
             direction=rows.directions[row],
-            torque=known.get("output_torque"),
-            input_speed=known.get("input_speed"),
-            temperature=known.get("temperature"),
+            **{attribute: known.get(name) for name, attribute in _ATTRIBUTES.items()},
         )
         case = cases.setdefault(condition, {})
         if order not in case:
@@ -331,15 +294,13 @@ def _table(rows: OrderRows) -> OrderTable:
         if abs(waves[row] - waves[first]) > _SAME * abs(waves[first]) or (
             sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]
         ):
-            _refuse(
-                rows.path,
+            rows.refuse(
                 f"{where}: order {order:g} stands in {rows.at(first)} with another wave under the same condition; "
-                "leave one of them",
+                "leave one of them"
             )
-        doubled.append(rows.labels[row])
+        doubled.append(row)
     if doubled:
-        plural = "s" if len(doubled) > 1 else ""
-        notes.append(f"{len(doubled)} doubled row{plural} left out ({rows.noun}{plural} {some(doubled)})")
+        notes.append(f"{count_of(len(doubled), 'doubled row')} left out {rows.listed(doubled)}")
     made = []
     for condition, case in cases.items():
         orders = sorted(case)
@@ -372,7 +333,7 @@ def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
         if other.any():
             row = int(np.argmax(other))
             found, said = (with_unit(number, ORDER_CONDITIONS[name]) for number in (columns[name][row], value))
-            _refuse(rows.path, f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
+            rows.refuse(f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
 
 
 def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
@@ -384,14 +345,13 @@ def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
         half |= np.isnan(first) & ~np.isnan(second)
     for row in np.flatnonzero(half).tolist():
         there, missing = (one, other) if math.isnan(second[row]) else (other, one)
-        _refuse(rows.path, f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
+        rows.refuse(f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
     if one == "cos":
         return np.asarray(first - 1j * second, dtype=np.complex128)
     for row in np.flatnonzero(first < 0).tolist():
-        _refuse(
-            rows.path,
+        rows.refuse(
             f"{rows.at(row)}: amplitude = {with_unit(first[row], 'angle')}: must be 0 or more; write the size, and "
-            "180 deg more in the phase",
+            "180 deg more in the phase"
         )
     with np.errstate(invalid="ignore"):
         return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
@@ -404,15 +364,13 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     there = np.isfinite(waves)
     empty = there & np.isnan(sigma)
     if (there & ~empty).any() and empty.any():
-        _refuse(
-            rows.path,
-            f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none",
+        rows.refuse(
+            f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none"
         )
     for row in np.flatnonzero(sigma <= 0).tolist():
-        _refuse(
-            rows.path,
+        rows.refuse(
             f"{rows.at(row)}: sigma = {with_unit(sigma[row], 'angle')}: must be above 0; leave the column out where it "
-            "is not known",
+            "is not known"
         )
     if not (there & ~empty).any():
         notes.append("sigma holds no number and is left out")
@@ -421,13 +379,12 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
 
 
 def _note_left_out(rows: OrderRows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
-    labels = [label for label, out in zip(rows.labels, left.tolist(), strict=True) if out]
-    plural = "s" if len(labels) > 1 else ""
-    listed = f" ({rows.noun}{plural} {some(labels)})" if labels else ""
-    if len(labels) == len(rows.labels):
-        _refuse(rows.path, f"no usable rows{listed}; give 1 or more with a number in every column")
-    if labels:
-        notes.append(f"{len(labels)} row{plural} without a number left out{listed}")
+    count = int(np.count_nonzero(left))
+    if count == left.size:
+        listed = f" {rows.listed(left)}" if count else ""
+        rows.refuse(f"no usable rows{listed}; give 1 or more with a number in every column")
+    if count:
+        notes.append(f"{count_of(count, 'row')} without a number left out {rows.listed(left)}")
 
 
 _IN_MEMORY = "order table"
@@ -490,32 +447,26 @@ def orders_from_arrays(
     >>> table.cases[0].orders, table.cases[0].condition.torque
     (array([39., 40.]), 20000.0)
     """
-    conditions = {
-        "input_speed": ("input_speed", input_speed),
-        "temperature": ("temperature", temperature),
-        "output_torque": ("torque", torque),
-    }
+    conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
     columns = {name: row_of(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
     _check_columns("", "columns", list(columns))
     stated = {}
-    for name, (argument, value) in conditions.items():
+    for name, value in conditions.items():
         if value is None:
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
             try:
                 stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
             except ValueError as error:
-                _refuse("", f"{argument}: {error}")
+                _refuse("", f"{_ATTRIBUTES[name]}: {error}")
         else:
-            columns[name] = row_of(argument, value, ORDER_CONDITIONS[name])
+            columns[name] = row_of(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
     words = [direction] * count if single else list(direction)
-    sizes = {"direction": len(words)} | {
-        conditions[name][0] if name in conditions else name: values.size for name, values in columns.items()
-    }
+    sizes = {"direction": len(words)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
         _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
@@ -580,49 +531,26 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]
     reverse,20,40,2.06264806247096,90
     """
-    head = [f"# kind: {KIND}"]
-    keys = {"index": table.index} if table.index else {}
-    keys |= {key: value for key, value in table.metadata.items() if key.lower() not in _KEYS}
-    for key, value in keys.items():
-        line = f"# {key}: {value}"
-        match = HEADER_LINE.match(line)
-        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
-            _refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
-        head.append(line)
-    head += [f"# {comment}" for comment in comments]
+    values = {"kind": KIND} | ({"index": table.index} if table.index else {})
+    values |= {key: value for key, value in table.metadata.items() if key.lower() not in _ORDERS.keys}
+    head = [*header_lines(path or _IN_MEMORY, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
-    given = [case.condition for case in table.cases for _ in case.orders]
-    shown_columns = {
-        "direction": [way(condition.direction) for condition in given],
-        **{
-            f"{name}[{unit}]": [f"{(value - zero) / factor:{digits}}" for value in columns[name]]
-            for name, unit, digits, (factor, zero) in (
-                ("input_speed", "rpm", ".15g", units.unit_scale("rpm", "angular_speed")),
-                ("temperature", "degC", ".14g", units.unit_scale("degC", "temperature")),
-                ("output_torque", "N*m", ".15g", units.unit_scale("N*m", "torque")),
-            )
-            if name in columns
-        },
-        "order": [f"{value:.15g}" for value in columns["order"]],
-        "amplitude[arcsec]": [f"{value / units.ARCSEC:.15g}" for value in columns["amplitude"]],
-        "phase[deg]": [f"{math.degrees(value):.15g}" for value in columns["phase"]],
-    }
-    if "sigma" in columns:
-        shown_columns["sigma[arcsec]"] = [f"{value / units.ARCSEC:.15g}" for value in columns["sigma"]]
+    cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
+    for name, numbers in columns.items():
+        unit = ORDER_EXAMPLES[name]
+        factor, zero = units.unit_scale(unit, ORDER_COLUMNS[name]) if unit else (1.0, 0.0)
+        digits = 14 if zero else 15
+        cells[f"{name}[{unit}]" if unit else name] = [f"{(number - zero) / factor:.{digits}g}" for number in numbers]
     body = io.StringIO()
-    for row in zip(*shown_columns.values(), strict=True):
+    for row in zip(*cells.values(), strict=True):
         body.write(",".join(row) + "\n")
-    return "\n".join([*head, ",".join(shown_columns), body.getvalue()])
+    return "\n".join([*head, ",".join(cells), body.getvalue()])
 
 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
     columns: dict[str, Array] = {}
-    for name, attribute in (
-        ("input_speed", "input_speed"),
-        ("temperature", "temperature"),
-        ("output_torque", "torque"),
-    ):
+    for name, attribute in _ATTRIBUTES.items():
         known = [getattr(case.condition, attribute) for case in table.cases]
         missing = sum(value is None for value in known)
         if missing and missing < len(known):

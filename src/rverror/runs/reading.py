@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.text import did_you_mean, shown
+from rverror.base.text import did_you_mean, shown, some
 
 #: Dimension of each known column.
 COLUMNS = {
@@ -64,6 +65,44 @@ COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
 _TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
 
 
+class OfFile:
+    """What was read of a file, `path`, and is refused by the file's name; by `made_in` where it was made in memory."""
+
+    path: str
+    made_in: ClassVar[str] = "run"
+
+    def refuse(self, message: str) -> NoReturn:
+        """Refuse it, in one line that begins with its file.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        refuse(self.path or self.made_in, message)
+
+
+class Rows(OfFile):
+    """Rows of a file, each with a label: `noun` says what the labels count."""
+
+    labels: np.ndarray[Any, np.dtype[Any]] | tuple[int, ...]
+    noun: str
+
+    def at(self, row: int) -> str:
+        """Place of a row, for messages."""
+        return f"{self.noun} {self.labels[row]}"
+
+    def listed(self, rows: npt.NDArray[np.intp] | npt.NDArray[np.bool_] | list[int]) -> str:
+        """The first of some rows, by their numbers or a mask, in brackets, for messages.
+
+        Examples
+        --------
+        >>> OrderRows(path="", labels=(2, 4, 7), noun="line", directions=(), columns={}).listed([1, 2])
+        '(lines 4, 7)'
+        """
+        return listed(self.noun, np.asarray(self.labels)[rows].tolist())
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Header:
     """What is known of a run beside its columns.
@@ -89,7 +128,7 @@ class Header:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reading(Header):
+class Reading(Rows, Header):
     """Columns of one run as read, in core units, and what was said of them.
 
     Attributes
@@ -115,7 +154,7 @@ class Reading(Header):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrderRows:
+class OrderRows(Rows):
     """Rows of an order table as read, each one wave, in core units; NaN where a cell holds no number.
 
     Attributes
@@ -145,10 +184,18 @@ class OrderRows:
     index: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    made_in: ClassVar[str] = "order table"
 
-    def at(self, row: int) -> str:
-        """Place of a row, for messages."""
-        return f"{self.noun} {self.labels[row]}"
+
+def listed(noun: str, labels: Sequence[int]) -> str:
+    """The first of some labels, in brackets, for messages.
+
+    Examples
+    --------
+    >>> listed("sample", [3])
+    '(sample 3)'
+    """
+    return f"({noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
 
 
 def refuse(path: str, message: str) -> NoReturn:

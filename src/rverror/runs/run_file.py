@@ -15,20 +15,19 @@ from rverror.runs.reading import (
     Reading,
     check_needed,
     checked_value,
-    refuse,
 )
-from rverror.runs.text_table import (
-    NUMERALS,
-    TextTable,
-    cells_of,
-    column_names,
-    column_unit,
-    header_number,
-    opened,
-)
+from rverror.runs.text_table import NUMERALS, TextKind, TextTable, opened
 
-_MAPPING = ", or describe the file in a mapping (rverror read FILE --draft begins one)"
-_NAMES = "input_angle[deg],output_angle[deg]"
+_RUN = TextKind(
+    keys=HEADER_KEYS,
+    dimensions=COLUMNS,
+    examples=EXAMPLES,
+    names="input_angle[deg],output_angle[deg]",
+    example="input_angle[deg]",
+    needed=f"{LEAST_SAMPLES} samples or more are needed",
+    remedy=", and each run in a file of its own",
+    otherwise=", or describe the file in a mapping (rverror read FILE --draft begins one)",
+)
 
 
 def read_run_file(path: PathLike) -> Reading:
@@ -39,24 +38,17 @@ def read_run_file(path: PathLike) -> Reading:
     InputError
         If the text cannot be used; one line that names file, line, column, bound and remedy.
     """
-    text = opened(
-        path,
-        keys=HEADER_KEYS,
-        names=_NAMES,
-        needed=f"{LEAST_SAMPLES} samples or more are needed",
-        remedy=", and each run in a file of its own",
-        otherwise=_MAPPING,
-    )
-    factors = _columns(text)
-    table = _numbers(text, len(factors))
+    text = opened(path, _RUN)
+    scales = text.scales()
+    check_needed(text.path, f"line {text.first + 1}", list(scales), _RUN.otherwise)
     columns: dict[str, Array] = {}
     extra: dict[str, Array] = {}
-    for (label, factor), values in zip(factors.items(), table.T, strict=True):
-        if factor is None:
+    for (label, scale), values in zip(scales.items(), _numbers(text, len(scales)).T, strict=True):
+        if scale is None:
             extra[label] = values
         else:
             with np.errstate(over="ignore"):  # what overflows is left out later, and counted
-                columns[label] = values * factor
+                columns[label] = values * scale[0]
     return Reading(
         path=text.path,
         columns=columns,
@@ -67,14 +59,14 @@ def read_run_file(path: PathLike) -> Reading:
         stated_at=f"line {text.header['direction'].line}: " if "direction" in text.header else "",
         torque=_header_value(text, "output_torque", "torque"),
         temperature=_header_value(text, "temperature", "temperature"),
-        index=text.header["index"].value if "index" in text.header else "",
+        index=text.index,
         metadata=text.metadata,
-        notes=text.notes(HEADER_KEYS),
+        notes=text.notes,
     )
 
 
 def _header_value(text: TextTable, key: str, dimension: str) -> float | None:
-    number = header_number(text, key, dimension)
+    number = text.number(key, dimension)
     where = f"line {text.header[key].line}: {key}" if key in text.header else ""
     return None if number is None else checked_value(text.path, where, number, dimension)
 
@@ -86,30 +78,11 @@ def _stated_direction(text: TextTable) -> float | None:
     stated = text.header["direction"]
     if stated.value.lower() not in DIRECTIONS:
         hint = did_you_mean(stated.value, DIRECTIONS)
-        refuse(
-            text.path,
+        text.refuse(
             f"line {stated.line}: direction = {shown(stated.value)}: must be forward, reverse or mixed;"
-            f"{hint or ' use one'}",
+            f"{hint or ' use one'}"
         )
     return DIRECTIONS[stated.value.lower()]
-
-
-def _columns(text: TextTable) -> dict[str, float | None]:
-    """Columns by name, in their order: core units for one of a known column's numbers, None for the others."""
-    factors: dict[str, float | None] = {}
-    for at, cell, name in column_names(text, names=_NAMES, example="input_angle[deg]", otherwise=_MAPPING):
-        known = name if name in COLUMNS else None
-        key = known or cell
-        if key in factors:
-            refuse(text.path, f"{at}: {key} stands in column {list(factors).index(key) + 1} too; leave one of them")
-        if known is None:
-            factors[key] = None
-            continue
-        factors[key], _ = column_unit(
-            text.path, at, cell=cell, name=known, example=EXAMPLES[known], dimension=COLUMNS[known]
-        )
-    check_needed(text.path, f"line {text.first + 1}", list(factors), _MAPPING)
-    return factors
 
 
 def _numbers(text: TextTable, width: int) -> Array:
@@ -122,8 +95,8 @@ def _numbers(text: TextTable, width: int) -> Array:
     except ValueError:
         pass
     table = np.full((len(text.rows), width), np.nan)
-    for row, place in enumerate(text.rows):
-        for column, cell in enumerate(cells_of(text, place, width)):
+    for row, cells in enumerate(text.cells(width)):
+        for column, cell in enumerate(cells):
             value = NUMERALS.parse(cell)
             if value is not None:
                 table[row, column] = value

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import operator
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -190,6 +189,9 @@ def simulate_runs(
     if noise is None and correlation is not None:
         raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
     bench = _Bench(
+        points=points,
+        turns=revolutions,
+        method=method,
         noise=_angle("noise", noise, "0.3 arcsec", _LARGEST_NOISE),
         correlation=_angle("noise correlation", correlation, "2 deg", _LARGEST_CORRELATION),
         input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
@@ -213,10 +215,7 @@ def simulate_runs(
     if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
         raise InputError(f"{twice[0]}: this run is asked for twice; give each torque and direction once")
     index = SHARED_INDEX if len(conditions) > 1 else ""
-    return tuple(
-        _run(model, points * revolutions, points, method, bench, index, direction=direction, torque=size)
-        for direction, size in conditions
-    )
+    return tuple(_run(model, bench, index, direction, size) for direction, size in conditions)
 
 
 def run_label(direction: float, torque: float | TorqueLaw | None) -> str:
@@ -289,6 +288,9 @@ def quantised(angle: Array, counts: int) -> Array:
 class _Bench:
     """What the bench adds to a run, core units."""
 
+    points: int
+    turns: int
+    method: str
     noise: float
     correlation: float
     input_counts: int | None
@@ -339,14 +341,8 @@ def _whole(name: str, value: Any, least: int, most: int) -> int:
 
 def _speed(value: Any) -> float:
     """Speed as the angle of one second, so that the units edge can read it."""
-    text = str(value.units) if units.is_quantity(value) else value if isinstance(value, str) else "rad"
     try:
-        if not re.search(r"deg|°|arc|rad|turn|rev|rpm", text):  # a Hz would silently be 1 rad/s
-            raise ValueError("no angle")
-        if units.is_quantity(value):
-            size = float(value.magnitude) * units.unit_factor(f"({text})*s", "angle")
-        else:
-            size = units.to_core(f"{value}*s" if isinstance(value, str) else value, "angle")
+        size = units.to_core(value, "angular_speed")
     except (TypeError, ValueError) as problem:
         raise InputError(f"speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
     least, most = _SPEEDS
@@ -378,31 +374,21 @@ def _torque(mechanism: Mechanism, value: Any, method: str) -> float | TorqueLaw:
     return size
 
 
-def _run(
-    model: Model,
-    count: int,
-    points: int,
-    method: str,
-    bench: _Bench,
-    index: str,
-    *,
-    direction: float,
-    torque: float | TorqueLaw | None,
-) -> Run:
+def _run(model: Model, bench: _Bench, index: str, direction: float, torque: float | TorqueLaw | None) -> Run:
     """One run; what is wrong with the arguments has been found before."""
     unit = model.mechanism
-    turn = 2 * math.pi * np.arange(count) / points
-    theta = turn if direction > 0 else 2 * math.pi * (count // points) - turn
+    turn = 2 * math.pi * np.arange(bench.points * bench.turns) / bench.points
+    theta = turn if direction > 0 else 2 * math.pi * bench.turns - turn
     time = None if bench.speed is None else turn / bench.speed
     size, load = (None, torque(theta)) if callable(torque) else (torque, None)
     conditions = Conditions(theta, direction, size, time, speed=bench.speed, load=load)
-    error = _error(model, conditions, points=points, method=method)
+    error = _error(model, conditions, points=bench.points, method=bench.method)
     if bench.noise:
         key = np.random.SeedSequence(bench.seed, spawn_key=tuple(run_label(direction, torque).encode()))
         error = error + coloured_noise(
-            count,
+            turn.size,
             rms=bench.noise,
-            step=2 * math.pi / points,
+            step=2 * math.pi / bench.points,
             correlation=bench.correlation,
             random=np.random.Generator(np.random.PCG64(key)),
         )
@@ -415,7 +401,7 @@ def _run(
         torque=size if load is None else load,
         index=index,
     )
-    said = {"simulated": f"rverror, {method}; not a measurement", **bench.metadata}
+    said = {"simulated": f"rverror, {bench.method}; not a measurement", **bench.metadata}
     return replace(run, metadata={**run.metadata, **said})
 
 

@@ -31,8 +31,8 @@ from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Reducer
-from rverror.model.asked import Equilibrium
 from rverror.model.effects import Model, check_model
+from rverror.model.results import Equilibrium
 from rverror.statics.loaded_state import equilibrium
 
 #: Indices of each kind of contact, in the order of its axes.

@@ -22,9 +22,9 @@ from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Complia
 from rverror.geartrain.contacts import motion, pose, torque_or_load
 from rverror.geartrain.kinematics import Conditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
-from rverror.model.asked import Equilibrium
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
+from rverror.model.results import Equilibrium
 from rverror.statics.energy import (
     GRADIENT_TOLERANCE,
     Geometry,

@@ -36,10 +36,10 @@ from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pi
 from rverror.geartrain.involute import SPLINE_CLEARANCE, TOOTH_THINNING
 from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer, doubt_torque
-from rverror.model.asked import Equilibrium
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.readings import felt
+from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyPhase, checked_duty
 from rverror.statics.friction import mean_mesh_slip, path_of_contact, pin_slip
 from rverror.statics.hertz import above_zero, pin_contact_radius, pressing, strip_half_width

@@ -30,10 +30,10 @@ from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, Shift
 from rverror.matching.result import Matched, MountedPart
-from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Effect, Model
+from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.duty import DutyEfficiency, DutyPhase

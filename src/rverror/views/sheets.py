@@ -29,10 +29,10 @@ from rverror.life.result import Changed, RunsCompared, Trend
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.matching.result import Matched
-from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
+from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.runs.order_table import OrderTable

@@ -13,7 +13,8 @@ import rverror
 from remedy import REMEDY
 from rverror import ARCSEC, Run, load_run, write_run
 from rverror.base.errors import InputError
-from rverror.runs.integration import angles_from_speeds, without_line
+from rverror.runs.integration import integrated, without_line
+from rverror.runs.reading import Reading
 
 R = 121.0
 MAPPING = """
@@ -30,6 +31,11 @@ PER_RADIAN = {"rpm": 30 / math.pi, "deg/s": 180 / math.pi, "rad/s": 1.0}
 #: cos and sin of the orders of a known error, arcsec.
 WAVES = {1: (8.0, -5.0), 2: (0.0, 3.0), 40: (6.0, 2.0), 78: (1.0, 4.0)}
 SPEED = 2 * math.pi / 4  # rad/s of the output: a turn in 4 s
+
+
+def angle_of(columns: dict[str, np.ndarray]) -> np.ndarray:
+    labels = np.arange(columns["time"].size)
+    return integrated(Reading(path="", columns=columns, labels=labels, noun="sample")).columns["output_angle"]
 
 
 def error(theta: np.ndarray) -> np.ndarray:
@@ -85,7 +91,7 @@ def test_numbers_of_the_theory_page() -> None:
     for samples, spline, trapezoid in ((10, 0.25, 33), (20, 0.014, 8.2)):
         step = 2 * math.pi / samples
         time = step * np.arange(40 * samples + 1)
-        angle = angles_from_speeds("", {"time": time, "output_speed": np.cos(time)}, time, "sample", [])["output_angle"]
+        angle = angle_of({"time": time, "output_speed": np.cos(time)})
         inside = slice(10 * samples, 30 * samples)
         kept = 2 * np.mean(angle[inside] * np.sin(time[inside]))
         assert kept == pytest.approx(shrunk(1, samples), abs=1e-9)
@@ -177,7 +183,7 @@ def test_white_noise_of_a_speed_falls_with_the_order() -> None:
     walks = []
     for _ in range(cases):
         columns = {"time": theta / SPEED, "output_speed": sigma * rng.normal(size=count + 1)}
-        walks.append(angles_from_speeds("", columns, np.arange(count + 1), "sample", [])["output_angle"])
+        walks.append(angle_of(columns))
     walk = np.array(walks)
     spread = walk[:, -1].std()
     assert spread == pytest.approx(sigma * math.sqrt(step * theta[-1] / SPEED), rel=4 / math.sqrt(2 * cases))

@@ -9,7 +9,8 @@ import pytest
 
 from pages import ROOT
 from rverror.base.errors import InputError
-from rverror.runs.bench.mapping import load_mapping, unit_factor
+from rverror.runs.bench.mapping import load_mapping
+from rverror.runs.bench.unit_words import unit_scale
 
 GOOD = """
 name = "bench 3"
@@ -157,4 +158,4 @@ def test_a_mapping_that_cannot_be_read(tmp_path: Path) -> None:
     ],
 )
 def test_units_of_benches(unit: str, dimension: str, factor: float) -> None:
-    assert unit_factor(unit, dimension) == pytest.approx(factor, rel=1e-14)
+    assert unit_scale(unit, dimension)[0] == pytest.approx(factor, rel=1e-14)

@@ -19,7 +19,8 @@ from rverror.app.command_line import main
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.runs.bench.draft import draft_mapping
-from rverror.runs.bench.mapping import load_mapping, unit_factor, unit_zero
+from rverror.runs.bench.mapping import load_mapping
+from rverror.runs.bench.unit_words import unit_scale
 from rverror.runs.measurement import read_run
 from rverror.runs.order_table import OrderTable
 
@@ -407,8 +408,8 @@ def test_a_mapping_of_tables_reads_no_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("unit", ["1/min", "U/min", "min-1"])
 def test_words_for_speed_are_understood_in_the_refusal(unit: str) -> None:
     with pytest.raises(ValueError, match="did you mean 'rpm'"):
-        unit_factor(unit, "angular_speed")
-    assert unit_zero("rpm", "angular_speed") == 0.0
+        unit_scale(unit, "angular_speed")
+    assert unit_scale("rpm", "angular_speed")[1] == 0.0
 
 
 # --- the command line -------------------------------------------------------------------------------------------------

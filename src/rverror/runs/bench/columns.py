@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.runs.reading import refuse
+from rverror.runs.reading import OfFile, refuse
 
 #: Most samples of a column: a size that a file claims is refused before memory is asked for.
 MOST_SAMPLES = 20_000_000
@@ -50,7 +50,7 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFile:
+class BenchFile(OfFile):
     """What a bench's file holds, and how its columns are read.
 
     Attributes
@@ -71,16 +71,16 @@ class BenchFile:
         Whether the file ends before its recording did, so that its columns may differ in length.
     parse : callable
         Number of a text as this file writes it, or None.
-    read : callable
-        From some of the entries to their arrays, as stored.
-    words : callable, optional
-        Cells of an entry as written; None where the format holds numbers alone.
+    columns : callable
+        From the places of some entries to their arrays, as stored.
+    cells : callable, optional
+        From the place of an entry to its cells as written; None where the format holds numbers alone.
     """
 
     path: str
     kind: str
     entries: tuple[Entry, ...]
-    read: Callable[[Sequence[Entry]], list[RawArray]]
+    columns: Callable[[Sequence[int]], list[RawArray]]
     properties: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     place: str = ""
@@ -88,7 +88,25 @@ class BenchFile:
     labels: RawArray | None = None
     cut_off: bool = False
     parse: Callable[[str], float | None]
-    words: Callable[[Entry], list[str]] | None = None
+    cells: Callable[[int], list[str]] | None = None
+
+    def rows(self, size: int) -> RawArray:
+        """What messages call each of so many rows."""
+        return np.arange(size) if self.labels is None else self.labels
+
+    def read(self, chosen: Iterable[Entry]) -> list[RawArray]:
+        """Arrays of some of the entries, as stored."""
+        return self.columns([self._place(entry) for entry in chosen])
+
+    def words(self, chosen: Entry) -> list[str]:
+        """Cells of an entry as text."""
+        if self.cells is not None:
+            return self.cells(self._place(chosen))
+        (array,) = self.read([chosen])
+        return [f"{value:.15g}" for value in as_samples(self.path, shown(chosen.name, 60), array).tolist()]
+
+    def _place(self, chosen: Entry) -> int:
+        return next(i for i, entry in enumerate(self.entries) if entry is chosen)  # two may be alike
 
 
 def plain_number(text: str) -> float | None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from importlib import resources
 from itertools import islice, zip_longest
 
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
+from rverror.base.toml import quoted
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.file import is_bench_file, open_bench_file
 from rverror.runs.bench.guess import Guess, guesses
-from rverror.runs.bench.mapping import COUNTS, BenchMapping
+from rverror.runs.bench.mapping import BenchMapping
 from rverror.runs.bench.numerals import Undecided, found_decimal, is_number
 from rverror.runs.bench.text import (
     SEPARATORS,
@@ -21,6 +23,7 @@ from rverror.runs.bench.text import (
     trimmed,
     unit_in_name,
 )
+from rverror.runs.bench.unit_words import COUNTS
 from rverror.runs.reading import refuse
 
 #: Rows of numbers by which the beginning of a table is told.
@@ -29,29 +32,6 @@ _LOOKED_AT = 1000
 _LONGEST_UNIT = 6
 _KEYS_OF_NAMES = ("name", "names", "channel", "kanal")
 _MOST_VALUES = 20
-_TO_FILL_IN = """
-[columns]  # input and output angle, or te and one of them; sign = -1 for an angle that counts the other way
-input_angle = { name = "", unit = "deg" }  # of an encoder: unit = "counts", counts_per_turn = 4 * lines of its disc
-output_angle = { name = "", unit = "deg" }
-# te = { name = "", unit = "arcsec" }
-# time = { name = "", unit = "s" }
-# output_speed = { name = "", unit = "rpm" }  # in place of an angle, and input_speed: integrated over time
-
-# Of a table of orders write [orders] in place of [columns]:
-# [orders]
-# order = { name = "" }  # waves per output turn; of waves per input turn: scale = the ratio
-# amplitude = { name = "", unit = "arcsec" }  # of peak-to-peak: scale = 0.5; or cos and sin in place of both
-# phase = { name = "", unit = "deg" }  # of cos(order * theta + phase); of = "sin", sign = -1 for others
-# direction = { name = "", forward = "...", reverse = "..." }  # or in [header]
-# output_torque = { name = "", unit = "N*m" }
-# input_speed = { name = "", unit = "rpm" }
-
-[header]  # each as a value, or as where it stands in the file
-# output_torque = "20 N*m"  # or { name = "...", unit = "N*m" }, mean of a column, or { property = "...", unit = "N*m" }
-# temperature = "20 degC"
-# direction = "forward"  # or "reverse"; where nothing is said the angles tell
-# index = "A"  # runs of one label share their zero; "unknown": not aligned with the gear's marks
-"""
 
 
 def draft_mapping(path: PathLike) -> str:
@@ -88,13 +68,13 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
         raw = read_bytes(path)
         encoding, remark = found_encoding(raw)
         head, entries, values = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
-        head[1:2] = [head[1], f"encoding = {_quoted(encoding)}{remark}"]
+        head[1:2] = [head[1], f"encoding = {quoted(encoding)}{remark}"]
     lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
         lines += ["# Values beside them:", *(f"#   {shown(value, 100)}" for value in values[:_MOST_VALUES])]
     found = {key: guess for key, guess in guesses(entries).items() if guess.fitting}
-    to_fill_in = _TO_FILL_IN
+    to_fill_in = "\n" + (resources.files("rverror") / "data" / "bench-mapping.toml").read_text(encoding="utf-8")
     for key, guess in found.items():
         line = re.search(rf"^(?:# )?{key} = .*$", to_fill_in, re.MULTILINE)
         assert line is not None  # there is one for every key
@@ -106,12 +86,10 @@ def _proposed(key: str, guess: Guess, line: str) -> str:
     """Line of a column as guessed, or as it stands where several columns fit."""
     if len(guess.fitting) > 1:
         return f"# {guess}:\n{line}"
-    unit = f"unit = {_quoted(guess.unit)}" + (", counts_per_turn = 0" if guess.unit == COUNTS[0] else "")
+    unit = f"unit = {quoted(guess.unit)}" + (", counts_per_turn = 0" if guess.unit == COUNTS[0] else "")
     no_unit = "; write its unit" + (", if it is no time of day" if key == "time" else "")
     missing = {"": no_unit, COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(guess.unit, "")
-    return (
-        f"{key} = {{ name = {_quoted(guess.fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
-    )
+    return f"{key} = {{ name = {quoted(guess.fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
 
 
 def _described(entry: Entry) -> str:
@@ -120,13 +98,7 @@ def _described(entry: Entry) -> str:
     facts += [f"unit {entry.unit}"] if entry.unit else []
     facts += [f"every {entry.increment:g} s"] if entry.increment else []
     facts += [entry.problem] if entry.problem else []
-    return " ".join(f"{_quoted(entry.name)}  {', '.join(facts)}".split("\n")).rstrip()
-
-
-def _quoted(text: str) -> str:
-    """Text as TOML writes it."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t")
-    return '"' + "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in escaped) + '"'
+    return " ".join(f"{quoted(entry.name)}  {', '.join(facts)}".split("\n")).rstrip()
 
 
 def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[Entry], list[str]]:
@@ -148,11 +120,11 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
     names = _names_line(lines, separator, first) if top < 0 else top
     rows = [split_cells(line, separator) for line in islice(filter(str.strip, lines[first:]), _LOOKED_AT)]
     sign = found_decimal((cell for row in rows for cell in row), point_is_decimal=separator == ",")
-    head = ["", "[file]", f"separator = {_quoted(separator)}"]
+    head = ["", "[file]", f"separator = {quoted(separator)}"]
     if isinstance(sign, Undecided):
         head.append(f'decimal = ""  # {shown(sign.cell)} {sign.why}: write "." or ","; thousands = "." for groups')
     else:
-        head.append(f"decimal = {_quoted(sign or '.')}")
+        head.append(f"decimal = {quoted(sign or '.')}")
     if names < 0:
         head += [f"skip = {first}", "# No names stand above the numbers: write column = 1, 2, ... instead of name."]
         cells = [f"column {i + 1}" for i in range(len(rows[0]))]

@@ -16,12 +16,13 @@ from rverror.runs.bench import hdf5 as bench_hdf5
 from rverror.runs.bench import tdms as bench_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
 from rverror.runs.bench.header import read_header
-from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where, unit_factor
+from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where
 from rverror.runs.bench.mat import open_mat
 from rverror.runs.bench.text import open_text
+from rverror.runs.bench.unit_words import unit_scale
 from rverror.runs.bench.values import core_values
-from rverror.runs.integration import INTEGRATED, angles_from_speeds
-from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Header, Reading, check_needed, refuse
+from rverror.runs.integration import integrated
+from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Reading, check_needed, refuse
 
 _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
@@ -102,31 +103,16 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     }
     header = read_header(file, mapping, means, notes)
     notes += left_out_columns(file, used)
-    size = next(iter(columns.values())).size
-    labels = np.arange(size) if file.labels is None else file.labels
-    if speeds := [key for key in SPEEDS if key in columns]:
-        columns = angles_from_speeds(file.path, columns, labels, file.noun, notes)
-        header = _of_no_zero(file.path, header, speeds)
-    return Reading(
+    reading = Reading(
         path=file.path,
         columns=columns,
         extra=extra,
-        labels=labels,
+        labels=file.rows(next(iter(columns.values())).size),
         noun=file.noun,
         notes=tuple(notes),
         **vars(header),
     )
-
-
-def _of_no_zero(path: str, header: Header, speeds: Sequence[str]) -> Header:
-    """The header of a run whose angles begin anywhere, with what tells so to whoever reads it again."""
-    if header.index not in ("", "unknown"):
-        refuse(
-            path,
-            f"index = {shown(header.index)}: an angle integrated from {' and '.join(speeds)} has no zero; leave index "
-            "out, or write 'unknown'",
-        )
-    return replace(header, index="unknown", metadata={**header.metadata, INTEGRATED: ", ".join(speeds)})
+    return integrated(reading)
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
@@ -191,10 +177,9 @@ def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnR
         if key not in COLUMNS or not entry.name.startswith(above):
             continue
         if key in rules:
-            refuse(
-                file.path,
+            file.refuse(
                 f"{shown(rules[key].where.name, 60)} and {shown(entry.name, 60)} are both {key}; name one of them in "
-                "[columns] of a mapping",
+                "[columns] of a mapping"
             )
         assert match is not None
         name = entry.name.removeprefix(above)
@@ -204,15 +189,14 @@ def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnR
 
 def _standard_factor(file: BenchFile, key: str, rule: ColumnRule) -> float:
     if not rule.unit:
-        refuse(
-            file.path,
+        file.refuse(
             f"{shown(rule.where.name, 60)} has no unit; state it in a mapping: {key} = {{ name = "
-            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]',
+            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]'
         )
     try:
-        return unit_factor(rule.unit, COLUMNS[key])
+        return unit_scale(rule.unit, COLUMNS[key])[0]
     except ValueError as error:
-        refuse(file.path, f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
+        file.refuse(f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
 
 
 def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
@@ -235,11 +219,11 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     at = f" ({where.stated_at})" if where.stated_at else ""
     if where.column and file.kind != "text":  # a channel of a matrix
         if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
-            refuse(file.path, f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+            file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
         name = str(where.column)
     elif where.column:
         if where.column > len(file.entries):
-            refuse(file.path, f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
+            file.refuse(f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
         return file.entries[where.column - 1]
     else:
         name = where.name if file.kind == "text" else where.name.strip("/")
@@ -249,21 +233,20 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
     inside = [entry.name for entry in file.entries if file.kind != "text" and entry.name.startswith(f"{full}/")]
     if inside and not fitting:
-        refuse(file.path, f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
+        file.refuse(f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
     if not fitting:
         hint = did_you_mean(full, [entry.name for entry in file.entries])
         place = f"{file.place}: " if file.place else ""
         names = some_names(entry.name for entry in file.entries)
         told = where.column or shown(full, 60)
-        refuse(file.path, f"{place}there is no column {told}{at};{hint} the file has {names}")
+        file.refuse(f"{place}there is no column {told}{at};{hint} the file has {names}")
     if len(fitting) > 1:
-        refuse(
-            file.path,
+        file.refuse(
             f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
-            "them in full",
+            "them in full"
         )
     if fitting[0].problem:
-        refuse(file.path, f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
+        file.refuse(f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
 
 
@@ -277,7 +260,7 @@ def _of_one_length(
         return columns, extra
     if not file.cut_off:
         listed = ", ".join(f"{key} ({shown(entries[key].name, 60)}) {size}" for key, size in sizes.items())
-        refuse(file.path, f"the columns differ in length ({listed}); record them at one rate, or export them again")
+        file.refuse(f"the columns differ in length ({listed}); record them at one rate, or export them again")
     notes.append(f"the last {longest - shortest} samples left out, which not all columns have")
     kept = [{key: values[:shortest] for key, values in part.items()} for part in (columns, extra)]
     return kept[0], kept[1]
@@ -289,10 +272,9 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
     if intervals[0] == 0:
         return {}
     if len(intervals) > 1:
-        refuse(
-            file.path,
+        file.refuse(
             f"the columns were sampled every {' and every '.join(f'{each:g}' for each in intervals)} s; record them at "
-            "one rate",
+            "one rate"
         )
     notes.append(f"time made from the interval that the file states, {intervals[0]:g} s")
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}

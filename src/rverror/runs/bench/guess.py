@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rverror.base.text import shown
 from rverror.runs.bench.columns import Entry
-from rverror.runs.bench.mapping import COUNTS, meant_unit, unit_factor
+from rverror.runs.bench.unit_words import COUNTS, meant_unit, unit_scale
 from rverror.runs.reading import COLUMNS
 
 # Beginnings of words, German compounds such as Antriebswinkel among them, and whole words.
@@ -133,10 +133,10 @@ def unit_of(entry: Entry, dimension: str) -> str:
         if dimension == "angle" and word in COUNTS:
             return COUNTS[0]
         try:
-            factor = unit_factor(meant_unit(word), dimension)
+            scale = unit_scale(meant_unit(word), dimension)
         except ValueError:
             continue
-        return next((known for known in _USUAL[dimension] if unit_factor(known, dimension) == factor), meant_unit(word))
+        return next((known for known in _USUAL[dimension] if unit_scale(known, dimension) == scale), meant_unit(word))
     return ""
 
 

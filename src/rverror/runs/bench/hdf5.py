@@ -47,11 +47,11 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         entries = tuple(_entries(name, h5py, file))
         properties = _properties(file)
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
+    def columns(places: Sequence[int]) -> list[RawArray]:
         with refused_in_one_line(name, kind), h5py.File(name, "r", locking="best-effort") as file:
-            return [_array(h5py, file, entry.name) for entry in chosen]
+            return [_array(h5py, file, entries[place].name) for place in places]
 
-    return BenchFile(path=name, kind=kind, entries=entries, read=read, properties=properties, parse=plain_number)
+    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties, parse=plain_number)
 
 
 def _h5py(path: str) -> Any:

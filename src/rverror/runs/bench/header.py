@@ -11,7 +11,7 @@ from rverror.base.arrays import Array
 from rverror.base.text import did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
 from rverror.runs.bench.mapping import BenchMapping, HeaderRule
-from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, ORDER_CONDITIONS, Header, checked_value, refuse
+from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, ORDER_CONDITIONS, Header, checked_value
 
 _MOST_LISTED = 8
 
@@ -36,10 +36,9 @@ def read_header(
     texts, places = header_texts(file, mapping, measured, notes)
     direction = texts.get("direction", "").lower()
     if "direction" in texts and direction not in DIRECTIONS:
-        refuse(
-            file.path,
+        file.refuse(
             f"{places['direction']}: direction = {shown(texts['direction'])}: must be forward, reverse or mixed; "
-            "without it the angles tell",
+            "without it the angles tell"
         )
     return Header(
         stated=DIRECTIONS[direction] if direction else None,
@@ -107,7 +106,7 @@ def header_quantity(file: BenchFile, key: str, texts: Mapping[str, str], places:
     try:
         number = units.parse(texts[key], dimension)
     except ValueError as error:
-        refuse(file.path, f"{places[key]}: {key}: {str(error).partition(';')[0]}; state {key} in [header] of a mapping")
+        file.refuse(f"{places[key]}: {key}: {str(error).partition(';')[0]}; state {key} in [header] of a mapping")
     return checked_value(file.path, f"{places[key]}: {key}", number, dimension)
 
 
@@ -117,11 +116,11 @@ def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
     if name not in file.properties:
         hint = did_you_mean(name, list(file.properties))
         listed = ", ".join(shown(each, 60) for each in list(file.properties)[:_MOST_LISTED]) or "none"
-        refuse(file.path, f"there is no property {shown(name, 60)} ({at});{hint} the file has {listed}")
+        file.refuse(f"there is no property {shown(name, 60)} ({at});{hint} the file has {listed}")
     text = file.properties[name]
     if rule.words:
         if text.strip().lower() not in rule.words:
-            refuse(file.path, f"{key}: the property {shown(name, 60)} is {shown(text)}, {unknown_word(rule.words, at)}")
+            file.refuse(f"{key}: the property {shown(name, 60)} is {shown(text)}, {unknown_word(rule.words, at)}")
         return rule.words[text.strip().lower()]
     number, _, word = text.partition(" ")
     value = file.parse(number)
@@ -129,10 +128,9 @@ def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
         return text
     unit = word.strip() or rule.unit
     if rule.unit and word.strip() and not _same_unit(word.strip(), rule.unit, ORDER_CONDITIONS[key]):
-        refuse(
-            file.path,
+        file.refuse(
             f"{key}: the property {shown(name, 60)} is {shown(text)}, the mapping says {rule.unit} ({at}); leave unit "
-            "out, or correct it",
+            "out, or correct it"
         )
     return f"{value!r} {rule.unit or unit}".strip()
 
@@ -161,15 +159,14 @@ def _mean(file: BenchFile, key: str, rule: HeaderRule, entry: Entry, samples: Ar
     valid = samples[np.isfinite(samples)]
     unit = rule.unit or entry.unit
     if not unit:
-        refuse(file.path, f"{what} has no unit ({rule.where.stated_at}); write unit = ... beside its name")
+        file.refuse(f"{what} has no unit ({rule.where.stated_at}); write unit = ... beside its name")
     if not valid.size:
-        refuse(file.path, f"{what} holds no number; choose another column, or state a value in [header]")
+        file.refuse(f"{what} holds no number; choose another column, or state a value in [header]")
     mean = float(np.mean(valid))
     if key == "output_torque" and abs(mean) < 0.5 * float(np.mean(np.abs(valid))):
-        refuse(
-            file.path,
+        file.refuse(
             f"{what} changes its sign ({valid.min():.4g} to {valid.max():.4g} {unit}), so its mean is no load; state a "
-            "value in [header], or split the run",
+            "value in [header], or split the run"
         )
     notes.append(f"{key} is the mean of {shown(entry.name, 60)}: {mean:.6g}, from {valid.min():.6g} to "
                  f"{valid.max():.6g} {unit}")  # fmt: skip

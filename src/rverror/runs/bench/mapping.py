@@ -11,6 +11,7 @@ from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText, read_toml
 from rverror.runs.bench.numerals import THOUSANDS
+from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.reading import (
     BENCH_COLUMNS,
     BENCH_EXAMPLES,
@@ -42,15 +43,6 @@ _HEADER_EXAMPLES = {
     "direction": "forward",
     "index": "A",
 }
-#: Words of the trade that pint reads as something else, or not at all.
-_SPELT = {
-    "Grad": "deg", "Deg": "deg", "DEG": "deg", "Umdrehung": "turn", "U": "turn", "rev": "turn", "revs": "turn",
-    "Nm": "N*m", "Ncm": "N*cm", "Nmm": "N*mm", "kNm": "kN*m", "Sek": "s", "Sekunden": "s",
-    "'": "arcmin", "′": "arcmin", "''": "arcsec", '"': "arcsec", "″": "arcsec",
-    "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "min^-1": "rpm",
-}  # fmt: skip
-#: Words for the counts of an encoder; the first is the mapping's.
-COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,57 +271,9 @@ def load_mapping(path: PathLike) -> BenchMapping:
     )
 
 
-def unit_factor(unit: str, dimension: str) -> float:
-    """Core units for one of a bench's unit.
-
-    Parameters
-    ----------
-    unit : str
-        pint's notation.
-    dimension : str
-        ``angle``, ``time``, ``torque``, ``angular_speed`` or ``temperature``.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown, of another dimension, or a word that pint takes for something else.
-
-    Examples
-    --------
-    >>> unit_factor("ms", "time")
-    0.001
-    """
-    if unit in COUNTS:
-        raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
-    if unit in _SPELT:
-        raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
-    factor, _ = units.unit_scale(unit, dimension)
-    # pint takes every number without a dimension for rad: ratio, percent, bits.
-    if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
-        raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
-    return factor
-
-
-def unit_zero(unit: str, dimension: str) -> float:
-    """Zero of a bench's unit, core units: other than 0 of temperatures alone.
-
-    Examples
-    --------
-    >>> unit_zero("degC", "temperature")
-    273.15
-    """
-    return units.unit_scale(unit, dimension)[1]
-
-
-def meant_unit(word: str) -> str:
-    """Unit in pint's notation that a word of the trade means.
-
-    Examples
-    --------
-    >>> meant_unit("Nm"), meant_unit("deg")
-    ('N*m', 'deg')
-    """
-    return _SPELT.get(word, word)
+def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | None:
+    """Mapping as it is, or read from its file; None where none is given."""
+    return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
 
 
 def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
@@ -376,7 +320,9 @@ def _check_encoding(toml: TomlText, name: str) -> None:
         )
 
 
-def _where(toml: TomlText, place: Place, table: Mapping[str, Any], kinds: tuple[str, ...], example: str) -> Where:
+def _where(
+    toml: TomlText, place: Place, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
+) -> Where:
     """The one key of name, column and property that a table holds."""
     given = [key for key in kinds if key in table]
     if len(given) != 1:
@@ -413,8 +359,7 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("columns", key)
     example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
-    table = column_table(toml, place, value, example)
-    toml.check_keys(place, table, _COLUMN, f"key of {key}")
+    table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
     if toml.string(place, table, "unit", "").strip() == "counts":
         if BENCH_COLUMNS[key] != "angle" or key == "te":
@@ -425,7 +370,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
             toml.refuse((*place, "scale"), "counts have counts_per_turn and no scale; leave scale out")
         sign = _sign(toml, place, table)
         return ColumnRule(
-            where=_where(toml, place, table, ("name", "column"), example),
+            where=_where(toml, place, table, example),
             unit="counts",
             factor=sign * units.unit_factor("turn", "angle") / per_turn,
             scaled=True,
@@ -439,17 +384,19 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
-def column_table(toml: TomlText, place: Place, value: object, example: str) -> dict[str, Any]:
+def column_table(toml: TomlText, place: Place, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
     """Table of a column; its name alone stands for one that holds only this.
 
     Raises
     ------
     InputError
-        If it is neither.
+        If it is neither, or holds a key of none of these names.
     """
     table = {"name": value} if isinstance(value, str) else value
     if not isinstance(table, dict):
-        toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write {place[-1]} = {{ {example} }}")
+        what = f"{place[-1]} = {shown(value)}: must be a table, or the name of a column"
+        toml.refuse(place, f"{what}; write {place[-1]} = {{ {example} }}")
+    toml.check_keys(place, table, keys, f"key of {place[-1]}")
     return table
 
 
@@ -478,7 +425,7 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
         If it is not said which column is meant, or a key has no value of its kind.
     """
     key = place[-1]
-    where = _where(toml, place, table, ("name", "column"), example)
+    where = _where(toml, place, table, example)
     unit = toml.string(place, table, "unit", "").strip()
     sign, scale = _sign(toml, place, table), _number(toml, place, table, "scale")
     if not dimension:
@@ -489,7 +436,8 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
     factor = zero = 0.0
     if unit:
         try:
-            factor, zero = unit_factor(unit, dimension) * sign * (scale or 1.0), unit_zero(unit, dimension)
+            factor, zero = unit_scale(unit, dimension)
+            factor *= sign * (scale or 1.0)
         except ValueError as error:
             toml.refuse((*place, "unit"), f"{key}: {error}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
@@ -560,8 +508,7 @@ def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("orders", key)
     unit = f', unit = "{ORDER_EXAMPLES[key]}"' if ORDER_COLUMNS[key] else ""
     keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if ORDER_COLUMNS[key] else _UNITLESS
-    table = column_table(toml, place, value, f'name = "..."{unit}')
-    toml.check_keys(place, table, (*keys, "of") if key == "phase" else keys, f"key of {key}")
+    table = column_table(toml, place, value, f'name = "..."{unit}', (*keys, "of") if key == "phase" else keys)
     if table.get("of", "cos") not in ("cos", "sin"):
         toml.refuse((*place, "of"), f'of = {shown(table["of"])}: must be "cos" or "sin", the wave whose phase it is')
     return scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
@@ -570,9 +517,8 @@ def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
 def _direction_rule(toml: TomlText, value: object) -> DirectionRule:
     place: Place = ("orders", "direction")
     example = 'name = "...", forward = "...", reverse = "..."'
-    table = column_table(toml, place, value, example)
-    toml.check_keys(place, table, ("name", "column", "sign", "forward", "reverse"), "key of direction")
-    where, words = _where(toml, place, table, ("name", "column"), example), _direction_words(toml, place, table)
+    table = column_table(toml, place, value, example, ("name", "column", "sign", "forward", "reverse"))
+    where, words = _where(toml, place, table, example), _direction_words(toml, place, table)
     if words and "sign" in table:
         toml.refuse((*place, "sign"), "words have no sign; leave out sign, or forward and reverse")
     return DirectionRule(where=where, sign=_sign(toml, place, table), words=words)
@@ -587,14 +533,15 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
         kinds = _VALUE[:3] if dimension and of_run else ("property",)
         more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
         toml.check_keys(place, value, (*kinds, *more), f"key of {key}")
-        where = _where(toml, place, value, kinds, 'property = "..."')
+        where = _where(toml, place, value, 'property = "..."', kinds)
         unit = toml.string(place, value, "unit", "").strip()
         if unit and dimension:
             try:
                 units.parse(f"1 {unit}", dimension)
             except ValueError as error:
                 message = str(error).partition(";")[0].replace(f"1 {unit}", unit)
-                hint = f"did you mean {_SPELT[unit]!r}?" if unit in _SPELT else f"write one like {example!r}"
+                meant = meant_unit(unit)
+                hint = f"did you mean {meant!r}?" if meant != unit else f"write one like {example!r}"
                 toml.refuse((*place, "unit"), f"{key}: {message}; {hint}")
         return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
     text = toml.string(("header",), toml.content["header"], key, "").strip()
@@ -618,8 +565,5 @@ def _kept(toml: TomlText, key: str, value: object) -> Where:
     match = COLUMN_NAME.match(key)
     if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", key):
         toml.refuse(place, f"{shown(key)} cannot name a kept column; use a plain word and [unit], like 'oil[degC]'")
-    table = {"name": value} if isinstance(value, str) else value
-    if not isinstance(table, dict):
-        toml.refuse(place, f'{key} = {shown(value)}: must be the name of a column; write "{key}" = "..."')
-    toml.check_keys(place, table, ("name", "column"), f"key of {key}")
-    return _where(toml, place, table, ("name", "column"), 'name = "..."')
+    table = column_table(toml, place, value, 'name = "..."', ("name", "column"))
+    return _where(toml, place, table, 'name = "..."')

@@ -47,13 +47,13 @@ def open_mat(path: PathLike) -> BenchFile:
     if twice := [each for i, each in enumerate(names) if each in names[:i]]:
         refuse(name, f"the variable {shown(twice[0])} stands in it twice; store it again")
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
-        wanted = {entry.name for entry in chosen}
+    def columns(places: Sequence[int]) -> list[RawArray]:
+        wanted = {names[place] for place in places}
         with refused_in_one_line(name, "MAT"):
             arrays = {entry.name: array for entry, array in _walk(raw) if entry.name in wanted and array is not None}
-        return [arrays[entry.name] for entry in chosen]
+        return [arrays[names[place]] for place in places]
 
-    return BenchFile(path=name, kind="MAT", entries=entries, read=read, parse=plain_number)
+    return BenchFile(path=name, kind="MAT", entries=entries, columns=columns, parse=plain_number)
 
 
 def _walk(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, shown, some
-from rverror.runs.bench.columns import BenchFile, Entry, as_samples
+from rverror.base.text import PathLike, shown
+from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_file
 from rverror.runs.bench.header import header_quantity, header_texts, unknown_word
 from rverror.runs.bench.mapping import BenchMapping, DirectionRule
 from rverror.runs.bench.values import core_values
-from rverror.runs.reading import DIRECTIONS, ORDER_COLUMNS, ORDER_CONDITIONS, OrderRows, refuse
+from rverror.runs.reading import DIRECTIONS, ORDER_COLUMNS, ORDER_CONDITIONS, OrderRows, listed, refuse
 
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")
@@ -49,8 +51,8 @@ def read_bench_orders(path: PathLike, mapping: BenchMapping) -> OrderRows:
     used = [entry for own in entries.values() for entry in own]
     arrays = file.read(used)
     if len({array.size for array in arrays}) > 1:
-        listed = ", ".join(f"{shown(e.name, 60)} {array.size}" for e, array in zip(used, arrays, strict=True))
-        refuse(name, f"the columns differ in length ({listed}); export them again")
+        sizes = ", ".join(f"{shown(e.name, 60)} {array.size}" for e, array in zip(used, arrays, strict=True))
+        file.refuse(f"the columns differ in length ({sizes}); export them again")
     stored = iter(arrays)
     numbers = {
         key: [core_values(file, key, rules.columns[key], entry, next(stored), notes) for entry in own]
@@ -58,11 +60,10 @@ def read_bench_orders(path: PathLike, mapping: BenchMapping) -> OrderRows:
     }
     # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
     kept = np.any([np.isfinite(values) for own in numbers.values() for values in own], axis=0)
-    labels = np.arange(kept.size) if file.labels is None else file.labels
+    labels = file.rows(kept.size)
     if not kept.all():
         left = labels[~kept].tolist()
-        plural = "" if len(left) == 1 else "s"
-        notes.append(f"{count_of(len(left), 'row')} without any number left out ({file.noun}{plural} {some(left)})")
+        notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
     lines = labels[kept].tolist()
     times = len(rules.orders) or 1
     columns = {
@@ -71,34 +72,33 @@ def read_bench_orders(path: PathLike, mapping: BenchMapping) -> OrderRows:
     }
     if rules.orders:
         columns["order"] = np.tile(rules.orders, len(lines))
-    labels_of_rows = tuple(label for label in lines for _ in range(times))
     if rules.direction is None:
-        directions = (_stated_direction(name, places["direction"], texts["direction"]),) * len(labels_of_rows)
+        senses = [_stated_direction(name, places["direction"], texts["direction"])] * len(lines)
     else:
         entry = found_entry(file, mapping, rules.direction.where)
         used.append(entry)
-        words = [word for word, own in zip(_words(file, entry), kept.tolist(), strict=True) if own]
-        told = [
+        words = compress(file.words(entry), kept.tolist())
+        senses = [
             _direction(file, rules.direction, f"{file.noun} {label}", word)
             for label, word in zip(lines, words, strict=True)
         ]
-        directions = tuple(sense for sense in told for _ in range(times))
     notes += left_out_columns(file, used)
     stated = {
         key: (value, places[key]) for key in ORDER_CONDITIONS
         if (value := header_quantity(file, key, texts, places)) is not None
     }  # fmt: skip
-    return OrderRows(
+    rows = OrderRows(
         path=name,
-        labels=labels_of_rows,
+        labels=tuple(label for label in lines for _ in range(times)),
         noun=file.noun,
-        directions=directions,
-        columns=_sizes(file, _turned(columns, mapping), directions, labels_of_rows, notes),
+        directions=tuple(sense for sense in senses for _ in range(times)),
+        columns=_turned(columns, mapping),
         stated=stated,
         index=texts.get("index", ""),
         metadata=texts,
         notes=tuple(dict.fromkeys(notes)),
     )
+    return _of_sizes(rows)
 
 
 def _turned(columns: Mapping[str, Array], mapping: BenchMapping) -> dict[str, Array]:
@@ -111,9 +111,7 @@ def _turned(columns: Mapping[str, Array], mapping: BenchMapping) -> dict[str, Ar
     return result
 
 
-def _sizes(
-    file: BenchFile, columns: dict[str, Array], directions: Sequence[float], labels: Sequence[int], notes: list[str]
-) -> dict[str, Array]:
+def _of_sizes(rows: OrderRows) -> OrderRows:
     """Torques and speeds without the sign of the motion, where each direction has one sign.
 
     Raises
@@ -121,22 +119,21 @@ def _sizes(
     InputError
         If a direction has both: a load that drives is no load that resists.
     """
-    senses = np.array(directions)
-    for key in set(_SIZES) & set(columns):
+    senses, columns, notes = np.array(rows.directions), dict(rows.columns), list(rows.notes)
+    for key in [key for key in _SIZES if key in columns and (columns[key] < 0).any()]:
         values = columns[key]
-        if not (values < 0).any():
-            continue
         for sense in np.unique(senses).tolist():
-            own = np.flatnonzero(senses == sense)
-            if (values[own] > 0).any() and (values[own] < 0).any():
-                row = own[int(np.argmax(values[own] < 0))]
+            against = (senses == sense) & (values < 0)
+            if against.any() and (values[senses == sense] > 0).any():
+                row = int(np.argmax(against))
                 size = with_unit(values[row], ORDER_COLUMNS[key])
-                refuse(file.path, f"{file.noun} {labels[row]}: {key} = {size}, but above 0 in other rows {way(sense)}; "
-                                  "the load resists the motion and has one sign in a direction: split the table, or "
-                                  "correct the direction")  # fmt: skip
+                rows.refuse(
+                    f"{rows.at(row)}: {key} = {size}, but above 0 in other rows {way(sense)}; the load resists the "
+                    "motion and has one sign in a direction: split the table, or correct the direction"
+                )
         columns[key] = np.abs(values)
         notes.append(f"{key} has the sign of the motion; its size is taken")
-    return columns
+    return replace(rows, columns=columns, notes=tuple(notes))
 
 
 def _stated_direction(path: str, at: str, text: str) -> float:
@@ -151,18 +148,12 @@ def _direction(file: BenchFile, rule: DirectionRule, where: str, word: str) -> f
     at = rule.where.stated_at
     if rule.words:
         if word.strip().lower() not in rule.words:
-            refuse(file.path, f"{where}: direction = {shown(word)}: {unknown_word(rule.words, at)}")
+            file.refuse(f"{where}: direction = {shown(word)}: {unknown_word(rule.words, at)}")
         return DIRECTIONS[rule.words[word.strip().lower()]]
     number = DIRECTIONS.get(word.strip().lower()) or file.parse(word)
     if not number or math.isnan(number):
-        refuse(file.path, f"{where}: direction = {shown(word)}: must be forward, reverse or a number above or below 0; "
-                          f'write forward = "..." and reverse = "..." beside its name ({at})')  # fmt: skip
+        file.refuse(
+            f"{where}: direction = {shown(word)}: must be forward, reverse or a number above or below 0; "
+            f'write forward = "..." and reverse = "..." beside its name ({at})'
+        )
     return math.copysign(1.0, number) * rule.sign
-
-
-def _words(file: BenchFile, entry: Entry) -> list[str]:
-    """Cells of a column as text."""
-    if file.words is not None:
-        return file.words(entry)
-    (array,) = file.read([entry])
-    return [f"{value:.15g}" for value in as_samples(file.path, shown(entry.name, 60), array).tolist()]

@@ -26,7 +26,6 @@ from rverror.runs.reading import refuse
 #: Bytes with which a file begins.
 SIGNATURE = b"TDSm"
 _UNIT_PROPERTIES = ("unit_string", "unit", "units", "NI_UnitDescription")
-_LOGGERS = ("nptdms.reader", "nptdms.tdms", "nptdms.tdms_segment", "nptdms.base_segment", "nptdms.daqmx")
 
 
 def open_tdms(path: PathLike) -> BenchFile:
@@ -53,8 +52,7 @@ def open_tdms(path: PathLike) -> BenchFile:
             properties |= {f"{group.name}/{key}": str(value) for key, value in group.properties.items()}
         cut_off = bool(file.file_status.incomplete_final_segment)
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
-        places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
+    def columns(places: Sequence[int]) -> list[RawArray]:
         with _opened(name) as file:
             again = _channels(file)
             return [np.asarray(again[place][:]) for place in places]
@@ -63,7 +61,7 @@ def open_tdms(path: PathLike) -> BenchFile:
         path=name,
         kind="TDMS",
         entries=entries,
-        read=read,
+        columns=columns,
         properties=properties,
         notes=("the file ends before its last part is complete; what was written is read",) if cut_off else (),
         cut_off=cut_off,
@@ -79,27 +77,16 @@ def _channels(file: Any) -> list[Any]:
 def _opened(path: str) -> Iterator[Any]:
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError as error:
         raise InputError(f"{path}: TDMS files need npTDMS; install it with: pip install 'rverror[io]'") from error
-    with refused_in_one_line(path, "TDMS"), _quiet(), open(path, "rb") as raw:
-        yield TdmsFile.open(raw)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep npTDMS from printing of a file that is cut off: a note says it."""
-
-    def nothing(record: logging.LogRecord) -> bool:
-        return False
-
-    loggers = [logging.getLogger(name) for name in _LOGGERS]
-    for logger in loggers:
-        logger.addFilter(nothing)
+    level = log_manager.log_level
+    log_manager.set_level(logging.CRITICAL + 1)  # what npTDMS would print of a file that is cut off, a note says
     try:
-        yield
+        with refused_in_one_line(path, "TDMS"), open(path, "rb") as raw:
+            yield TdmsFile.open(raw)
     finally:
-        for logger in loggers:
-            logger.removeFilter(nothing)
+        log_manager.set_level(level)
 
 
 def _entry(channel: Any) -> Entry:

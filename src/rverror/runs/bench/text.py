@@ -98,13 +98,11 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
     cells = names.cells or tuple(f"column {i + 1}" for i in range(width))
     entries = tuple(replace(entry, size=len(rows)) for entry in column_facts(cells, facts))
 
-    def read(chosen: Sequence[Entry]) -> list[RawArray]:
-        places = [next(i for i, entry in enumerate(entries) if entry is one) for one in chosen]
-        return [_column(name, rows, table, place, cells[place], numerals) for place in places]
-
-    def words(chosen: Entry) -> list[str]:
-        place = next(i for i, entry in enumerate(entries) if entry is chosen)
+    def cells_at(place: int) -> list[str]:
         return [row[place] if place < len(row) else "" for row in table]
+
+    def columns(places: Sequence[int]) -> list[RawArray]:
+        return [_column(name, rows, cells_at(place), place, cells[place], numerals) for place in places]
 
     notes = []
     above = [line for line in lines[: max(names.line, 0)] if line.strip()]
@@ -120,14 +118,14 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
         path=name,
         kind="text",
         entries=entries,
-        read=read,
+        columns=columns,
         properties=_properties(lines[: names.line] if names.line >= 0 else lines[: rows[0]]),
         notes=(*notes, *decimal_note),
         place=place,
         noun="line",
         labels=np.array(rows) + 1,
         parse=numerals.parse,
-        words=words,
+        cells=cells_at,
     )
 
 
@@ -419,19 +417,18 @@ def _numerals(
 
 
 def _column(
-    path: str, rows: Sequence[int], table: list[list[str]], place: int, name: str, numerals: Numerals
+    path: str, rows: Sequence[int], cells: Sequence[str], place: int, name: str, numerals: Numerals
 ) -> RawArray:
     """Numbers of a column, NaN where a cell holds none; or its times of day, where its cells are such."""
-    cells_of = [cells[place] if place < len(cells) else "" for cells in table]
-    if seconds_of_day(next(filter(None, cells_of), "")) is not None:
-        seconds = [seconds_of_day(cell) for cell in cells_of]
+    if seconds_of_day(next(filter(None, cells), "")) is not None:
+        seconds = [seconds_of_day(cell) for cell in cells]
         stored = [
             np.timedelta64("NaT") if each is None else np.timedelta64(round(1e9 * each), "ns") for each in seconds
         ]
         return np.array(stored, dtype="timedelta64[ns]")
     values = np.full(len(rows), np.nan)
     first = ""
-    for row, cell in enumerate(cells_of):
+    for row, cell in enumerate(cells):
         value = numerals.parse(cell)
         if value is not None:
             values[row] = value

@@ -9,8 +9,9 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
-from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_factor, unit_zero
-from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES, refuse
+from rverror.runs.bench.mapping import ColumnRule
+from rverror.runs.bench.unit_words import meant_unit, unit_scale
+from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES
 
 _DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
 _UNITS = BENCH_EXAMPLES | ORDER_EXAMPLES
@@ -104,13 +105,13 @@ def core_scale(
         _check_unit(file, rule, entry, dimension, what)
         return rule.factor, rule.zero
     if not entry.unit:
-        refuse(file.path, f'{what} has no unit{at}; write unit = "{unit}" or another beside its name')
+        file.refuse(f'{what} has no unit{at}; write unit = "{unit}" or another beside its name')
     try:
-        factor, zero = unit_factor(entry.unit, dimension) * rule.sign, unit_zero(entry.unit, dimension)
+        factor, zero = unit_scale(entry.unit, dimension)
     except ValueError as error:
-        refuse(file.path, f"{what}{at}: {error}; state the unit beside its name in the mapping")
+        file.refuse(f"{what}{at}: {error}; state the unit beside its name in the mapping")
     notes.append(f"unit of {key} taken from the file: {entry.unit}")
-    return factor, zero
+    return factor * rule.sign, zero
 
 
 def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str, what: str) -> None:
@@ -118,15 +119,13 @@ def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str,
     if rule.scaled or not rule.unit or not entry.unit:
         return
     try:
-        word = meant_unit(entry.unit)
-        said = (unit_factor(word, dimension), unit_zero(word, dimension))
+        said = unit_scale(meant_unit(entry.unit), dimension)
     except ValueError:
         return  # a word that says nothing here, such as V of a sensor
     if not np.allclose((abs(rule.factor), rule.zero), said, rtol=1e-9):
-        refuse(
-            file.path,
+        file.refuse(
             f"{what} is in {rule.unit} by the mapping, but the file says {shown(entry.unit)}; correct the unit, or "
-            "write scale = 1 beside it if the file is wrong",
+            "write scale = 1 beside it if the file is wrong"
         )
 
 
@@ -140,16 +139,14 @@ def _unwrapped_counts(file: BenchFile, key: str, rule: ColumnRule, counts: Array
     if rule.wraps_at:
         size = rule.wraps_at
         if usual > size / 4:
-            refuse(
-                file.path,
+            file.refuse(
                 f"{key} moves {usual:.6g} counts between samples, at most a quarter of wraps_at = {size:.6g} can be "
-                "unwrapped safely; sample more often, or use a wider counter",
+                "unwrapped safely; sample more often, or use a wider counter"
             )
         if np.ptp(counts[valid]) > size * (1 + 1e-9):
-            refuse(
-                file.path,
+            file.refuse(
                 f"{key} covers {np.ptp(counts[valid]):.6g} counts, more than wraps_at = {size:.6g}; correct wraps_at, "
-                "or leave it out",
+                "or leave it out"
             )
         whole = counts.copy()
         whole[valid] = np.unwrap(counts[valid], period=size)
@@ -160,9 +157,8 @@ def _unwrapped_counts(file: BenchFile, key: str, rule: ColumnRule, counts: Array
     for size in _COUNTER_SIZES:
         restarts = (np.abs(np.abs(steps) - size) < 3 * usual) & (steps * np.median(steps) < 0)
         if restarts.any() and usual < size / 20 and np.ptp(counts[valid]) <= size:
-            refuse(
-                file.path,
+            file.refuse(
                 f"{key} jumps by {abs(steps[restarts][0]):.0f} counts, which looks like a counter that starts again "
-                f"after {size:.0f}; write wraps_at = {size:.0f} beside counts_per_turn",
+                f"after {size:.0f}; write wraps_at = {size:.0f} beside counts_per_turn"
             )
     return counts

@@ -23,8 +23,8 @@ from rverror.life.result import RunsCompared, Trend
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot
 from rverror.matching.result import Matched
-from rverror.model.asked import Equilibrium, Influence
 from rverror.model.effects import Model
+from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.friction import Efficiency, Hysteresis

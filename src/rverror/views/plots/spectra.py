@@ -19,9 +19,9 @@ from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
 from rverror.geartrain.kinematics import Conditions, true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
-from rverror.model.asked import Equilibrium
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
+from rverror.model.results import Equilibrium
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import noise_spectrum, revolutions
 from rverror.views.by_order import residual_spectrum

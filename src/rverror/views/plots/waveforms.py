@@ -20,10 +20,10 @@ from rverror.base.numbers import way
 from rverror.base.text import describe, file_name
 from rverror.geartrain.kinematics import true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Reducer
-from rverror.model.asked import Equilibrium, Influence
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
+from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run, torque_column
 from rverror.views.plots.figure import (
     BLACK,

@@ -1,4 +1,4 @@
-"""What a model is asked most: what comes back, and a place for the functions that find it.
+"""Result types of what a model is asked most, and a place for the functions that find it.
 
 They stand above the model, some in higher rooms.  So a model only knows that there is a way to ask, as what can be
 looked at knows of pictures (`base.viewed`); the package's front door registers the functions.
