@@ -12,7 +12,7 @@ from rverror.base.numbers import count_of
 from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy
-from rverror.views.lot_words import process_name
+from rverror.views.lot_report import process_name
 from rverror.views.plots.figure import (
     BLUE,
     GREY,
