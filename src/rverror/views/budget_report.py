@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -21,8 +21,21 @@ from rverror.tolerances.loaded_budget import LoadedBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sentence, Sheet, facts, line, section, title
-from rverror.views.describing import content, entries_of, sheet, table
-from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, listing, rows
+from rverror.views.describing import content, sheet, table
+from rverror.views.fields import (
+    COUNT,
+    OWN,
+    Column,
+    Field,
+    alike,
+    arrays,
+    entry,
+    for_people,
+    in_json,
+    in_table,
+    listing,
+    rows,
+)
 from rverror.views.model_report import angles, name_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, SQUARE, Each, Table, Variable, unit_of
 from rverror.views.yield_report import LEVELS, together_entry, yield_entries, yield_sheet, yields
@@ -44,23 +57,30 @@ _ESTIMATE = alike(ANGLE, "value", "low", "high")
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
+_CONTRIBUTION = (
+    Column("tolerance", "label", "label", "tolerance"),
+    Column("width", OWN, "width", "width"),
+    Column("", lambda one: units.DISPLAY_UNITS[one.dimension], "unit", "unit"),
+    Column("components", COUNT),
+    Column("", "components", "components"),
+    Column("mean_square", SQUARE),
+    Column("share", NUMBER, "share_of_variance"),
+    Column("", ("share", PERCENT), head="share of variance, %"),
+    Column("worst_peak_to_peak", ANGLE, "worst_peak_to_peak_alone_arcsec", "p-p alone, worst, arcsec"),
+    Column("worst_part", ANGLE, "part_of_worst_case_arcsec", "part of worst case, arcsec"),
+    Column("rss", ANGLE),
+    Column("mean_peak_to_peak", ANGLE, "mean_peak_to_peak_alone_arcsec", "p-p alone, mean, arcsec"),
+    Column("mean_peak_to_peak_error", ANGLE),
+    Column("offset_deviation", ANGLE, "offset_deviation_arcsec"),
+    Column("worst_offset", ANGLE, "worst_offset_arcsec"),
+    Column("effect", key="effect"),
+)
+
+
 @table.register
 def _budget_table(result: Budget) -> Table:
     variables = {
-        **rows(
-            "tolerance",
-            result.contributions,
-            "",
-            ("unit", "dimension"),
-            tolerance="label",
-            width=OWN,
-            components=COUNT,
-            mean_square=SQUARE,
-            share=NUMBER,
-            **alike(ANGLE, "worst_peak_to_peak", "worst_part", "rss", "mean_peak_to_peak", "mean_peak_to_peak_error"),
-            **alike(ANGLE, "offset_deviation", "worst_offset"),
-            effect=None,
-        ),
+        **rows("tolerance", result.contributions, "", ("unit", "dimension"), **in_table(_CONTRIBUTION)),
         **angles(result.theta, result.mean.size),
         **arrays(
             "theta",
@@ -223,26 +243,11 @@ def _sobol(indices: SobolIndices | None, which: str, at: int) -> dict[str, float
     return {name: rounded(float(getattr(indices, f"{which}{end}")[at])) for name, end in _ENDS.items()}
 
 
-#: Keys of a contribution, and the columns of its table.
-_CONTRIBUTION = {
-    "label": "tolerance",
-    "width": "width",
-    "unit": "unit",
-    "components": "components",
-    "effect": "effect",
-    "share_of_variance": "share",
-    "mean_peak_to_peak_alone_arcsec": "mean_peak_to_peak",
-    "worst_peak_to_peak_alone_arcsec": "worst_peak_to_peak",
-    "part_of_worst_case_arcsec": "worst_part",
-    "offset_deviation_arcsec": "offset_deviation",
-    "worst_offset_arcsec": "worst_offset",
-}
-
-
 def _contributed(closed: Budget, indices: SobolIndices | None) -> list[dict[str, Any]]:
     return [
-        {**told, **{f"sobol_{which}": _sobol(indices, which, e) for which in ("first", "total")}}
-        for e, told in enumerate(entries_of(closed, _CONTRIBUTION))
+        entry(one, one.dimension, **in_json(_CONTRIBUTION))
+        | {f"sobol_{which}": _sobol(indices, which, e) for which in ("first", "total")}
+        for e, one in enumerate(closed.contributions)
     ]
 
 
@@ -329,21 +334,12 @@ def _contributions(closed: Budget, indices: SobolIndices | None) -> Sheet:
     """Tolerances, the largest share first."""
     each = closed.contributions
     order = sorted(range(len(each)), key=lambda e: -each[e].share)
-    heads: dict[str, Field] = {
-        "tolerance": "1.label",
-        "width": ("1.width", OWN),
-        "unit": lambda row: units.DISPLAY_UNITS[row[1].dimension],
-        "share of variance, %": ("1.share", PERCENT),
-        "p-p alone, mean, arcsec": ("1.mean_peak_to_peak", ANGLE),
-        "p-p alone, worst, arcsec": ("1.worst_peak_to_peak", ANGLE),
-        "part of worst case, arcsec": ("1.worst_part", ANGLE),
-    }
+    heads = for_people(_CONTRIBUTION)
     if indices is not None:
-        for which in ("first", "total"):
-            heads[f"Sobol {which} ± 95 %"] = partial(_index_of, indices, which)
+        heads |= {f"Sobol {which} ± 95 %": partial(_index_of, each, indices, which) for which in ("first", "total")}
     quiet = ", ".join(one.label for one in each if one.effect != "wave")
     return (
-        *listing([(e, each[e]) for e in order], heads, own="1.dimension"),
+        *listing([each[e] for e in order], heads),
         *line(
             f"Sobol index: share of the variance of the peak-to-peak; ±: half of the {_OF_ESTIMATE}."
             if indices is not None
@@ -361,9 +357,9 @@ def _index(indices: SobolIndices, which: str, at: int) -> str:
     return "" if math.isnan(value) else f"{value:.2f} ± {(high - low) / 2:.2f}"
 
 
-def _index_of(indices: SobolIndices, which: str, row: tuple[int, Contribution]) -> str:
+def _index_of(each: Sequence[Contribution], indices: SobolIndices, which: str, one: Contribution) -> str:
     """Sobol index; none of what makes no wave."""
-    return _index(indices, which, row[0]) if row[1].effect == "wave" else ""
+    return _index(indices, which, list(map(id, each)).index(id(one))) if one.effect == "wave" else ""
 
 
 def _where(thing: ErrorBudget) -> Sheet:

@@ -12,42 +12,39 @@ from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json
 from rverror.views.blocks import Sentence, Sheet, line, notes, title
 from rverror.views.describing import content, sheet, table
-from rverror.views.fields import Field, entry, listing, rows
+from rverror.views.fields import Column, Field, about, alike, entry, for_people, in_json, in_table, listing, rows
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, Table
 
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 
 
+_ORDER = (
+    Column("order", NUMBER),
+    Column("", "order", "order", "order"),
+    Column("amplitude", ANGLE, "amplitude_arcsec", "amplitude, arcsec"),
+    Column("left", ANGLE, "left_arcsec", "left, arcsec"),
+    Column("law", key="law", head="over direction and condition"),
+    Column("frames", lambda one: "; ".join(one.frames), head="fits"),
+    Column("", "frames", "frames"),
+)
+_UNSEEN = (
+    Column("file", head="seen by no fit, rms, arcsec"),
+    Column("before", ANGLE, head="without"),
+    Column("after", ANGLE, head="with"),
+)
+
+
 @table.register
 def _table(result: Compensation) -> Table:
+    stages = (("before", result.before), ("after", result.after))
     variables = {
-        **rows(
-            "order",
-            result.orders,
-            order=NUMBER,
-            amplitude=ANGLE,
-            left=ANGLE,
-            law=None,
-            frames=lambda one: "; ".join(one.frames),
-        ),
-        **rows(
-            "stage",
-            (("before", result.before), ("after", result.after)),
-            stage="0",
-            rms=("1.rms", ANGLE),
-            low=("1.low", ANGLE),
-            high=("1.high", ANGLE),
-        ),
-        **rows("unseen", result.unseen, "unseen_", file=None, before=ANGLE, after=ANGLE),
+        **rows("order", result.orders, **in_table(_ORDER)),
+        **rows("stage", stages, stage="0", **alike(ANGLE, "rms", "low", "high", within="1.")),
+        **rows("unseen", result.unseen, "unseen_", **in_table(_UNSEEN)),
     }
-    about = {
-        "model": name_of(result.model),
-        "index": result.index,
-        "stays": "\n".join(result.stays),
-        "notes": "\n".join(result.notes),
-    }
-    return Table("Compensation", "order", variables, about)
+    told = about(result, "index", "stays", "notes", model=name_of(result.model))
+    return Table("Compensation", "order", variables, told)
 
 
 @content.register
@@ -58,17 +55,7 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
         "before": _held(made.before),
         "after": _held(made.after),
         "bench_uncertainty": bench_json(uncertainty_of(made.model.encoders, made.model.mechanism.ratio)),
-        "orders": [
-            entry(
-                one,
-                order=None,
-                frames=None,
-                amplitude_arcsec=("amplitude", ANGLE),
-                left_arcsec=("left", ANGLE),
-                law=None,
-            )
-            for one in made.orders
-        ],
+        "orders": [entry(one, **in_json(_ORDER)) for one in made.orders],
         "validation": [
             {
                 "file": one.file,
@@ -119,26 +106,13 @@ def _sheet(thing: Compensation, *, table: WrittenTable | None = None) -> Sheet:
         **of_rms,
         "one more, 95 %": ("1", ANGLE),
     }
-    unseen: dict[str, Field] = {
-        "seen by no fit, rms, arcsec": "file",
-        "without": ("before", ANGLE),
-        "with": ("after", ANGLE),
-        **of_rms,
-    }
-    orders: dict[str, Field] = {
-        "order": None,
-        "amplitude, arcsec": ("amplitude", ANGLE),
-        "left, arcsec": ("left", ANGLE),
-        **beside(lambda one: bench and bench.of_order(one.order)),
-        "over direction and condition": "law",
-        "fits": lambda one: "; ".join(one.frames),
-    }
+    of_orders = beside(lambda one: bench and bench.of_order(one.order))
     return (
         *title("Compensation", name_of(thing.model)),
         Sentence(verdict),
         *listing((("without", thing.before), ("with", thing.after)), held),
-        *listing(thing.unseen, unseen),
-        *listing(thing.orders, orders),
+        *listing(thing.unseen, {**for_people(_UNSEEN), **of_rms}),
+        *listing(thing.orders, {**for_people(_ORDER), **of_orders}),
         *(Sentence(f"Stays: {text}") for text in thing.stays),
         *line(_BENCH_REPEATS if bench and thing.worth else ""),
         *(() if table is None else map(Sentence, table_told(table))),

@@ -15,7 +15,7 @@ from rverror.base import units
 from rverror.base.numbers import brief, count_of, in_arcsec, rounded, way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.next_run import folds
 from rverror.diagnosis.result import (
     Addition,
     Candidate,
@@ -35,6 +35,7 @@ from rverror.views.blocks import Ends, Sentence, Sheet, Verbatim, grid, line, no
 from rverror.views.by_order import beside, leading_orders, samples_per_turn, turns_of
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.fields import OWN, Field, Place, entry, listing
+from rverror.views.next_measurement import next_steps
 from rverror.views.passport_report import passport_json, passport_sheet
 from rverror.views.resonance_report import resonance_sheet, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, TORQUE, Unit
@@ -165,41 +166,6 @@ def _label(trace: Trace, at: int) -> str:
     return f"{at + 1} {way(trace.direction)}"
 
 
-def bench_of(diagnosis: Diagnosis) -> Circumstances:
-    """What the runs of a diagnosis cover."""
-    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
-    longest = max(diagnosis.traces, key=turns_of, default=None)
-    part = longest.theta if longest is not None and turns_of(longest) < 1 else None
-    return Circumstances(
-        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
-        samples_per_turn=samples_per_turn(diagnosis),
-        torques=frozenset(torques),
-        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
-        shared_zero=any(
-            one.index == other.index not in ("", "unknown") and one.direction != other.direction
-            for one in diagnosis.traces
-            for other in diagnosis.traces
-        ),
-        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
-    )
-
-
-def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
-    """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
-    if diagnosis.conditions:
-        return []
-    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
-    found: list[tuple[Addition | None, Measurement]] = []
-    for addition in diagnosis.added:
-        keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
-        if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
-            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
-            found += [(addition, step) for step in steps]
-    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
-    reading = diagnosis.quantity == "angle"
-    return found + [(None, step) for step in steps if reading or step.name != "encoder"]
-
-
 def _next_entries(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return [
         {
@@ -207,7 +173,7 @@ def _next_entries(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "about": _cause(addition.effect.key, addition.effect.indices) if addition else None,
             "separates": [_cause(*cause) for cause in step.separates],
         }
-        for addition, step in _next(diagnosis)
+        for addition, step in next_steps(diagnosis)
     ]
 
 
@@ -371,7 +337,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     causes = [one for one, added in zip(data["added"], diagnosis.added, strict=True) if _is_cause(added)]
     laws = [one for one in data["added"] if one not in causes]
     whole = not diagnosis.conditions
-    told = _tells_loads(diagnosis)
+    passport = passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
     shares: dict[str, Field] = {"order": None, f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}"}
     shares |= {head: (f"shares.{name}", PERCENT) for name, head in SHARES.items()}
     return (
@@ -385,10 +351,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
         *_steps(data),
         *section("Lines that no source of the catalogue explains", *_lines(data)),
         *section("Measurements that no fit saw", *_validated(data)),
-        *section(
-            "Orders over load, speed and temperature",
-            *(passport_sheet(diagnosis.passport, bench=bench) if told else ()),
-        ),
+        *section("Orders over load, speed and temperature", *passport),
         *section("Natural frequencies that orders show over the speed", *resonance_sheet(diagnosis.resonances)),
         *section("What accounts for the power of each order, %", *listing(data["shares"], shares)),
         *section("Residual by order", *_by_order(data)),

@@ -11,7 +11,7 @@ from rverror.base.text import describe
 from rverror.diagnosis.result import Diagnosis
 from rverror.views.describing import content, sheet, table
 from rverror.views.diagnosis_report import SIGNALS, diagnosis_content, diagnosis_sheet
-from rverror.views.fields import COUNT, OWN, alike, arrays, rows
+from rverror.views.fields import COUNT, OWN, about, alike, arrays, rows
 from rverror.views.model_report import inside, name_of
 from rverror.views.variables import NUMBER, POSITION, TORQUE, Table, Unit, Variable
 
@@ -61,14 +61,9 @@ def _diagnosis_table(result: Diagnosis) -> Table:
         **_angles_of(result, "set_aside", "set_aside"),
         **_angles_of(result, "slip", "slips"),
     }
-    about = {
-        "model": name_of(result.declared),
-        "verdict": result.verdict,
-        "quantity": result.quantity,
-        "candidates_tried": result.tried,
-        "notes": "\n".join(result.notes),
-    }
-    return Table("Diagnosis", "added", variables, about, frozenset({"sample_run", "sample_theta"}))
+    told = {"model": name_of(result.declared), "candidates_tried": result.tried}
+    told |= about(result, "verdict", "quantity", "notes")
+    return Table("Diagnosis", "added", variables, told, frozenset({"sample_run", "sample_theta"}))
 
 
 def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:

@@ -7,8 +7,8 @@ count places, as in ``"seen.0"``.  `OWN` is the unit of each row's own dimension
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,40 @@ OWN = Unit("own", "own")
 
 Place = str | Callable[[Any], Any]
 Field = Unit | Place | None | tuple[Place, Unit | Each | None]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A field with its name in tables, its key in JSON and its head for people; where that is empty it is not told."""
+
+    name: str = ""
+    field: Field = None
+    key: str = ""
+    head: str = ""
+
+
+def in_table(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `rows`."""
+    return {one.name: one.field for one in columns if one.name}
+
+
+def in_json(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `entry`."""
+    return {one.key: _parts(one.name, one.field) for one in columns if one.key}
+
+
+def for_people(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `listing`."""
+    return {one.head: _parts(one.name, one.field) for one in columns if one.head}
+
+
+def sized(name: str, unit: Unit, place: str, *, keys: Sequence[str] = ("", ""), head: str = "") -> tuple[Column, ...]:
+    """Columns of a value with its interval: in tables its ends apart, else together."""
+    return (
+        Column(name, (f"{place}.value", unit), keys[0], head),
+        *(Column(f"{name}_{end}", (f"{place}.{end}", unit)) for end in ("low", "high")),
+        Column("", (place, unit), keys[1], "95 % interval" if head else ""),
+    )
 
 
 def value_at(row: Any, place: Place) -> Any:
@@ -105,6 +139,12 @@ def arrays(dims: str, thing: Any, prefix: str = "", /, **fields: Field) -> dict[
     return made
 
 
+def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
+    """Where a result comes from: attributes of it, several texts as lines of one, and what else is known."""
+    found = {name: getattr(thing, name) for name in names}
+    return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
+
+
 def bare(variables: Mapping[str, Variable]) -> dict[str, Variable]:
     """Variables whose columns are named by their places alone."""
     return {name: replace(variable, bare=True) for name, variable in variables.items()}
@@ -113,15 +153,6 @@ def bare(variables: Mapping[str, Variable]) -> dict[str, Variable]:
 def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
     """Fields of one unit, of the row itself or of a part of it."""
     return {name: (f"{within}{name}", unit) for name in names}
-
-
-def ends(name: str, unit: Unit, place: str = "") -> dict[str, Field]:
-    """Fields of a value with an interval: the value, its lower and its upper end."""
-    where = place or name
-    return {
-        name: (f"{where}.value", unit),
-        **{f"{name}_{end}": (f"{where}.{end}", unit) for end in ("low", "high")},
-    }
 
 
 def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Place, Any]]]:

@@ -13,7 +13,21 @@ from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
 from rverror.views.blocks import Sentence, Sheet, line, notes, title
 from rverror.views.describing import content, sheet, table
-from rverror.views.fields import OWN, Field, alike, arrays, ends, entry, listing, rows
+from rverror.views.fields import (
+    OWN,
+    Column,
+    Field,
+    about,
+    alike,
+    arrays,
+    entry,
+    for_people,
+    in_json,
+    in_table,
+    listing,
+    rows,
+    sized,
+)
 from rverror.views.model_report import inside
 from rverror.views.variables import ANGLE, NUMBER, Table, Variable
 
@@ -30,6 +44,36 @@ def _name(row: tuple[Changed, Grown]) -> str:
     return describe(row[0].key, row[0].indices)
 
 
+def _unit(row: tuple[Changed, Grown]) -> str:
+    return DISPLAY_UNITS[row[1].dimension]
+
+
+_CHANGED = (
+    Column("source", _name, head="cause"),
+    Column("key", "0.key"),
+    Column("indices", lambda row: inside(row[0].indices)),
+    Column("parameter", "1.name", head="parameter"),
+    Column("course", "0.course"),
+    Column("since", ("0.since", NUMBER)),
+    *sized("size", OWN, "1.change", keys=("change", "change_interval"), head="by"),
+    Column("", _unit, head="unit"),
+    Column("evidence", ("0.evidence", NUMBER)),
+)
+_ORDER = (
+    Column("order", NUMBER),
+    Column("", "order", "order", "order"),
+    Column("condition", key="condition", head="condition"),
+    Column("before", ANGLE, "before", "before, arcsec"),
+    Column("after", ANGLE, "after"),
+    Column("", ("interval.value", ANGLE), head="after, arcsec"),
+    Column("low", ("interval.low", ANGLE)),
+    Column("high", ("interval.high", ANGLE)),
+    Column("", ("interval", ANGLE), "interval", "95 % interval"),
+    Column("difference", ANGLE, "difference"),
+    Column("chance", NUMBER, "chance", "chance"),
+)
+
+
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
@@ -41,49 +85,20 @@ def _trend_table(result: Trend) -> Table:
         **arrays("session run", result, peak_to_peak=ANGLE),
         **arrays("session load", result, lost_motion=ANGLE, explained=ANGLE),
     }
-    about = {
-        "model": result.model,
-        "time_unit": result.unit,
-        "conditions": "\n".join(result.conditions),
-        "chance": result.chance,
-        "notes": "\n".join(result.notes),
-    }
-    return Table("Trend", "change", variables, about)
+    told = about(result, "model", "conditions", "chance", "notes", time_unit=result.unit)
+    return Table("Trend", "change", variables, told)
 
 
 @table.register
 def _compared_table(result: RunsCompared) -> Table:
-    orders = rows(
-        "order",
-        result.orders,
-        order=NUMBER,
-        condition=None,
-        before=ANGLE,
-        after=ANGLE,
-        **alike(ANGLE, "low", "high", within="interval."),
-        difference=ANGLE,
-        chance=NUMBER,
-    )
-    about = {"conditions": "\n".join(result.conditions), "noise": result.noise, "notes": "\n".join(result.notes)}
-    return Table("RunsCompared", "order", {**orders, **_changes(result.changed)}, about)
+    orders = rows("order", result.orders, **in_table(_ORDER))
+    told = about(result, "conditions", "noise", "notes")
+    return Table("RunsCompared", "order", {**orders, **_changes(result.changed)}, told)
 
 
 def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
     """Parameters of causes that changed, a row for each."""
-    return rows(
-        "change",
-        _each(changed),
-        "",
-        ("change_unit", "1.dimension"),
-        source=_name,
-        key="0.key",
-        indices=lambda row: inside(row[0].indices),
-        parameter="1.name",
-        course="0.course",
-        since=("0.since", NUMBER),
-        **ends("size", OWN, "1.change"),
-        evidence=("0.evidence", NUMBER),
-    )
+    return rows("change", _each(changed), "", ("change_unit", "1.dimension"), **in_table(_CHANGED))
 
 
 # --- for programs -----------------------------------------------------------------------------------------------------
@@ -94,12 +109,11 @@ def _trend_content(result: Trend) -> dict[str, Any]:
     """None where something is not determined."""
     left, per = result.remaining, result.unit
     time = None if left is None or left.time is None else left.time
-    growing: dict[str, Field] = {
-        "course": "0.course",
+    growing = {
+        **in_json(_CHANGED),
+        **alike(None, "course", within="0."),
         f"rate_per_{per}": ("1.rate.value", OWN),
         "interval": ("1.rate", OWN),
-        "change": ("1.change.value", OWN),
-        "change_interval": ("1.change", OWN),
         "since": ("0.since", NUMBER),
         "since_interval": (lambda row: (row[0].earliest, row[0].latest), NUMBER),
         "time_constant": (lambda row: row[0].settling or None, NUMBER),
@@ -126,20 +140,7 @@ def _trend_content(result: Trend) -> dict[str, Any]:
 
 @content.register
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
-    orders = [
-        {"unit": DISPLAY_UNITS["angle"]}
-        | entry(
-            one,
-            order=None,
-            condition=None,
-            before=ANGLE,
-            after=ANGLE,
-            interval=ANGLE,
-            difference=ANGLE,
-            chance=NUMBER,
-        )
-        for one in result.orders
-    ]
+    orders = [{"unit": DISPLAY_UNITS["angle"], **entry(one, **in_json(_ORDER))} for one in result.orders]
     causes = [
         {"before": 0.0, **_changed(row, after=("1.change.value", OWN), interval=("1.change", OWN))}
         for row in _each(result.changed)
@@ -198,26 +199,14 @@ def _per_thousand(row: tuple[Changed, Grown]) -> Interval:
     return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
 
 
-def _unit(row: tuple[Changed, Grown]) -> str:
-    return DISPLAY_UNITS[row[1].dimension]
-
-
 @sheet.register
 def _compared_sheet(thing: RunsCompared) -> Sheet:
-    heads: dict[str, Field] = {
-        "order": "order",
-        "condition": "condition",
-        "before, arcsec": ("before", ANGLE),
-        "after, arcsec": ("interval.value", ANGLE),
-        "95 % interval": ("interval", ANGLE),
-        "chance": "chance",
-    }
     orders = len({one.order for one in thing.orders})
     strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
     return (
         *title("Runs compared", "; ".join(thing.conditions)),
         Sentence(f"{strong} beyond noise of {brief(thing.noise / ARCSEC, 2)} arcsec an order", strong),
-        *listing(thing.orders, heads),
+        *listing(thing.orders, for_people(_ORDER)),
         *_jumped({}, thing.changed),
         *map(Sentence, _rivals(thing.changed)),
         *notes(thing.notes),
@@ -226,15 +215,7 @@ def _compared_sheet(thing: RunsCompared) -> Sheet:
 
 def _jumped(first: dict[str, Field], changed: Sequence[Changed]) -> Sheet:
     """Causes that are another size at once, behind the time of each where there is a head for it."""
-    heads: dict[str, Field] = {
-        **first,
-        "cause": _name,
-        "parameter": "1.name",
-        "by": ("1.change.value", OWN),
-        "95 % interval": ("1.change", OWN),
-        "unit": _unit,
-    }
-    return listing(_each(changed), heads, own="1.dimension")
+    return listing(_each(changed), {**first, **for_people(_CHANGED)}, own="1.dimension")
 
 
 def _trend_verdict(trend: Trend) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,23 @@ from rverror.model.catalogue import source
 from rverror.views.blocks import Sentence, Sheet, facts, line, notes, title
 from rverror.views.describing import content, own_columns, sheet, shown, table
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.fields import COUNT, OWN, Field, alike, arrays, bare, ends, entry, listing, rows
+from rverror.views.fields import (
+    COUNT,
+    OWN,
+    Column,
+    Field,
+    about,
+    alike,
+    arrays,
+    bare,
+    entry,
+    for_people,
+    in_json,
+    in_table,
+    listing,
+    rows,
+    sized,
+)
 from rverror.views.model_report import inside
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
@@ -37,77 +54,90 @@ def process_name(one: MadeBy) -> str:
     return f"{named} {', '.join(one.parameters)}" if few else named
 
 
-def _shift_name(one: Shift) -> str:
-    """Source and place of a systematic error; the parameter stands in a column of its own."""
-    return describe(one.key, one.indices)
+_PROCESS = (
+    Column("process", process_name, head="process"),
+    Column("key", key="key"),
+    Column("indices", lambda one: inside(one.indices)),
+    Column("parameters", lambda one: ", ".join(one.parameters)),
+    *sized("deviation", OWN, "deviation", keys=("sd", "sd_interval"), head="standard deviation"),
+    Column("", _UNIT, "unit", "unit"),
+    Column("above_zero", key="above_zero"),
+    Column("share", NUMBER, "share"),
+    Column("", ("share", PERCENT), head="share of variance, %"),
+    Column("alike", lambda one: "; ".join(one.alike)),
+    Column("", "alike", "with"),
+    Column("units_needed", NUMBER),
+    Column("tolerance"),
+    Column("", lambda one: one.tolerance or None, "tolerance"),
+    Column("cp", ("capability", NUMBER), "cp", "Cp"),
+    Column("cpk", ("capability_centred", NUMBER), "cpk", "Cpk"),
+    Column("", "units_needed", "units_needed", "units for ± 25 %"),
+    Column("least_difference", OWN, "least_difference"),
+    Column("least_error", OWN, "least_error"),
+)
+#: Of a systematic error, a row of what has it and the error.
+_SHIFT = (
+    Column("source", lambda row: describe(row[1].key, row[1].indices), head="cause"),
+    Column("parameter", "1.parameter", "parameter", "parameter"),
+    Column("size", ("1.size.value", OWN), head="size"),
+    Column("low", ("1.size.low", OWN)),
+    Column("high", ("1.size.high", OWN)),
+    Column("", "1.key", "key"),
+    Column("", "1.indices", "indices"),
+    Column("", ("1.size", OWN), "interval", "95 % interval"),
+    Column("", lambda row: DISPLAY_UNITS[row[1].dimension], "unit", "unit"),
+)
+_OUTLIER = (
+    Column("unit", "0.serial", "unit", "unit that is no member"),
+    Column("", ("0.distance", NUMBER), "distance"),
+    Column("", ("0.chance", NUMBER), "chance", "chance"),
+)
+_GROUP = (
+    Column("", lambda row: f"{row[0].label} {row[0].value}", head="group that differs"),
+    Column("label", "0.label", "label"),
+    Column("value", "0.value", "value"),
+    Column("", "0.units", "units", "units"),
+    Column("", ("0.chance", NUMBER), "chance", "chance"),
+    Column("", "0.rivals", "indistinguishable_from"),
+)
+_CHANGE = (
+    Column("since", "0.since", "since", "change since"),
+    Column("course", "0.course", "course", "course"),
+    Column("", ("0.chance", NUMBER), "chance", "chance"),
+    Column("", "0.rivals", "indistinguishable_from"),
+)
+#: Peak-to-peak error of the units to come, beside that of those that were measured.
+_PREDICTED = (
+    Column("condition", key="condition", head="peak-to-peak, arcsec"),
+    Column("mean", ANGLE, "mean_arcsec", "mean, to come"),
+    *sized("p95", ANGLE, "quantile", keys=("p95_arcsec", "p95_interval"), head="P95, to come"),
+    Column("measured_mean", ("seen.0", ANGLE), "measured_mean_arcsec", "mean, measured"),
+    Column("measured_p95", ("seen.1", ANGLE), "measured_p95_arcsec", "P95, measured"),
+)
 
 
 @table.register
 def _lot_table(result: Lot) -> Table:
     variables = {
-        **rows(
-            "process",
-            result.processes,
-            "",
-            ("process_unit", "dimension"),
-            process=process_name,
-            key=None,
-            indices=lambda one: inside(one.indices),
-            parameters=lambda one: ", ".join(one.parameters),
-            **ends("deviation", OWN),
-            above_zero=None,
-            share=NUMBER,
-            alike=lambda one: "; ".join(one.alike),
-            units_needed=NUMBER,
-            tolerance=None,
-            cp=("capability", NUMBER),
-            cpk=("capability_centred", NUMBER),
-            least_difference=OWN,
-            least_error=OWN,
-        ),
-        **_shifts("shift", [(None, one) for one in result.shifts]),
-        **_shifts("outlier", _with_causes(result.outsiders), unit="0.serial"),
-        **_shifts("group", _with_causes(result.differences), label="0.label", value="0.value"),
-        **_shifts("change", [(one, one.cause) for one in result.changes], since="0.since", course="0.course"),
-        **rows(
-            "condition",
-            result.predicted,
-            condition=None,
-            mean=ANGLE,
-            **ends("p95", ANGLE, "quantile"),
-            measured_mean=("seen.0", ANGLE),
-            measured_p95=("seen.1", ANGLE),
-        ),
+        **rows("process", result.processes, "", ("process_unit", "dimension"), **in_table(_PROCESS)),
+        **_shifts("shift", (), [(None, one) for one in result.shifts]),
+        **_shifts("outlier", _OUTLIER, _with_causes(result.outsiders)),
+        **_shifts("group", _GROUP, _with_causes(result.differences)),
+        **_shifts("change", _CHANGE, [(one, one.cause) for one in result.changes]),
+        **rows("condition", result.predicted, **in_table(_PREDICTED)),
         "order": Variable(("order",), np.asarray(result.orders, dtype=np.float64), NUMBER),
         **arrays("order run", result, measured=("amplitudes.T", ANGLE), made=("made.T", ANGLE)),
     }
-    about = {
-        "model": result.model,
-        "units": result.units,
-        "conditions": "\n".join(result.conditions),
-        "chance": result.chance,
-        "notes": "\n".join(result.notes),
-    }
-    return Table("Lot", "process", variables, about)
+    return Table("Lot", "process", variables, about(result, "model", "units", "conditions", "chance", "notes"))
 
 
 def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
     return [(one, cause) for one in found for cause in one.causes]
 
 
-def _shifts(dim: str, found: Sequence[tuple[Any, Shift]], **beside: Field) -> dict[str, Variable]:
+def _shifts(dim: str, before: Sequence[Column], found: Sequence[tuple[Any, Shift]]) -> dict[str, Variable]:
     """Systematic errors as rows, behind the columns of what they belong to."""
-    return rows(
-        dim,
-        found,
-        f"{dim}_",
-        (f"{dim}_size_unit", "1.dimension"),
-        **beside,
-        source=lambda row: _shift_name(row[1]),
-        parameter="1.parameter",
-        size=("1.size.value", OWN),
-        **alike(OWN, "low", "high", within="1.size."),
-    )
+    return rows(dim, found, f"{dim}_", (f"{dim}_size_unit", "1.dimension"), **in_table((*before, *_SHIFT)))
 
 
 # --- a lot: for programs ----------------------------------------------------------------------------------------------
@@ -116,49 +146,26 @@ def _shifts(dim: str, found: Sequence[tuple[Any, Shift]], **beside: Field) -> di
 @content.register
 def _lot_content(result: Lot) -> dict[str, Any]:
     """None where something is not determined."""
-    predicted = [
-        entry(
-            one,
-            condition=None,
-            mean_arcsec=("mean", ANGLE),
-            p95_arcsec=("quantile.value", ANGLE),
-            p95_interval=("quantile", ANGLE),
-            measured_mean_arcsec=("seen.0", ANGLE),
-            measured_p95_arcsec=("seen.1", ANGLE),
-        )
-        for one in result.predicted
-    ]
+    predicted = [entry(one, **in_json(_PREDICTED)) for one in result.predicted]
     worst = max(range(len(predicted)), key=lambda at: result.predicted[at].quantile.value, default=None)
     by_order = zip(result.conditions, result.amplitudes, result.made, strict=False)
     return {
         **entry(result, model=None, units=None, conditions=None, chance=NUMBER, notes=None),
         "processes": list(_processes(result)),
-        "shifts": [_shift(one, "value") for one in result.shifts],
+        "shifts": [_shift((), (None, one), "value") for one in result.shifts],
         "stiffness": {
             name: entry(one, ratio=("value", NUMBER), interval=("", NUMBER)) for name, one in result.stiffness.items()
         },
         "outliers": [
             {
-                **entry(one, unit="serial", distance=NUMBER, chance=NUMBER),
+                **entry((one,), **in_json(_OUTLIER)),
                 "added": _added(one.causes, one.rivals),
                 "diagnosis": None if one.diagnosis is None else _of_unit(one.diagnosis),
             }
             for one in result.outsiders
         ],
-        "groups": [
-            {
-                **entry(one, label=None, value=None, units=None, chance=NUMBER, indistinguishable_from="rivals"),
-                **_shift(cause, "difference"),
-            }
-            for one, cause in _with_causes(result.differences)
-        ],
-        "changes": [
-            {
-                **entry(one, since=None, course=None, chance=NUMBER, indistinguishable_from="rivals"),
-                **_shift(one.cause, "difference"),
-            }
-            for one in result.changes
-        ],
+        "groups": [_shift(_GROUP, row, "difference") for row in _with_causes(result.differences)],
+        "changes": [_shift(_CHANGE, (one, one.cause), "difference") for one in result.changes],
         "predicted": None if worst is None else predicted[worst],
         "predicted_by_condition": predicted,
         "orders": [int(order) for order in result.orders],
@@ -189,29 +196,13 @@ def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mea
         "parameter": parameter,
         "indices": dict(indices),
         **entry(mean, one.dimension, mean=("size.value", OWN), mean_interval=("size", OWN)),
-        **entry(
-            one,
-            one.dimension,
-            key=None,
-            unit=_UNIT,
-            sd=("deviation.value", OWN),
-            sd_interval=("deviation", OWN),
-            above_zero=None,
-            share=NUMBER,
-            **{"with": "alike"},
-            units_needed=None,
-            tolerance=lambda made: made.tolerance or None,
-            cp=("capability", NUMBER),
-            cpk=("capability_centred", NUMBER),
-            least_difference=OWN,
-            least_error=OWN,
-        ),
+        **entry(one, one.dimension, **in_json(_PROCESS)),
     }
 
 
-def _shift(one: Shift, called: str) -> dict[str, Any]:
-    sizes: dict[str, Field] = {called: ("size.value", OWN), "interval": ("size", OWN)}
-    return entry(one, one.dimension, key=None, indices=None, parameter=None, **sizes, unit=_UNIT)
+def _shift(before: Sequence[Column], row: tuple[Any, Shift], called: str) -> dict[str, Any]:
+    size: dict[str, Field] = {called: ("1.size.value", OWN)}
+    return entry(row, row[1].dimension, **in_json((*before, *_SHIFT)), **size)
 
 
 def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any]]:
@@ -238,16 +229,6 @@ def _of_unit(found: Diagnosis) -> dict[str, Any]:
 
 # --- a lot: for people ------------------------------------------------------------------------------------------------
 
-_MADE: Mapping[str, Field] = {
-    "process": process_name,
-    "standard deviation": ("deviation.value", OWN),
-    "95 % interval": ("deviation", OWN),
-    "unit": _UNIT,
-    "share of variance, %": ("share", PERCENT),
-    "Cp": "capability",
-    "Cpk": "capability_centred",
-    "units for ± 25 %": "units_needed",
-}
 _NOT_MADE: Mapping[str, Field] = {
     "not above zero": process_name,
     "standard deviation below": ("deviation.high", OWN),
@@ -259,15 +240,6 @@ _FOUND: Mapping[str, Field] = {
     "off in half of the lot by": ("least_difference", OWN),
     "off in one unit by": ("least_error", OWN),
     "unit": _UNIT,
-}
-#: Peak-to-peak error of the units to come, beside that of those that were measured.
-_TO_COME: Mapping[str, Field] = {
-    "peak-to-peak, arcsec": "condition",
-    "mean, to come": ("mean", ANGLE),
-    "P95, to come": ("quantile.value", ANGLE),
-    "95 % interval": ("quantile", ANGLE),
-    "mean, measured": ("seen.0", ANGLE),
-    "P95, measured": ("seen.1", ANGLE),
 }
 _COME = "Peak-to-peaks are those without the differences and changes named above."
 
@@ -287,51 +259,32 @@ def _lot_sheet(thing: Lot) -> Sheet:
         *title("Lot", thing.model, count_of(thing.units, "unit")),
         *line(f"Conditions: {'; '.join(thing.conditions)}" if thing.conditions else ""),
         Sentence(*_lot_verdict(thing)),
-        *listing([one for one in made if one.above_zero], _MADE),
+        *listing([one for one in made if one.above_zero], for_people(_PROCESS)),
         *listing([one for one in made if not one.above_zero and one.deviation], _NOT_MADE),
         *map(Sentence, _not_told_apart(thing)),
         *line(f"Do not show under these conditions: {', '.join(unseen)}" if unseen else ""),
-        *_causes([(None, one) for one in thing.shifts], "systematic error"),
+        *_causes((), [(None, one) for one in thing.shifts], "systematic error"),
         *listing(
             thing.stiffness.items(),
             {"stiffness": "0", "times what is stated": "1.value", "95 % interval": ("1", NUMBER)},
         ),
-        *_causes(_with_causes(thing.outsiders), "cause", {"unit that is no member": "0.serial", "chance": "0.chance"}),
-        *_causes(
-            _with_causes(thing.differences),
-            "cause",
-            {
-                "group that differs": lambda row: f"{row[0].label} {row[0].value}",
-                "units": "0.units",
-                "chance": "0.chance",
-            },
-        ),
-        *_causes(
-            [(one, one.cause) for one in thing.changes],
-            "cause",
-            {"change since": "0.since", "course": "0.course", "chance": "0.chance"},
-        ),
+        *_causes(_OUTLIER, _with_causes(thing.outsiders)),
+        *_causes(_GROUP, _with_causes(thing.differences)),
+        *_causes(_CHANGE, [(one, one.cause) for one in thing.changes]),
         *map(Sentence, _lot_rivals(thing)),
         *map(Sentence, _diagnosed(thing)),
         *line(f"Found: no {', no '.join(none)}" if none else ""),
         *listing([one for one in made if one.least_difference is not None], _FOUND),
-        *listing(thing.predicted, _TO_COME),
+        *listing(thing.predicted, for_people(_PREDICTED)),
         *line(_COME if thing.differences or thing.changes else ""),
         *notes(thing.notes),
     )
 
 
-def _causes(found: Sequence[tuple[Any, Shift]], head: str, before: Mapping[str, Field] | None = None) -> Sheet:
+def _causes(before: Sequence[Column], found: Sequence[tuple[Any, Shift]], head: str = "cause") -> Sheet:
     """Systematic errors in the rows of a table, behind what they belong to."""
-    heads: dict[str, Field] = {
-        **(before or {}),
-        head: lambda row: _shift_name(row[1]),
-        "parameter": "1.parameter",
-        "size": ("1.size.value", OWN),
-        "95 % interval": ("1.size", OWN),
-        "unit": lambda row: DISPLAY_UNITS[row[1].dimension],
-    }
-    return listing(found, heads, own="1.dimension")
+    first, *rest = _SHIFT
+    return listing(found, for_people((*before, replace(first, head=head), *rest)), own="1.dimension")
 
 
 def _lot_verdict(lot: Lot) -> tuple[str, str]:
@@ -384,41 +337,46 @@ def _size(one: Estimate) -> str:
 # --- drives -----------------------------------------------------------------------------------------------------------
 
 
+_ORDER = (
+    Column("order", NUMBER, head="order"),
+    Column("chance", NUMBER, head="chance"),
+    Column("condition", head="condition"),
+    Column("least", ANGLE, head="least, arcsec"),
+    Column("median", ANGLE, head="median"),
+    Column("most", ANGLE, head="most"),
+    Column("phase", ANGLE),
+    Column("", ("phase", POSITION), head="phase, deg"),
+    Column("spread", ANGLE, head="spread"),
+    *sized("mean", ANGLE, "mean", head="mean wave"),
+)
+_OWN = (
+    Column("unit", "serial", head="unit that is off"),
+    Column("order", NUMBER, head="order"),
+    Column("distance", NUMBER, head="standard deviations"),
+    Column("chance", NUMBER, head="chance"),
+    Column("condition", head="condition"),
+    Column("amplitude", ANGLE, head="amplitude, arcsec"),
+    Column("difference", ANGLE, head="off by"),
+)
+_PAIR = (
+    Column("one", "serials.0", head="nearly equal"),
+    Column("other", "serials.1", head="and"),
+    Column("difference", ANGLE, head="difference, arcsec rms"),
+    Column("usual", ANGLE, head="of usual pairs"),
+    Column("chance", NUMBER, head="chance"),
+)
+
+
 @table.register
 def _drive_lot_table(result: DriveLot) -> Table:
     variables = {
-        **rows(
-            "place",
-            result.orders,
-            **alike(NUMBER, "order", "chance"),
-            condition=None,
-            **alike(ANGLE, "least", "median", "most", "phase", "spread"),
-            **ends("mean", ANGLE),
-        ),
-        **rows(
-            "own",
-            result.own,
-            "own_",
-            unit="serial",
-            **alike(NUMBER, "order", "distance", "chance"),
-            condition=None,
-            **alike(ANGLE, "amplitude", "difference"),
-        ),
-        **rows(
-            "pair",
-            result.pairs,
-            "pair_",
-            one="serials.0",
-            other="serials.1",
-            difference=ANGLE,
-            usual=ANGLE,
-            chance=NUMBER,
-        ),
+        **rows("place", result.orders, **in_table(_ORDER)),
+        **rows("own", result.own, "own_", **in_table(_OWN)),
+        **rows("pair", result.pairs, "pair_", **in_table(_PAIR)),
         **arrays("unit", result, unit=lambda lot: list(lot.serials)),
         **arrays("unit place", result, amplitude=("amplitudes", ANGLE)),
     }
-    about = {"model": result.model, "conditions": "\n".join(result.conditions), "notes": "\n".join(result.notes)}
-    return Table("DriveLot", "place", variables, about)
+    return Table("DriveLot", "place", variables, about(result, "model", "conditions", "notes"))
 
 
 @sheet.register
@@ -426,45 +384,26 @@ def _drive_lot_sheet(thing: DriveLot) -> Sheet:
     shared = ", ".join(str(one.order) for one in thing.orders if one.shared) or "none"
     strong = f"Order in which the units' phases agree: {shared}"
     units_off = count_of(len({one.serial for one in thing.own}), "unit")
-    orders: dict[str, Field] = {
-        "order": None,
-        "condition": None,
-        "least, arcsec": ("least", ANGLE),
-        "median": ANGLE,
-        "most": ANGLE,
-        "spread": ANGLE,
-        "mean wave": ("mean.value", ANGLE),
-        "95 % interval": ("mean", ANGLE),
-        "phase, deg": ("phase", POSITION),
-        "chance": None,
-    }
-    own: dict[str, Field] = {
-        "unit that is off": "serial",
-        "order": None,
-        "condition": None,
-        "amplitude, arcsec": ("amplitude", ANGLE),
-        "off by": ("difference", ANGLE),
-        "standard deviations": "distance",
-        "chance": None,
-    }
-    pairs: dict[str, Field] = {
-        "nearly equal": "serials.0",
-        "and": "serials.1",
-        "difference, arcsec rms": ("difference", ANGLE),
-        "of usual pairs": ("usual", ANGLE),
-        "chance": None,
-    }
     return (
         *title("Lot of drives", thing.model, count_of(len(thing.serials), "unit")),
         Sentence(f"{strong}; {units_off} off the others; pairs nearly equal: {len(thing.pairs)}", strong=strong),
-        *listing(thing.orders, orders),
-        *listing(thing.own, own),
-        *listing(thing.pairs, pairs),
+        *listing(thing.orders, for_people(_ORDER)),
+        *listing(thing.own, for_people(_OWN)),
+        *listing(thing.pairs, for_people(_PAIR)),
         *notes(thing.notes),
     )
 
 
 # --- matched units ----------------------------------------------------------------------------------------------------
+
+
+_WAY = (
+    Column("way", "name", head="way to build"),
+    Column("units", ("errors.size", COUNT), head="units"),
+    Column("yield", ("share", PERCENT), head="yield, %"),
+    Column("p95", PERCENT, head="P95, % of the limit"),
+    Column("cost", NUMBER, head="cost a unit"),
+)
 
 
 @table.register
@@ -476,24 +415,16 @@ def _matched_table(result: Matched) -> Table:
     for name, place in at.items():
         if any(unit.parts[place].turn for unit in units):
             placed[f"{name}_turn"] = (f"parts.{place}.turn", COUNT)
-    share: dict[str, Field] = {"yield": ("share", PERCENT), "p95": PERCENT}
     variables = {
         **arrays("unit", np.arange(1, len(units) + 1), unit=("", NUMBER)),
         **rows("unit", units, **placed),
         **rows("quantity", result.quantities, quantity="label"),
         **arrays("quantity", result, limit=("allowed", ANGLE)),
         **bare(arrays("unit quantity", np.array([unit.turns for unit in units]), turn=("", ANGLE))),
-        **rows("way", result.ways, way="name", units=("errors.size", COUNT), **share, cost=NUMBER),
+        **rows("way", result.ways, **in_table(_WAY)),
         **rows("left", left, "left_", kind="0", serial="1"),
     }
-    about = {
-        "model": result.model,
-        "possible": result.possible,
-        "bound": result.bound,
-        "doubt": result.doubt,
-        "notes": "\n".join(result.notes),
-    }
-    return Table("Matched", "unit", variables, about)
+    return Table("Matched", "unit", variables, about(result, "model", "possible", "bound", "doubt", "notes"))
 
 
 def place_name(part: MountedPart) -> str:
@@ -508,13 +439,6 @@ def _matched_sheet(thing: Matched) -> Sheet:
     ]  # forty grooves: the spreadsheet has them
     verdict = f"{len(thing.units)} of {thing.possible} units"
     limits = zip(thing.quantities, thing.allowed, strict=True)
-    ways: dict[str, Field] = {
-        "way to build": "name",
-        "units": "errors.size",
-        "yield, %": ("share", PERCENT),
-        "P95, % of the limit": ("p95", PERCENT),
-        "cost a unit": "cost",
-    }
     left = {
         f"{kind}, {len(some)} stay": ", ".join(some[:8]) + ", ..." * (len(some) > 8)
         for kind, some in thing.left.items()
@@ -526,7 +450,7 @@ def _matched_sheet(thing: Matched) -> Sheet:
             f"no assembly of these parts has more than {thing.bound}.",
             verdict,
         ),
-        *listing(thing.ways, ways),
+        *listing(thing.ways, for_people(_WAY)),
         *own_columns(thing, *names),
         *facts(left),
         *notes(thing.notes),
