@@ -119,7 +119,8 @@ if TYPE_CHECKING:
     from rverror.views.report import to_csv, to_html, to_json, to_text
     from rverror.views.tables import to_pandas, to_xarray
     from rverror.views.plots.drawing import draw, order_map
-    from rverror.views.plots.figure import line_style, new_figure
+    from rverror.views.plots.figure import new_figure
+    from rverror.views.plots.style import line_style
 
     # Reference cases for other tools.
     from rverror.reference.cases import read_case
@@ -195,7 +196,7 @@ _LATER = {
     "hysteresis": "statics.friction",
     "input_files": "views.envelope",
     "limit": "tolerances.specification",
-    "line_style": "views.plots.figure",
+    "line_style": "views.plots.style",
     "linearise": "statics.loaded_state",
     "load_amplitudes": "lots.compressed",
     "load_compensation": "compensation.table_files",

@@ -22,7 +22,7 @@ from rverror.life.result import Remaining, Trend
 from rverror.life.sessions import history_of, sessions_of
 from rverror.life.unit_state import unit_state
 from rverror.lots.result import Interval
-from rverror.views.life_words import remaining_words
+from rverror.views.life_report import remaining_words
 
 sys.path.append(str(ROOT))
 

@@ -27,8 +27,8 @@ from every_kind import DRIVE, ELASTIC, diagnosis
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
-from rverror.views.diagnosis_report import bench_of
 from rverror.views.envelope import InputFile, input_files
+from rverror.views.next_measurement import bench_of
 from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
 from rverror.views.report import to_html, to_json, to_text
 

@@ -1,327 +1,409 @@
-"""Budgets and an allocation for programs, and how their sizes are called."""
+"""Budgets, in closed form and of virtual units: what is told of each."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.numbers import at_input_speed, in_arcsec, rounded, way
+from rverror.base.numbers import at_input_speed, brief, count_of, in_arcsec, rounded, way, with_unit
 from rverror.base.units import ARCSEC
+from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
-from rverror.tolerances.allocation import Allocation, ClosedFormQuantile
-from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.closed_form import Budget, Contribution
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_budget import LoadedBudget
-from rverror.tolerances.sampling import IntervalEstimate, Size, VirtualUnits
+from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
-from rverror.views.envelope import InputFile, enveloped
-from rverror.views.kinds import described
-from rverror.views.variables import columns
-from rverror.views.yield_report import LEVELS, together_entry, yield_entries
+from rverror.views.blocks import Sentence, Sheet, facts, line, section, title
+from rverror.views.describing import content, sheet, table
+from rverror.views.fields import (
+    COUNT,
+    OWN,
+    Column,
+    Field,
+    alike,
+    arrays,
+    entry,
+    for_people,
+    in_json,
+    in_table,
+    listing,
+    rows,
+)
+from rverror.views.model_report import angles, name_of
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, SQUARE, Each, Table, Variable, unit_of
+from rverror.views.yield_report import LEVELS, together_entry, yield_entries, yield_sheet, yields
 
-_ROUNDING = 1e-9 * ARCSEC
 #: Of all intervals that are told: of the estimate, where other draws of as many units would put it.
 CONFIDENCE = 0.95
-OF_ESTIMATE = f"{100 * CONFIDENCE:g} % interval of the Monte Carlo estimate"
+_OF_ESTIMATE = f"{100 * CONFIDENCE:g} % interval of the Monte Carlo estimate"
 #: Sizes of an output error: name in the code, for people, and key in JSON.
-SIZES: tuple[tuple[Size, str, str], ...] = (
+_SIZES: tuple[tuple[Size, str, str], ...] = (
     ("peak_to_peak", "peak-to-peak", "peak_to_peak_arcsec"),
     ("max", "max |TE - offset|", "max_arcsec"),
     ("rms", "rms", "rms_arcsec"),
     ("offset", "offset", "offset_arcsec"),
 )
+_ENDS: Mapping[str, str] = {"value": "", "low": "_low", "high": "_high"}
+_ESTIMATE = alike(ANGLE, "value", "low", "high")
 
 
-def _parts(found: ErrorBudget | Budget) -> tuple[Budget, VirtualUnits | None, SobolIndices | None]:
-    return (found, None, None) if isinstance(found, Budget) else (found.closed, found.units, found.indices)
+# --- tables -----------------------------------------------------------------------------------------------------------
 
 
-def _check_no_limit(limit: float | None) -> None:
-    if limit is not None:
-        raise InputError("limit: a budget in closed form knows no yield; leave it out, or give an error_budget")
+_CONTRIBUTION = (
+    Column("tolerance", "label", "label", "tolerance"),
+    Column("width", OWN, "width", "width"),
+    Column("", lambda one: units.DISPLAY_UNITS[one.dimension], "unit", "unit"),
+    Column("components", COUNT),
+    Column("", "components", "components"),
+    Column("mean_square", SQUARE),
+    Column("share", NUMBER, "share_of_variance"),
+    Column("", ("share", PERCENT), head="share of variance, %"),
+    Column("worst_peak_to_peak", ANGLE, "worst_peak_to_peak_alone_arcsec", "p-p alone, worst, arcsec"),
+    Column("worst_part", ANGLE, "part_of_worst_case_arcsec", "part of worst case, arcsec"),
+    Column("rss", ANGLE),
+    Column("mean_peak_to_peak", ANGLE, "mean_peak_to_peak_alone_arcsec", "p-p alone, mean, arcsec"),
+    Column("mean_peak_to_peak_error", ANGLE),
+    Column("offset_deviation", ANGLE, "offset_deviation_arcsec"),
+    Column("worst_offset", ANGLE, "worst_offset_arcsec"),
+    Column("effect", key="effect"),
+)
 
 
-def nominal_of(closed: Budget, size: Size) -> float:
-    """Of the model with every toleranced value at its mean."""
-    return {
-        "peak_to_peak": closed.nominal_peak_to_peak,
-        "max": float(np.abs(closed.mean - closed.offset_mean).max()),
-        "rms": math.sqrt(closed.nominal_mean_square),
-        "offset": closed.offset_mean,
-    }[size]
+@table.register
+def _budget_table(result: Budget) -> Table:
+    variables = {
+        **rows("tolerance", result.contributions, "", ("unit", "dimension"), **in_table(_CONTRIBUTION)),
+        **angles(result.theta, result.mean.size),
+        **arrays(
+            "theta",
+            result,
+            **alike(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation"),
+            **alike(ANGLE, "lower", "upper", within="worst."),
+        ),
+        **arrays(
+            "",
+            result,
+            "total_",
+            **alike(ANGLE, "offset_mean", "offset_deviation", "nominal_peak_to_peak"),
+            **alike(SQUARE, "nominal_mean_square", "mean_square"),
+            **alike(ANGLE, "rms", "rss"),
+        ),
+        **arrays(
+            "",
+            result.worst,
+            "total_worst_",
+            **alike(ANGLE, "peak_to_peak", "peak_to_peak_nominal", "maximum"),
+            offset_low=("offset.0", ANGLE),
+            offset_high=("offset.1", ANGLE),
+        ),
+    }
+    return Table("Budget", "tolerance", variables)
 
 
-def worst_of(closed: Budget, size: Size) -> float:
-    """Exact worst case; not a number for the rms, of which none is known."""
+@table.register
+def _error_budget_table(result: ErrorBudget) -> Table:
+    components = result.stack.components
+    own = Each("component_unit", tuple(unit_of(component.dimension) for component in components))
+    drawn = table(result.units)
+    variables = {
+        **table(result.closed).variables,
+        **rows("component", components, component=str),
+        **arrays("component", result.closed.worst, "worst_", **alike(own, "peak_to_peak_values", "maximum_values")),
+        **drawn.variables,
+    }
+    if result.indices is not None:
+        names: dict[str, Field] = {f"{which}{end}": NUMBER for which in ("first", "total") for end in _ENDS.values()}
+        variables |= arrays("tolerance", result.indices, "sobol_", **names)
+    about = {"model": name_of(result.model), "direction": way(result.direction), **drawn.about}
+    if (loaded := result.at_load) is not None:
+        variables |= yields(loaded.verified)
+        variables |= arrays("limit_at_load", loaded, closed_form_yield=("closed_form", NUMBER), worst_parts=ANGLE)
+        about["units_without_equilibrium"] = "\n".join(loaded.verified.failures)
+        none = np.full(len(result.tolerances), np.nan)
+        for name in ("total", "total_low", "total_high"):
+            shares = np.array([none if one is None else getattr(one, name) for one in loaded.shares])
+            variables[f"loaded_sobol_{name}"] = Variable(("limit_at_load", "tolerance"), shares, NUMBER)
+    return Table("ErrorBudget", "tolerance", variables, about)
+
+
+@table.register
+def _units_table(result: VirtualUnits) -> Table:
+    variables = {
+        **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
+        **arrays("", result, error_bound=ANGLE),
+    }
+    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk}
+    return Table("VirtualUnits", "virtual_unit", variables, about)
+
+
+# --- for programs -----------------------------------------------------------------------------------------------------
+
+
+def _nominal_and_worst(closed: Budget, size: Size) -> tuple[float, float]:
+    """Size with every toleranced value at its mean, and the exact worst case, of which none is known of the rms."""
     worst = closed.worst
     return {
-        "peak_to_peak": worst.peak_to_peak,
-        "max": worst.maximum,
-        "rms": math.nan,
-        "offset": max(worst.offset, key=abs),
+        "peak_to_peak": (closed.nominal_peak_to_peak, worst.peak_to_peak),
+        "max": (float(np.abs(closed.mean - closed.offset_mean).max()), worst.maximum),
+        "rms": (math.sqrt(closed.nominal_mean_square), math.nan),
+        "offset": (closed.offset_mean, max(worst.offset, key=abs)),
     }[size]
 
 
-def _interval(estimate: IntervalEstimate, scale: float = ARCSEC) -> dict[str, float | None]:
-    return {name: rounded(getattr(estimate, name) / scale) for name in ("value", "low", "high")}
+@content.register
+def _budget_content(found: Budget, *, limit: Any | None = None) -> dict[str, Any]:
+    if limit is not None:
+        raise InputError("limit: a budget in closed form knows no yield; leave it out, or give an error_budget")
+    return {"angles": found.mean.size, **_sizes(found, None), "contributions": _contributed(found, None)}
 
 
-def budget_json(
-    found: ErrorBudget | Budget, *, limit: Any | None = None, files: Sequence[InputFile] = ()
-) -> dict[str, Any]:
-    """Budget as plain data for `json.dump`; keys are only ever added.
-
-    Parameters
-    ----------
-    found : ErrorBudget or Budget
-    limit : float or str or quantity, optional
-        Of the peak-to-peak, rad: the yield of an `ErrorBudget` is told at it.
-    files : sequence of InputFile, optional
-        What it was made from.
-
-    Returns
-    -------
-    dict
-        Sizes in arcsec and um; numbers that are not determined are None.
-
-    Raises
-    ------
-    InputError
-        If a limit is given for a budget in closed form, which knows no yield.
-
-    Examples
-    --------
-    >>> import rverror
-    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0)]
-    >>> found = rverror.error_budget(rverror.Model(rverror.reducer("RV-40E")), cams, count=512, index_count=0)
-    >>> round(budget_json(found)["peak_to_peak_arcsec"]["worst_case"], 2)
-    18.51
-    """
-    limit = None if limit is None else units.named_core("limit", limit, "angle")
-    closed, drawn, indices = _parts(found)
-    sizes = {
-        key: {
-            "nominal": in_arcsec(nominal_of(closed, size)),
-            **({} if drawn is None else _drawn_json(drawn, size)),
-            "worst_case": in_arcsec(worst_of(closed, size)),
-        }
-        for size, _, key in SIZES
-    }
-    sizes["peak_to_peak_arcsec"]["root_sum_of_squares"] = in_arcsec(closed.rss)
-    sizes["rms_arcsec"]["root_of_expected_mean_square"] = in_arcsec(closed.rms)
-    entries = _entries(closed, _CONTRIBUTION)
-    for at, entry in enumerate(entries):
-        entry |= {f"sobol_{which}": _sobol_json(indices, which, at) for which in ("first", "total")}
-    if isinstance(found, Budget):
-        _check_no_limit(limit)
-        return enveloped("Budget", {"angles": closed.mean.size, **sizes, "contributions": entries}, files)
-    content = {
-        "model": found.model.name or found.model.mechanism.name,
+@content.register
+def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> dict[str, Any]:
+    """`limit` of the peak-to-peak is that at which the yield is told; numbers that are not determined are None."""
+    at = None if limit is None else units.named_core("limit", limit, "angle")
+    each = zip(found.tolerances, _contributed(found.closed, found.indices), strict=True)
+    speed, passed = found.stack.speed, None if at is None else found.units.yield_at(at)
+    return {
+        "model": name_of(found.model),
         "confidence": CONFIDENCE,
         "direction": way(found.direction),
-        "angles": closed.mean.size,
-        "input_speed_rpm": _rpm(found.stack.speed),
+        "angles": found.closed.mean.size,
+        "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
         "components": len(found.stack.components),
         "units": found.units.count,
         "seed": found.units.seed,
-        **sizes,
-        "limit_arcsec": in_arcsec(limit),
-        "yield": None if limit is None else _interval(found.units.yield_at(limit), 1.0),
+        **_sizes(found.closed, found.units),
+        "limit_arcsec": in_arcsec(at),
+        "yield": passed and entry(passed, value=NUMBER, low=NUMBER, high=NUMBER),
         "contributions": [
-            {"label": entry["label"], "key": tolerance.key, **entry, **cause_of(found, at)}
-            for at, (tolerance, entry) in enumerate(zip(found.tolerances, entries, strict=True))
+            {**told, "key": tolerance.key, **_cause_of(found, e)} for e, (tolerance, told) in enumerate(each)
         ],
-        "limits": [] if found.at_load is None else _loaded_entries(found, found.at_load),
+        "limits": [] if found.at_load is None else list(_loaded_entries(found, found.at_load)),
         **({} if found.at_load is None else together_entry(found.at_load.verified)),
     }
-    return enveloped("ErrorBudget", content, files)
 
 
-def _loaded_entries(found: ErrorBudget, loaded: LoadedBudget) -> list[dict[str, Any]]:
+def _sizes(closed: Budget, drawn: VirtualUnits | None) -> dict[str, Any]:
+    sizes: dict[str, dict[str, Any]] = {}
+    for size, _, key in _SIZES:
+        nominal, worst = _nominal_and_worst(closed, size)
+        sizes[key] = {"nominal": in_arcsec(nominal), "worst_case": in_arcsec(worst)}
+        if drawn is not None:
+            sizes[key] |= {f"p{100 * level:g}": entry(drawn.quantile(level, size), **_ESTIMATE) for level in LEVELS}
+            sizes[key]["mean"] = in_arcsec(float(getattr(drawn, size).mean()))
+    sizes["peak_to_peak_arcsec"]["root_sum_of_squares"] = in_arcsec(closed.rss)
+    sizes["rms_arcsec"]["root_of_expected_mean_square"] = in_arcsec(closed.rms)
+    return sizes
+
+
+def _loaded_entries(found: ErrorBudget, loaded: LoadedBudget) -> Iterator[dict[str, Any]]:
     """Entries of the limits in JSON, with what the closed form says and the share of each tolerance."""
     labels = [item.label for item in found.closed.contributions]
     beside = zip(yield_entries(loaded.verified), loaded.closed_form, loaded.worst_parts, loaded.shares, strict=True)
-    return [
-        {
-            **entry,
+    for told, share, worst, indices in beside:
+        each = enumerate(labels) if indices is not None else ()
+        yield {
+            **told,
             "closed_form_yield": rounded(share),
             "worst_parts_arcsec": in_arcsec(worst),
-            "shares": []
-            if indices is None
-            else [{"label": label, **(_sobol_json(indices, "total", e) or {})} for e, label in enumerate(labels)],
+            "shares": [{"label": label, **(_sobol(indices, "total", e) or {})} for e, label in each],
         }
-        for entry, share, worst, indices in beside
-    ]
 
 
-def cause_of(found: ErrorBudget, at: int) -> dict[str, Any]:
+def _cause_of(found: ErrorBudget, at: int) -> dict[str, Any]:
     """Where the error of a tolerance sits, its orders, its limits, and what one unit of it makes."""
     item, stack = found.tolerances[at], found.stack
-    entry, mechanism = source(item.key), found.model.mechanism
-    orders = {order for indices in item.instances(mechanism) for order in entry.orders(mechanism, indices)}
-    dimension = item.chosen[0].dimension
-    waves = stack.influence[stack.blocks[at].components]
-    middle = item.mean.get(item.chosen[0].name, 0.0) + item.distribution.middle * item.width
+    cause, mechanism = source(item.key), found.model.mechanism
+    orders = {order for indices in item.instances(mechanism) for order in cause.orders(mechanism, indices)}
+    first = item.chosen[0]
+    middle = item.mean.get(first.name, 0.0) + item.distribution.middle * item.width
     one = len(item.chosen) == 1 and not item.distribution.vector
     ends = (middle - item.width, middle + item.width) if one else (None, None)
+    waves = float(np.ptp(stack.influence[stack.blocks[at].components], axis=1).max(initial=0.0))
     return {
-        "frame": entry.frame,
+        "frame": cause.frame,
         "orders": sorted(orders),
         "distribution": item.distribution.name,
-        **{
-            name: None if end is None else rounded(units.to_display(end, dimension))
-            for name, end in zip(("lower_limit", "upper_limit"), ends, strict=True)
-        },
-        "peak_to_peak_per_unit_arcsec": in_arcsec(
-            float(np.ptp(waves, axis=1).max(initial=0.0)) / units.to_display(1.0, dimension)
-        ),
+        **entry(ends, first.dimension, lower_limit=("0", OWN), upper_limit=("1", OWN)),
+        "peak_to_peak_per_unit_arcsec": in_arcsec(waves / units.to_display(1.0, first.dimension)),
     }
 
 
-def _rpm(speed: float | None) -> float | None:
-    return None if speed is None else rounded(units.to_display(speed, "angular_speed"))
-
-
-def _drawn_json(drawn: VirtualUnits, size: Size) -> dict[str, Any]:
-    return {
-        **{f"p{level * 100:g}": _interval(drawn.quantile(level, size)) for level in LEVELS},
-        "mean": in_arcsec(float(getattr(drawn, size).mean())),
-    }
-
-
-def _sobol_json(indices: SobolIndices | None, which: str, at: int) -> dict[str, float | None] | None:
+def _sobol(indices: SobolIndices | None, which: str, at: int) -> dict[str, float | None] | None:
     if indices is None:
         return None
-    ends = (("value", ""), ("low", "_low"), ("high", "_high"))
-    return {name: rounded(float(getattr(indices, f"{which}{end}")[at])) for name, end in ends}
+    return {name: rounded(float(getattr(indices, f"{which}{end}")[at])) for name, end in _ENDS.items()}
 
 
-#: Keys of a contribution, and the columns of its table.
-_CONTRIBUTION = {
-    "label": "tolerance",
-    "width": "width",
-    "unit": "unit",
-    "components": "components",
-    "effect": "effect",
-    "share_of_variance": "share",
-    "mean_peak_to_peak_alone_arcsec": "mean_peak_to_peak",
-    "worst_peak_to_peak_alone_arcsec": "worst_peak_to_peak",
-    "part_of_worst_case_arcsec": "worst_part",
-    "offset_deviation_arcsec": "offset_deviation",
-    "worst_offset_arcsec": "worst_offset",
-}
-
-
-def _entries(found: Budget | Allocation, names: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Rows of a result's table as people read them, columns under other names."""
-    shown, _ = columns(described(found), display=True)
-    rows = zip(*(np.asarray(shown[name]).tolist() for name in names.values()), strict=True)
+def _contributed(closed: Budget, indices: SobolIndices | None) -> list[dict[str, Any]]:
     return [
-        {key: rounded(value) if isinstance(value, float) else value for key, value in zip(names, row, strict=True)}
-        for row in rows
+        entry(one, one.dimension, **in_json(_CONTRIBUTION))
+        | {f"sobol_{which}": _sobol(indices, which, e) for which in ("first", "total")}
+        for e, one in enumerate(closed.contributions)
     ]
 
 
-def limited_by(found: Allocation) -> str:
-    """What an allocation limits, in words."""
-    quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    used = f"share of its limits that a unit uses, P{100 * found.level:g}"
-    return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms", "load": used}[found.kind]
+# --- for people -------------------------------------------------------------------------------------------------------
 
 
-def within(found: Allocation) -> str:
-    """What an allocation is for, to stand behind "Least cost"."""
-    if found.kind == "load":
-        return f"at which {100 * found.level:g} % of the units meet all limits at the load"
-    return f"for {limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
+def _angle(value: float) -> str:
+    return with_unit(value, "angle")
 
 
-def allocation_json(found: Allocation, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """Allocation as plain data for `json.dump`; keys are only ever added.
-
-    Parameters
-    ----------
-    found : Allocation
-    files : sequence of InputFile, optional
-        What it was made from.
-
-    Returns
-    -------
-    dict
-        Sizes in arcsec and um.
-
-    Examples
-    --------
-    >>> import rverror
-    >>> from rverror.tolerances.cost import Reciprocal
-    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
-    >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005))]
-    >>> found = rverror.allocate(unit, cams, limit="37 arcsec", kind="worst", verify=1000)
-    >>> [(entry["width_before"], entry["unit"]) for entry in allocation_json(found)["entries"]]
-    [(5.0, 'um')]
-    """
-    widths = ("width_before", "width", "unit", "grade", "fixed", "cost_before", "cost")
-    loaded = found.verified is not None
-    per = "percent_of_limits" if loaded else "arcsec"
-    names = (*widths, f"saved_per_{per}_given_up", f"cost_per_{per}_gained")
-    shown = _entries(found, {name: name for name in names})
-    named = zip(found.labels, found.keys, found.grades, shown, strict=True)
-    entries = [{"label": label, "key": key, **entry, "grade": grade} for label, key, grade, entry in named]
-    for entry, held in zip(entries, found.held_by, strict=False):
-        entry["held_by"] = held
-    if found.verified is None:
-        sizes = {
-            "limit_arcsec": in_arcsec(found.limit),
-            "input_speed_rpm": _rpm(found.speed),
-            "value_before_arcsec": in_arcsec(found.value_before),
-            "value_arcsec": in_arcsec(found.value),
-        }
-        verified: dict[str, Any] = {"verified": []}
-    else:
-        sizes = {
-            "limit_arcsec": None,
-            "input_speed_rpm": None,
-            "used_before_percent": rounded(100 * found.value_before),
-            "used_percent": rounded(100 * found.value),
-        }
-        verified = {
-            "verified": yield_entries(found.verified),
-            **together_entry(found.verified),
-            "cost_scaled_alike": rounded(found.uniform_cost),
-        }
-    content = {
-        "model": found.model or None,
-        "kind": found.kind,
-        "level": found.level,
-        **sizes,
-        "cost_before": rounded(found.cost_before),
-        "cost": rounded(found.cost),
-        "confidence": found.closed_form.confidence,
-        f"shadow_price_per_{per}": rounded(found.shadow_price),
-        "optimality_gap": rounded(found.gap),
-        "proof": found.proof,
-        "entries": entries,
-        **verified,
-        "closed_form_before": _closed_form_json(found.closed_form_before),
-        "closed_form": _closed_form_json(found.closed_form),
-        "tighten_first": [rate.label for rate in found.tighten_first],
-        "relax_first": [rate.label for rate in found.relax_first],
+@sheet.register
+def _budget_sheet(thing: Budget) -> Sheet:
+    stated = {
+        "root sum of squares of single peak-to-peaks": _angle(thing.rss),
+        "expected rms": _angle(thing.rms),
+        "standard deviation of the offset": _angle(thing.offset_deviation),
     }
-    return enveloped("Allocation", content, files)
+    return (
+        *title("Budget in closed form", _counts(thing)),
+        *_quantiles(None, thing),
+        *facts(stated),
+        *_contributions(thing, None),
+    )
 
 
-def _closed_form_json(found: ClosedFormQuantile) -> dict[str, Any]:
-    return {
-        "method": "closed form, contacts closed",
-        "level": found.level,
-        "quantile_arcsec": in_arcsec(found.quantile),
-        "low_arcsec": in_arcsec(found.low),
-        "high_arcsec": in_arcsec(found.high),
-        "units": found.units,
-        "seed": found.seed,
+def _counts(closed: Budget) -> str:
+    each = closed.contributions
+    return f"{count_of(len(each), 'tolerance')}, {count_of(sum(e.components for e in each), 'component')}"
+
+
+def _quantiles(drawn: VirtualUnits | None, closed: Budget | None = None) -> Sheet:
+    """Sizes of the output error at several shares of the units, with what no unit exceeds where that is known."""
+    heads: dict[str, Field] = {"size, arcsec": "1"}
+    if closed is not None:
+        heads["nominal"] = (lambda row: _nominal_and_worst(closed, row[0])[0], ANGLE)
+    if drawn is not None:
+        for level in LEVELS:
+            name = f"P{level * 100:g}"
+            heads |= {name: (f"2.{name}.value", ANGLE), f"{name}, 95 %": (f"2.{name}", ANGLE)}
+    if closed is not None:
+        heads["worst case"] = (lambda row: _nominal_and_worst(closed, row[0])[1], ANGLE)
+    quantiles = {
+        size: {f"P{level * 100:g}": drawn.quantile(level, size) for level in LEVELS} if drawn else {}
+        for size, *_ in _SIZES
     }
+    return listing([(size, name, quantiles[size]) for size, name, _ in _SIZES], heads)
+
+
+@sheet.register
+def _units_sheet(thing: VirtualUnits) -> Sheet:
+    return title("Virtual units", f"{thing.count}, {thing.draws}, seed {thing.seed}") + _quantiles(thing)
+
+
+@sheet.register
+def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
+    drawn, p99, speed = thing.units, thing.units.quantile(0.99), thing.stack.speed
+    rigid = "" if speed is None else f" about the loaded state{at_input_speed(speed)}"
+    if speed is None and isinstance(thing.model.mechanism, Reducer):
+        rigid = ": rigid bearings, all loaded pins carry"
+    size, *ends = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
+    strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
+    first = max(thing.closed.contributions, key=lambda one: one.share)
+    most = " No tolerance changes more than the offset."
+    if first.share > 0:
+        most = f" {first.label} makes most of it, {100 * first.share:.0f} % of the variance."
+    return (
+        *title("Error budget", name_of(thing.model), _counts(thing.closed), way(thing.direction)),
+        Sentence(f"{strong} ({ends[0]} to {ends[1]}).{most}", strong=strong),
+        *line(_yield_at(drawn, limit)),
+        *line(f"Closed form{rigid}; {thing.closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."),
+        *_quantiles(drawn, thing.closed),
+        *line(f"P99: what 99 % of the units do not exceed. Intervals: the {_OF_ESTIMATE}, not how far units scatter."),
+        *line(
+            f"Root sum of squares of the single peak-to-peaks {_angle(thing.closed.rss)}; expected rms "
+            f"{_angle(thing.closed.rms)}."
+        ),
+        *section("At the load, contacts that open included", *_at_load(thing)),
+        *section("What each tolerance contributes", *_contributions(thing.closed, thing.indices)),
+        *section("Where each tolerance acts", *_where(thing)),
+    )
+
+
+def _contributions(closed: Budget, indices: SobolIndices | None) -> Sheet:
+    """Tolerances, the largest share first."""
+    each = closed.contributions
+    order = sorted(range(len(each)), key=lambda e: -each[e].share)
+    heads = for_people(_CONTRIBUTION)
+    if indices is not None:
+        heads |= {f"Sobol {which} ± 95 %": partial(_index_of, each, indices, which) for which in ("first", "total")}
+    quiet = ", ".join(one.label for one in each if one.effect != "wave")
+    return (
+        *listing([each[e] for e in order], heads),
+        *line(
+            f"Sobol index: share of the variance of the peak-to-peak; ±: half of the {_OF_ESTIMATE}."
+            if indices is not None
+            else ""
+        ),
+        *line(
+            f"In closed form these change the offset of the output angle alone, or nothing: {quiet}." if quiet else ""
+        ),
+    )
+
+
+def _index(indices: SobolIndices, which: str, at: int) -> str:
+    """Sobol index; none of what is correlated with others and so no cause by itself."""
+    value, low, high = (float(getattr(indices, f"{which}{end}")[at]) for end in _ENDS.values())
+    return "" if math.isnan(value) else f"{value:.2f} ± {(high - low) / 2:.2f}"
+
+
+def _index_of(each: Sequence[Contribution], indices: SobolIndices, which: str, one: Contribution) -> str:
+    """Sobol index; none of what makes no wave."""
+    return _index(indices, which, list(map(id, each)).index(id(one))) if one.effect == "wave" else ""
+
+
+def _where(thing: ErrorBudget) -> Sheet:
+    def limits(row: Mapping[str, Any]) -> str:
+        low, high = row["lower_limit"], row["upper_limit"]
+        return "within the width" if low is None or high is None else f"{brief(low)} to {brief(high)}"
+
+    heads: dict[str, Field] = {
+        "tolerance": lambda row: row["label"],
+        "fixed in": lambda row: row["frame"],
+        "orders": lambda row: ", ".join(brief(order) for order in row["orders"][:4]) or "–",
+        "limits": limits,
+        "p-p of 1 unit, arcsec": lambda row: row["peak_to_peak_per_unit_arcsec"],
+    }
+    return listing([{"label": label, **_cause_of(thing, at)} for at, label in enumerate(thing.stack.labels)], heads)
+
+
+def _yield_at(drawn: VirtualUnits, limit: Any | None) -> str:
+    if limit is None:
+        return ""
+    size = units.named_core("limit", limit, "angle")
+    share, low, high = (100 * getattr(drawn.yield_at(size), name) for name in _ENDS)
+    return f"Yield at {size / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({low:.4g} to {high:.4g})."
+
+
+def _at_load(thing: ErrorBudget) -> Sheet:
+    """Yields at the load, the worst parts of the closed form solved there, and what each tolerance makes."""
+    loaded = thing.at_load
+    if loaded is None:
+        return ()
+    limits = loaded.verified.limits
+    worst = [
+        f"{one.limit.label} {_angle(size)}"
+        for one, size in zip(limits, loaded.worst_parts, strict=True)
+        if size is not None
+    ]
+    told = {one.limit.label: found for one, found in zip(limits, loaded.shares, strict=True) if found is not None}
+    order = np.argsort(-np.max([found.total for found in told.values()], axis=0)).tolist() if told else []
+    heads: dict[str, Field] = {
+        "Sobol index, total, at the load": lambda e: thing.closed.contributions[e].label,
+        **{label: partial(_index, found, "total") for label, found in told.items()},
+    }
+    return (
+        *yield_sheet(loaded.verified, loaded.closed_form),
+        *line(f"The worst parts of the closed form make, at the load: {', '.join(worst)}." if worst else ""),
+        *listing(order, heads),
+    )

@@ -6,23 +6,21 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
-from rverror.base.numbers import brief, count_of, rounded, way
+from rverror.base.numbers import brief, count_of, in_arcsec, rounded, way
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.next_run import folds
 from rverror.diagnosis.result import (
     Addition,
     Candidate,
     Diagnosis,
-    ElasticEstimate,
     Line,
-    OrderShare,
-    Residual,
     Trace,
     Validation,
 )
@@ -33,11 +31,14 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Effect
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
-from rverror.views.blocks import Ends, Sentence, Sheet, Verbatim, columns_of, grid, line, notes, section, title
+from rverror.views.blocks import Ends, Sentence, Sheet, Verbatim, grid, line, notes, section, title
 from rverror.views.by_order import beside, leading_orders, samples_per_turn, turns_of
 from rverror.views.envelope import InputFile, enveloped
+from rverror.views.fields import OWN, Field, Place, entry, listing
+from rverror.views.next_measurement import next_steps
 from rverror.views.passport_report import passport_json, passport_sheet
 from rverror.views.resonance_report import resonance_sheet, resonances_json
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, TORQUE, Unit
 
 #: What accounts for the power of an order, as `OrderShare` names it and as people do.
 SHARES = {
@@ -51,18 +52,20 @@ _ANGLE_DIGITS = 9  # so that samples of many turns stay apart
 
 
 @dataclass(frozen=True)
-class _Scale:
+class _Signal:
     """Unit in which the signal is shown, and the ending of its keys in JSON."""
 
-    unit: str
+    unit: Unit
     suffix: str
-    size: float
 
-    def __call__(self, value: float) -> float:
-        return value / self.size
+    def of(self, thing: Any, *names: str, **places: str) -> dict[str, Any]:
+        """Entries of sizes, by their names or under others."""
+        where = {name: name for name in names} | places
+        return entry(thing, **{f"{name}_{self.suffix}": (place, self.unit) for name, place in where.items()})
 
 
-_SCALES = {"angle": _Scale("arcsec", "arcsec", ARCSEC), "torque": _Scale("N*m", "newton_metre", 1e3)}
+SIGNALS = {"angle": _Signal(ANGLE, "arcsec"), "torque": _Signal(TORQUE, "newton_metre")}
+_RESIDUAL = {"rms": "rms", "peak_to_peak": "peak-to-peak", "heldout_rms": "held-out rms"}
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -72,63 +75,53 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
 
 
-def _at_order(bench: BenchUncertainty | None, order: float) -> float | None:
-    """Uncertainty of an order's amplitude, arcsec."""
-    return None if bench is None else bench.of_order(order) / ARCSEC
+def _at_order(bench: BenchUncertainty | None, order: float) -> dict[str, float | None]:
+    """Uncertainty of an order's amplitude."""
+    return {"bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(order))}
 
 
-def _residual_json(residual: Residual, scale: _Scale) -> dict[str, float | None]:
-    names = ("rms", "peak_to_peak", "heldout_rms")
-    return {f"{name}_{scale.suffix}": rounded(scale(getattr(residual, name))) for name in names}
-
-
-def _cause_json(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
+def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
     return {"key": key, "indices": dict(indices)}
 
 
-def _size(value: float, dimension: str) -> float | None:
-    return rounded(units.to_display(value, dimension))
+def _unit_of(row: Any) -> str:
+    return units.DISPLAY_UNITS[row.dimension]
 
 
-def _addition_json(addition: Addition, scale: _Scale) -> dict[str, Any]:
-    entry = CATALOGUE.get(addition.effect.key)
+def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
+    known = CATALOGUE.get(addition.effect.key)
     return {
-        **_cause_json(addition.effect.key, addition.effect.indices),
+        **_cause(addition.effect.key, addition.effect.indices),
         "parameters": {
-            estimate.name: {
-                "value": _size(estimate.value, estimate.dimension),
-                "unit": units.DISPLAY_UNITS[estimate.dimension],
-                "low": _size(estimate.low, estimate.dimension),
-                "high": _size(estimate.high, estimate.dimension),
-            }
-            for estimate in addition.estimates
+            one.name: entry(one, one.dimension, value=OWN, unit=_unit_of, low=OWN, high=OWN)
+            for one in addition.estimates
         },
-        "indistinguishable_from": [_cause_json(*cause) for cause in addition.indistinguishable],
-        "orders": [rounded(order) for order in addition.orders],
-        f"heldout_rms_{scale.suffix}": rounded(scale(addition.heldout_rms)),
-        "notes": list(addition.notes),
-        "summary": entry.summary if entry else "",
-        "frame": entry.frame if entry else "",
-        "candidates": _candidates_json(addition.candidates),
+        "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
+        **entry(addition, orders=NUMBER, notes=None),
+        **signal.of(addition, "heldout_rms"),
+        "summary": known.summary if known else "",
+        "frame": known.frame if known else "",
+        "candidates": _ranking(addition.candidates),
     }
 
 
-def _candidates_json(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
+def _ranking(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
     """Candidates with the differences of their scores; standard errors where the score of each fold is known."""
-    rows = []
-    for candidate in candidates:
-        best = candidates[0]
-        behind = best.heldout_gain - candidate.heldout_gain
-        rows.append(
-            {
-                **_cause_json(candidate.key, candidate.indices),
-                "heldout_gain": rounded(candidate.heldout_gain),
-                "standard_error": rounded(standard_error(candidate.fold_gains), 3),
-                "behind_best": rounded(behind if behind > 1e-9 * abs(best.heldout_gain) else 0.0),
-                "behind_best_standard_error": rounded(error_behind(candidate, best), 3),
-            }
-        )
-    return rows
+    best = candidates[0] if candidates else None
+
+    def behind(candidate: Candidate) -> float:
+        assert best is not None
+        difference = best.heldout_gain - candidate.heldout_gain
+        return difference if difference > 1e-9 * abs(best.heldout_gain) else 0.0
+
+    return [
+        {
+            **entry(candidate, key=None, indices=None, heldout_gain=NUMBER, behind_best=(behind, NUMBER)),
+            "standard_error": rounded(standard_error(candidate.fold_gains), 3),
+            "behind_best_standard_error": rounded(error_behind(candidate, candidates[0]), 3),
+        }
+        for candidate in candidates
+    ]
 
 
 def standard_error(scores: Sequence[float]) -> float | None:
@@ -143,96 +136,48 @@ def error_behind(candidate: Candidate, best: Candidate) -> float | None:
     return standard_error([leader - own for leader, own in zip(best.fold_gains, candidate.fold_gains, strict=True)])
 
 
-def _elastic_json(elastic: ElasticEstimate) -> dict[str, Any]:
-    sizes = {key: _size(getattr(elastic, key), elastic.dimension) for key in ("declared", "value", "low", "high")}
-    unit = units.DISPLAY_UNITS[elastic.dimension]
-    return {"name": elastic.name, "unit": unit, **sizes, "told": bool(elastic.told)}
-
-
-def _share_json(share: OrderShare, scale: _Scale) -> dict[str, Any]:
-    shares = {name: rounded(getattr(share, name)) for name in SHARES}
+def _validation(one: Validation, signal: _Signal) -> dict[str, Any]:
+    each = zip(one.orders, one.before_by_order, one.after_by_order, strict=True)
     return {
-        "order": rounded(share.order),
-        f"amplitude_{scale.suffix}": rounded(scale(share.amplitude)),
-        "shares": shares,
+        "file": one.file,
+        "before": signal.of(one, rms="before"),
+        "after": signal.of(one, rms="after"),
+        "by_order": [
+            {"order": rounded(row[0]), "before": signal.of(row, rms="1"), "after": signal.of(row, rms="2")}
+            for row in each
+        ],
     }
 
 
-def _validation_json(one: Validation, scale: _Scale) -> dict[str, Any]:
-    def rms(size: float) -> dict[str, float | None]:
-        return {f"rms_{scale.suffix}": rounded(scale(size))}
-
-    rows = zip(one.orders, one.before_by_order, one.after_by_order, strict=True)
-    by_order = [{"order": rounded(order), "before": rms(a), "after": rms(b)} for order, a, b in rows]
-    return {"file": one.file, "before": rms(one.before), "after": rms(one.after), "by_order": by_order}
-
-
-def _set_aside_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def _set_aside(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Runs in which something was set aside or the reading slips, with the angles as travelled."""
-    rows = []
+    found = []
     for at, trace in enumerate(diagnosis.traces):
         angles, slips = (
-            [] if found is None else [rounded(angle, _ANGLE_DIGITS) for angle in np.degrees(found).tolist()]
-            for found in (trace.set_aside, trace.slips)
+            [rounded(angle, _ANGLE_DIGITS) for angle in np.degrees([] if given is None else given).tolist()]
+            for given in (trace.set_aside, trace.slips)
         )
         if angles or slips:
-            rows.append({"run": trace.name, "label": _label(trace, at), "angles_deg": angles, "slips_deg": slips})
-    return rows
+            found.append({"run": trace.name, "label": _label(trace, at), "angles_deg": angles, "slips_deg": slips})
+    return found
 
 
 def _label(trace: Trace, at: int) -> str:
     return f"{at + 1} {way(trace.direction)}"
 
 
-def bench_of(diagnosis: Diagnosis) -> Circumstances:
-    """What the runs of a diagnosis cover."""
-    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
-    longest = max(diagnosis.traces, key=turns_of, default=None)
-    part = longest.theta if longest is not None and turns_of(longest) < 1 else None
-    return Circumstances(
-        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
-        samples_per_turn=samples_per_turn(diagnosis),
-        torques=frozenset(torques),
-        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
-        shared_zero=any(
-            one.index == other.index not in ("", "unknown") and one.direction != other.direction
-            for one in diagnosis.traces
-            for other in diagnosis.traces
-        ),
-        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
-    )
-
-
-def _next(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
-    """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
-    if diagnosis.conditions:
-        return []
-    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
-    found: list[tuple[Addition | None, Measurement]] = []
-    for addition in diagnosis.added:
-        keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
-        if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
-            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
-            found += [(addition, step) for step in steps]
-    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
-    reading = diagnosis.quantity == "angle"
-    return found + [(None, step) for step in steps if reading or step.name != "encoder"]
-
-
-def _next_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def _next_entries(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return [
         {
-            "name": step.name,
-            "what": step.what,
-            "why": step.why,
-            "about": _cause_json(addition.effect.key, addition.effect.indices) if addition else None,
-            "separates": [_cause_json(*cause) for cause in step.separates],
+            **entry(step, name=None, what=None, why=None),
+            "about": _cause(addition.effect.key, addition.effect.indices) if addition else None,
+            "separates": [_cause(*cause) for cause in step.separates],
         }
-        for addition, step in _next(diagnosis)
+        for addition, step in next_steps(diagnosis)
     ]
 
 
-def _declared_json(diagnosis: Diagnosis) -> dict[str, Any]:
+def _declared_entries(diagnosis: Diagnosis) -> dict[str, Any]:
     declared = diagnosis.declared
     unit = declared.mechanism
     what = f"ratio {unit.ratio:.8g}"
@@ -249,27 +194,25 @@ def _declared_json(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "name": declared.name or unit.name,
         "mechanism": what,
-        "effects": [_effect_json(*pair) for pair in zip(declared.effects, fitted, strict=True)],
+        "effects": [_effect(*pair) for pair in zip(declared.effects, fitted, strict=True)],
     }
 
 
-def _effect_json(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
+def _effect(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
     parameters = CATALOGUE[effect.key].parameters
-    sigma = None
-    if effect.uncertainty:
-        dimension = parameters[0].dimension
-        sigma = {"value": _size(effect.uncertainty, dimension), "unit": units.DISPLAY_UNITS[dimension]}
+    first = parameters[0]
+    values = zip(parameters, effect.values, fitted.values if fitted else [None] * len(parameters), strict=True)
     return {
-        **_cause_json(effect.key, effect.indices),
+        **_cause(effect.key, effect.indices),
         "parameters": {
-            parameter.name: {
-                "value": _size(value, parameter.dimension),
-                "refitted": _size(fitted.values[at], parameter.dimension) if fitted else None,
-                "unit": units.DISPLAY_UNITS[parameter.dimension],
-            }
-            for at, (parameter, value) in enumerate(zip(parameters, effect.values, strict=True))
+            row[0].name: entry(
+                row, row[0].dimension, value=("1", OWN), refitted=("2", OWN), unit=lambda of: _unit_of(of[0])
+            )
+            for row in values
         },
-        "uncertainty": sigma,
+        "uncertainty": entry(effect, first.dimension, value=("uncertainty", OWN), unit=lambda _: _unit_of(first))
+        if effect.uncertainty
+        else None,
     }
 
 
@@ -279,56 +222,32 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in ``newton_metre``
     instead of ``arcsec``.
     """
-    scale = _SCALES[diagnosis.quantity]
-    unit = diagnosis.declared.mechanism
+    return enveloped("Diagnosis", diagnosis_content(diagnosis), files, listed="files")
+
+
+def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What `diagnosis_json` holds but for files and version."""
+    signal = SIGNALS[diagnosis.quantity]
     sampling, bench = samples_per_turn(diagnosis), stated_bench(diagnosis)
-
-    def before_and_after(before: float, after: float) -> dict[str, float | None]:
-        return {f"before_{scale.suffix}": rounded(scale(before)), f"after_{scale.suffix}": rounded(scale(after))}
-
-    content = {
-        "verdict": diagnosis.verdict,
-        f"noise_rms_{scale.suffix}": rounded(scale(diagnosis.noise_rms)),
-        "before": _residual_json(diagnosis.before, scale),
-        "before_refitted": _residual_json(diagnosis.before_refitted, scale),
-        "after": _residual_json(diagnosis.after, scale),
+    return {
+        **entry(diagnosis, verdict=None, candidates_tried="tried", notes=None),
+        **signal.of(diagnosis, "noise_rms"),
+        **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
         "bench_uncertainty": bench_json(bench, whole=not diagnosis.conditions),
-        "added": [_addition_json(addition, scale) for addition in diagnosis.added],
-        "unexplained_orders": [
-            {
-                "order": rounded(line.order),
-                f"amplitude_{scale.suffix}": rounded(scale(line.amplitude)),
-                "low": rounded(scale(line.low)),
-                "high": rounded(scale(line.high)),
-                "bench_uncertainty_arcsec": rounded(_at_order(bench, line.order)),
-                "frames": list(line.frames),
-                "beside": [] if line.frames else list(beside(unit, line.order)),
-                "as_effect": _as_measured(line, unit),
-                "could_fold_from": None
-                if math.isinf(sampling)
-                else [
-                    {"order": rounded(fold.order), "frames": list(fold.frames)}
-                    for fold in folds(unit, line.order, sampling)
-                    if fold.frames
-                ],
-            }
-            for line in diagnosis.unexplained
-        ],
+        "added": [_addition(addition, signal) for addition in diagnosis.added],
+        "unexplained_orders": [_line(line, diagnosis) for line in diagnosis.unexplained],
         "by_order": [
             {
-                "order": rounded(row.order),
-                "frames": list(row.frames),
-                "beside": list(row.beside),
-                **before_and_after(row.before, row.after),
-                "bench_uncertainty_arcsec": rounded(_at_order(bench, row.order)),
-                "runs": [before_and_after(*run) for run in row.runs],
+                **entry(row, order=NUMBER, frames=None, beside=None),
+                **signal.of(row, "before", "after"),
+                **_at_order(bench, row.order),
+                "runs": [signal.of(run, before="0", after="1") for run in row.runs],
             }
             for row in leading_orders(diagnosis)
         ],
-        "candidates": _candidates_json(diagnosis.candidates),
-        "candidates_tried": diagnosis.tried,
-        "next_measurements": _next_json(diagnosis),
-        "declared": _declared_json(diagnosis),
+        "candidates": _ranking(diagnosis.candidates),
+        "next_measurements": _next_entries(diagnosis),
+        "declared": _declared_entries(diagnosis),
         "runs": [
             {
                 "name": trace.name,
@@ -339,17 +258,50 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
             }
             for at, trace in enumerate(diagnosis.traces)
         ],
-        "stiffness": [_elastic_json(elastic) for elastic in diagnosis.elastic],
+        "stiffness": [
+            entry(
+                one,
+                one.dimension,
+                name=None,
+                unit=_unit_of,
+                declared=OWN,
+                value=OWN,
+                low=OWN,
+                high=OWN,
+                told=lambda row: bool(row.told),
+            )
+            for one in diagnosis.elastic
+        ],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
-        "shares": [_share_json(share, scale) for share in diagnosis.shares],
-        "validation": [_validation_json(one, scale) for one in diagnosis.validation],
-        "set_aside": _set_aside_json(diagnosis),
-        "notes": list(diagnosis.notes),
-        "unit": scale.unit,
-        "suffix": scale.suffix,
+        "shares": [
+            {
+                **entry(share, order=NUMBER),
+                **signal.of(share, "amplitude"),
+                "shares": entry(share, **dict.fromkeys(SHARES, NUMBER)),
+            }
+            for share in diagnosis.shares
+        ],
+        "validation": [_validation(one, signal) for one in diagnosis.validation],
+        "set_aside": _set_aside(diagnosis),
+        "unit": signal.unit.shown,
+        "suffix": signal.suffix,
     }
-    return enveloped("Diagnosis", content, files, listed="files")
+
+
+def _line(line: Line, diagnosis: Diagnosis) -> dict[str, Any]:
+    signal, unit, sampling = SIGNALS[diagnosis.quantity], diagnosis.declared.mechanism, samples_per_turn(diagnosis)
+    could_fold = [] if math.isinf(sampling) else folds(unit, line.order, sampling)
+    return {
+        **entry(line, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
+        **signal.of(line, "amplitude"),
+        **_at_order(stated_bench(diagnosis), line.order),
+        "beside": [] if line.frames else list(beside(unit, line.order)),
+        "as_effect": _as_measured(line, unit),
+        "could_fold_from": None
+        if math.isinf(sampling)
+        else [entry(fold, order=NUMBER, frames=None) for fold in could_fold if fold.frames],
+    }
 
 
 def _tells_loads(diagnosis: Diagnosis) -> bool:
@@ -375,16 +327,19 @@ def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
 # --- for people -------------------------------------------------------------------------------------------------------
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
-_SIZES = {"rms": "rms", "peak_to_peak": "peak-to-peak", "heldout_rms": "held-out rms"}
 _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 _RANKED = 10  # candidates that are listed
 
 
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    data, bench = diagnosis_json(diagnosis), stated_bench(diagnosis)
+    data, bench = diagnosis_content(diagnosis), stated_bench(diagnosis)
     causes = [one for one, added in zip(data["added"], diagnosis.added, strict=True) if _is_cause(added)]
     laws = [one for one in data["added"] if one not in causes]
+    whole = not diagnosis.conditions
+    passport = passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
+    shares: dict[str, Field] = {"order": None, f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}"}
+    shares |= {head: (f"shares.{name}", PERCENT) for name, head in SHARES.items()}
     return (
         *title("Diagnosis", data["declared"]["name"]),
         Sentence(*_verdict(diagnosis)),
@@ -396,27 +351,27 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
         *_steps(data),
         *section("Lines that no source of the catalogue explains", *_lines(data)),
         *section("Measurements that no fit saw", *_validated(data)),
-        *section("Orders over load, speed and temperature", *_passport(diagnosis, bench)),
+        *section("Orders over load, speed and temperature", *passport),
         *section("Natural frequencies that orders show over the speed", *resonance_sheet(diagnosis.resonances)),
-        *section("What accounts for the power of each order, %", *_shares(data)),
+        *section("What accounts for the power of each order, %", *listing(data["shares"], shares)),
         *section("Residual by order", *_by_order(data)),
         *section("Stiffness, backlash and contact law", *_stiffness(data)),
         *section("Candidates by a linear step", *_candidates(diagnosis, data)),
         *section("What was declared", *_declared(data)),
-        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.conditions)),
+        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=whole)),
         *notes(data["notes"]),
     )
 
 
 def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
     """The outcome in one or two sentences, and the word to be read first."""
-    scale, bench = _SCALES[diagnosis.quantity], stated_bench(diagnosis)
+    unit, bench = SIGNALS[diagnosis.quantity].unit, stated_bench(diagnosis)
     before, after, noise = (
-        brief(scale(size), 3)
+        brief(size / unit.size, 3)
         for size in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
     )
-    spread = f" ± {brief(scale(bench.of('rms')), 3)} ({BESIDE})" if bench else ""
-    fall = f"The held-out rms falls from {before} to {after}{spread} {scale.unit}; the noise has {noise}."
+    spread = f" ± {brief(bench.of('rms') / unit.size, 3)} ({BESIDE})" if bench else ""
+    fall = f"The held-out rms falls from {before} to {after}{spread} {unit.shown}; the noise has {noise}."
     causes = [added for added in diagnosis.added if _is_cause(added)]
     names = ", ".join(
         describe(added.effect.key, added.effect.indices) + _or_rivals(added.indistinguishable) for added in causes
@@ -464,42 +419,52 @@ def _credit(diagnosis: Diagnosis) -> str:
     )
 
 
-def _beside(data: Mapping[str, Any], sizes: list[Any]) -> dict[str, list[Any]]:
+def _beside(data: Mapping[str, Any], place: Place) -> dict[str, Field]:
     """Column of the bench's uncertainty, where the model states a bench."""
-    return {f"± {BESIDE}": sizes} if data["bench_uncertainty"] else {}
+    return {f"± {BESIDE}": place} if data["bench_uncertainty"] else {}
 
 
 def _residuals(data: Mapping[str, Any]) -> Sheet:
     stages = [stage for stage in _STAGES if stage != "after" or data["added"]]
     suffix, stated = data["suffix"], data["bench_uncertainty"]
-    rows = [(_STAGES[stage], *(data[stage][f"{name}_{suffix}"] for name in _SIZES)) for stage in stages]
-    rows.append(("noise", data[f"noise_rms_{suffix}"], None, None))
+    listed = [(_STAGES[stage], *(data[stage][f"{name}_{suffix}"] for name in _RESIDUAL)) for stage in stages]
+    listed.append(("noise", data[f"noise_rms_{suffix}"], None, None))
     if stated:
-        rows.append((f"± {BESIDE}", *(stated[f"{name}_arcsec"] for name in _SIZES)))
-    return grid((f"residual, {data['unit']}", *_SIZES.values()), rows)
+        listed.append((f"± {BESIDE}", *(stated[f"{name}_arcsec"] for name in _RESIDUAL)))
+    return grid((f"residual, {data['unit']}", *_RESIDUAL.values()), listed)
 
 
-def _named(entry: Mapping[str, Any]) -> str:
-    return describe(entry["key"], entry["indices"])
+def _named(of: Mapping[str, Any]) -> str:
+    return describe(of["key"], of["indices"])
+
+
+def _parameters(effects: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Parameters of effects in rows, the first of each with the effect's name."""
+    return [
+        {"effect": "" if at else _named(one), "of": one, "name": name, **size}
+        for one in effects
+        for at, (name, size) in enumerate(one["parameters"].items())
+    ]
 
 
 def _sizes_of(head: str, added: Sequence[Mapping[str, Any]]) -> Sheet:
-    return grid(
-        (head, "parameter", "size", "95 % interval", "unit"),
-        [
-            (_named(one) if not at else "", name, *_as_known(size["value"], size["low"], size["high"]), size["unit"])
-            for one in added
-            for at, (name, size) in enumerate(one["parameters"].items())
-        ],
-    )
+    heads: dict[str, Field] = {head: "effect", "parameter": "name", **_KNOWN, "unit": None}
+    return listing(_parameters(added), heads)
 
 
-def _as_known(value: float | None, low: float | None, high: float | None) -> tuple[float | None, Ends]:
+def _as_known(row: Mapping[str, Any]) -> tuple[float | None, Ends]:
     """Size and interval without the digits that the interval makes meaningless: two of its width are left."""
+    value, low, high = (row[name] for name in ("value", "low", "high"))
     if value is None or low is None or high is None or high <= low:
         return value, Ends((low, high))
     digits = 1 - math.floor(math.log10(high - low))
     return round(value, digits), Ends((round(low, digits), round(high, digits)))
+
+
+_KNOWN: Mapping[str, Field] = {
+    "size": lambda row: _as_known(row)[0],
+    "95 % interval": lambda row: _as_known(row)[1],
+}
 
 
 def _about(one: Mapping[str, Any], diagnosis: Diagnosis) -> Iterator[Sentence]:
@@ -527,23 +492,21 @@ def _lines(data: Mapping[str, Any]) -> Sheet:
     found = data["unexplained_orders"]
     if not found:
         return ()
-    shown = columns_of(
-        {
-            "unexplained order": [one["order"] for one in found],
-            f"amplitude, {data['unit']}": [one[f"amplitude_{data['suffix']}"] for one in found],
-            "95 % interval": [Ends((one["low"], one["high"])) for one in found],
-            **_beside(data, [one["bench_uncertainty_arcsec"] for one in found]),
-            "frames of this order": [_frames(one) for one in found],
-            "or an alias of": [_folds(one["could_fold_from"]) for one in found],
-        }
-    )
+    heads: dict[str, Field] = {
+        "unexplained order": "order",
+        f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}",
+        "95 % interval": lambda one: Ends((one["low"], one["high"])),
+        **_beside(data, "bench_uncertainty_arcsec"),
+        "frames of this order": _frames,
+        "or an alias of": lambda one: _folds(one["could_fold_from"]),
+    }
     effect = found[0]["as_effect"]
     described = () if effect is None else (
         Sentence(f"To describe order {effect['harmonic']} as measured, which explains nothing, add to the model:"),
         Verbatim("\n".join(["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())])),
     )  # fmt: skip
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
-    return (*shown, Sentence(own), *described)
+    return (*listing(found, heads), Sentence(own), *described)
 
 
 def _frames(row: Mapping[str, Any]) -> str:
@@ -558,112 +521,79 @@ def _folds(found: Sequence[Mapping[str, Any]] | None) -> str:
 
 def _validated(data: Mapping[str, Any]) -> Sheet:
     rms = f"rms_{data['suffix']}"
-    found, of_rms = data["validation"], (data["bench_uncertainty"] or {}).get("rms_arcsec")
-    shown = {
-        "file": [one["file"] or "in memory" for one in found],
-        f"rms before, {data['unit']}": [one["before"][rms] for one in found],
-        "after": [one["after"][rms] for one in found],
+    heads: dict[str, Field] = {
+        "file": lambda one: one["file"] or "in memory",
+        f"rms before, {data['unit']}": f"before.{rms}",
+        "after": f"after.{rms}",
+        **_beside(data, lambda _: data["bench_uncertainty"]["rms_arcsec"]),
     }
-    return columns_of(shown | _beside(data, [of_rms] * len(found)))
-
-
-def _passport(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> Sheet:
-    return passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
-
-
-def _shares(data: Mapping[str, Any]) -> Sheet:
-    return grid(
-        ("order", f"amplitude, {data['unit']}", *SHARES.values()),
-        [
-            (one["order"], one[f"amplitude_{data['suffix']}"], *(100 * one["shares"][name] for name in SHARES))
-            for one in data["shares"]
-        ],
-    )
+    return listing(data["validation"], heads)
 
 
 def _by_order(data: Mapping[str, Any]) -> Sheet:
-    rows, suffix = data["by_order"], data["suffix"]
-    runs = {run["label"]: at for at, run in enumerate(data["runs"])} if len(data["runs"]) <= 4 else {}
-    shown: dict[str, list[Any]] = {
-        "order": [row["order"] for row in rows],
-        f"before, {data['unit']}": [row[f"before_{suffix}"] for row in rows],
-        "after": [row[f"after_{suffix}"] for row in rows],
-        **_beside(data, [row["bench_uncertainty_arcsec"] for row in rows]),
+    suffix = data["suffix"]
+
+    def of_run(row: Mapping[str, Any], at: int) -> str:
+        before, after = (row["runs"][at][f"{which}_{suffix}"] for which in ("before", "after"))
+        return "–" if before is None else f"{brief(before)} → {brief(after)}"
+
+    runs = data["runs"] if len(data["runs"]) <= 4 else []
+    heads: dict[str, Field] = {
+        "order": None,
+        f"before, {data['unit']}": f"before_{suffix}",
+        "after": f"after_{suffix}",
+        **_beside(data, "bench_uncertainty_arcsec"),
+        **{f"run {run['label']}": partial(of_run, at=at) for at, run in enumerate(runs)},
+        "frames of this order": _frames,
     }
-    for label, at in runs.items():
-        shown[f"run {label}"] = [
-            f"{brief(row['runs'][at][f'before_{suffix}'])} → {brief(row['runs'][at][f'after_{suffix}'])}"
-            if row["runs"][at][f"before_{suffix}"] is not None
-            else "–"
-            for row in rows
-        ]
     explained = "Amplitudes of the mean of turns that were each left out of the fit; over the runs, root mean square."
-    return (
-        *columns_of(shown | {"frames of this order": [_frames(row) for row in rows]}),
-        *line(explained * bool(rows)),
-    )
+    return listing(data["by_order"], heads) + line(explained * bool(data["by_order"]))
 
 
 def _stiffness(data: Mapping[str, Any]) -> Sheet:
-    rows = data["stiffness"]
-    told = [row for row in rows if row["told"]]
-    rest = ", ".join(row["name"] for row in rows if not row["told"])
-    return (
-        *grid(
-            ("stiffness, backlash, contact law", "declared", "fitted", "95 % interval", "unit"),
-            [
-                (row["name"], row["declared"], *_as_known(row["value"], row["low"], row["high"]),
-                 "" if row["unit"] == "dimensionless" else row["unit"])
-                for row in told
-            ],
-        ),
-        *line(f"These runs do not determine {rest}." if rest else ""),
-    )  # fmt: skip
+    told = [row for row in data["stiffness"] if row["told"]]
+    rest = ", ".join(row["name"] for row in data["stiffness"] if not row["told"])
+    heads: dict[str, Field] = {"stiffness, backlash, contact law": "name", "declared": None, "fitted": _KNOWN["size"]}
+    heads |= {"95 % interval": _KNOWN["95 % interval"]}
+    heads |= {"unit": lambda row: "" if row["unit"] == NUMBER.shown else row["unit"]}
+    return listing(told, heads) + line(f"These runs do not determine {rest}." if rest else "")
 
 
 def _candidates(diagnosis: Diagnosis, data: Mapping[str, Any]) -> Sheet:
-    rows = data["candidates"][:_RANKED]
-    beside = (
-        "adds to what was found" if isinstance(diagnosis.declared.mechanism, Drive) else "adds to the declared model"
-    )
+    ranking = data["candidates"][:_RANKED]
+    drive = isinstance(diagnosis.declared.mechanism, Drive)
     explained = (
-        f"The best of {data['candidates_tried']}: what each takes off chi-square where it alone {beside}, as far as "
-        "the model is linear."
+        f"The best of {data['candidates_tried']}: what each takes off chi-square where it alone adds to "
+        f"{'what was found' if drive else 'the declared model'}, as far as the model is linear."
     )
-    return (
-        *columns_of(
-            {
-                "candidate": [_named(row) for row in rows],
-                "takes off chi-square": [row["heldout_gain"] for row in rows],
-                "± 1 s.e.": [row["standard_error"] for row in rows],
-                "less than the best by": [row["behind_best"] for row in rows],
-                "± 1 s.e. of it": [row["behind_best_standard_error"] for row in rows],
-            }
-        ),
-        *line(explained * bool(rows)),
-    )
+    heads: dict[str, Field] = {
+        "candidate": _named,
+        "takes off chi-square": "heldout_gain",
+        "± 1 s.e.": "standard_error",
+        "less than the best by": "behind_best",
+        "± 1 s.e. of it": "behind_best_standard_error",
+    }
+    return listing(ranking, heads) + line(explained * bool(ranking))
 
 
 def _declared(data: Mapping[str, Any]) -> Sheet:
-    declared, runs = data["declared"], data["runs"]
-    effects = [
-        (
-            _named(effect) if not at else "", name, size["value"],
-            "exact" if effect["uncertainty"] is None else effect["uncertainty"]["value"],
-            size["refitted"], size["unit"],
-        )
-        for effect in declared["effects"]
-        for at, (name, size) in enumerate(effect["parameters"].items())
-    ]  # fmt: skip
+    effects = _parameters(data["declared"]["effects"])
+    sizes: dict[str, Field] = {
+        "effect": None,
+        "parameter": "name",
+        "declared": "value",
+        "1 sigma": lambda row: "exact" if (sigma := row["of"]["uncertainty"]) is None else sigma["value"],
+        "refitted": None,
+        "unit": None,
+    }
+    runs: dict[str, Field] = {
+        "run": "name",
+        "direction": None,
+        "output torque": lambda run: run["torque"] or "–",
+        "samples an output turn": "samples_per_turn",
+    }
     return (
-        Sentence(declared["mechanism"] + ("" if effects else "; no effect is declared")),
-        *grid(("effect", "parameter", "declared", "1 sigma", "refitted", "unit"), effects),
-        *columns_of(
-            {
-                "run": [run["name"] for run in runs],
-                "direction": [run["direction"] for run in runs],
-                "output torque": [run["torque"] or "–" for run in runs],
-                "samples an output turn": [run["samples_per_turn"] for run in runs],
-            }
-        ),
+        Sentence(data["declared"]["mechanism"] + ("" if effects else "; no effect is declared")),
+        *listing(effects, sizes),
+        *listing(data["runs"], runs),
     )

@@ -74,4 +74,4 @@ def enveloped(
     dict
     """
     told = {} if files is None else {listed: [asdict(file) for file in files]}
-    return {**content, **told, "result": kind, "version": __version__}
+    return {"result": kind, **content, **told, "version": __version__}

@@ -16,7 +16,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.views.blocks import Title, as_html
 from rverror.views.html import escaped
-from rverror.views.sheets import has_sheet, sheet
+from rverror.views.kinds import has_sheet, sheet
 
 _STYLE = (
     "<style>"
@@ -39,7 +39,7 @@ def line(thing: Any) -> str:
     Parameters
     ----------
     thing
-        What `sheets.sheet` knows.
+        What `kinds.sheet` knows.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def page(thing: Any) -> str:
     Parameters
     ----------
     thing : Model, Run, Influence, Equilibrium, TorsionCurve, Diagnosis, Budget, ErrorBudget, VirtualUnits, Allocation
-        Or anything else that `sheets.sheet` knows; of other things what Python says of them.
+        Or anything else that `kinds.sheet` knows; of other things what Python says of them.
 
     Returns
     -------

@@ -15,6 +15,8 @@ from rverror.diagnosis.wave_fit import WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import BESIDE
 from rverror.views.blocks import Sentence, Sheet, grid
+from rverror.views.fields import alike, entry
+from rverror.views.variables import ANGLE, NUMBER, SPEED, TORQUE
 
 #: N*mm in 1000 N*m, and rad/s in 1000 rpm: slopes are told per so much.
 KILONEWTON_METRE, THOUSAND_RPM = 1e6, 1000.0 * math.pi / 30.0
@@ -42,69 +44,63 @@ def passport_json(passports: Sequence[OrderPassport], *, bench: BenchUncertainty
 def _order_json(one: OrderPassport, bench: BenchUncertainty | None) -> dict[str, Any]:
     temperature = one.reference_temperature
     return {
+        **entry(
+            one,
+            amplitude_arcsec=("amplitude", ANGLE),
+            **alike(ANGLE, "low", "high"),
+            **alike(None, "confidence", "bent", "kinds"),
+            constants="constants.relation",
+            loads="loads.relation",
+            reference_input_speed_rpm=("reference_speed", SPEED),
+        ),
         "order": rounded(one.order, 10),
-        "amplitude_arcsec": in_arcsec(one.amplitude),
-        "low": in_arcsec(one.low),
-        "high": in_arcsec(one.high),
         "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
-        "confidence": one.confidence,
         "directions": [_law_json(law) for law in one.laws],
-        "constants": None if one.constants is None else one.constants.relation,
-        "loads": None if one.loads is None else one.loads.relation,
         "shares": {name: rounded(share, 4) for name, share in one.shares.items()},
-        "bent": one.bent,
         "peak": None if one.peak is None else _peak_json(one.peak),
-        "reference_input_speed_rpm": rounded(_rpm(one.reference_speed)),
         "reference_temperature_degc": None if temperature is None else rounded(temperature - 273.15),
-        "kinds": list(one.kinds),
     }
 
 
 def _law_json(law: DirectionLaw) -> dict[str, Any]:
     return {
         "direction": way(law.direction),
-        "cases": law.cases,
         "constant_arcsec": _part_json(law.constant, 1.0),
         "per_1000_newton_metre_arcsec": _part_json(law.slope, KILONEWTON_METRE),
         "per_1000_rpm_arcsec": _part_json(law.speed, THOUSAND_RPM),
         "per_kelvin_arcsec": _part_json(law.temperature, 1.0),
-        "bent": law.bent,
-        "largest_deviation_arcsec": in_arcsec(law.deviation),
-        "largest_deviation_torque_nm": None if law.deviation_torque is None else rounded(law.deviation_torque / 1e3),
-        "not_told": list(law.not_told),
+        **entry(
+            law,
+            **alike(None, "cases", "bent", "not_told"),
+            largest_deviation_arcsec=("deviation", ANGLE),
+            largest_deviation_torque_nm=("deviation_torque", TORQUE),
+        ),
     }
 
 
 def _part_json(part: WavePart | None, size: float) -> dict[str, Any] | None:
     if part is None:
         return None
-    return {
-        "amplitude": in_arcsec(part.amplitude * size),
-        "phase_deg": rounded(math.degrees(np.angle(part.value))) if part.told else None,
-        "low": in_arcsec(part.low * size),
-        "high": in_arcsec(part.high * size),
-    }
+    sizes = {name: in_arcsec(getattr(part, name) * size) for name in ("amplitude", "low", "high")}
+    return {**sizes, "phase_deg": rounded(math.degrees(np.angle(part.value))) if part.told else None}
 
 
 def _peak_json(peak: SpeedPeak) -> dict[str, Any]:
-    return {
-        "direction": way(peak.direction),
-        "torque_nm": None if peak.torque is None else rounded(peak.torque / 1e3),
-        "input_speed_rpm": rounded(_rpm(peak.speed)),
-        "low_rpm": rounded(_rpm(peak.low)),
-        "high_rpm": rounded(_rpm(peak.high)),
-        "frequency_hz": rounded(peak.frequency),
-        "low_hz": rounded(peak.low_frequency),
-        "high_hz": rounded(peak.high_frequency),
-        "amplitude_arcsec": in_arcsec(peak.amplitude),
-        "median_arcsec": in_arcsec(peak.median),
-        "series": peak.series,
-        "of": peak.of,
-    }
-
-
-def _rpm(speed: float | None) -> float | None:
-    return None if speed is None else speed * 30.0 / math.pi
+    return entry(
+        peak,
+        direction=lambda one: way(one.direction),
+        torque_nm=("torque", TORQUE),
+        input_speed_rpm=("speed", SPEED),
+        low_rpm=("low", SPEED),
+        high_rpm=("high", SPEED),
+        frequency_hz=("frequency", NUMBER),
+        low_hz=("low_frequency", NUMBER),
+        high_hz=("high_frequency", NUMBER),
+        amplitude_arcsec=("amplitude", ANGLE),
+        median_arcsec=("median", ANGLE),
+        series=None,
+        of=None,
+    )
 
 
 def passport_sheet(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> Sheet:

@@ -1,13 +1,12 @@
 """Any result as text, as plain data for JSON, as a page.
 
-Text and page are made of its report (`sheets`), JSON of its table (`kinds`) unless its keys are fixed.  So a new kind
-of result has all of them as soon as it has these two.
+Text and page are made of its report, JSON of its table unless its keys are fixed: see `describing`.  So a new kind of
+result has all of them as soon as it has these two.
 """
 
 from __future__ import annotations
 
 import csv
-import inspect
 import io
 import itertools
 import math
@@ -18,15 +17,7 @@ from typing import Any
 from rverror.base.errors import InputError
 from rverror.base.text import printable
 from rverror.base.version import __version__
-from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
-from rverror.dynamics.at_speed import SpeedResponse
-from rverror.dynamics.natural_modes import Modes
-from rverror.life.result import RunsCompared, Trend
-from rverror.lots.result import Lot
-from rverror.tolerances.allocation import Allocation
-from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.blocks import (
     Block,
     Heading,
@@ -40,18 +31,12 @@ from rverror.views.blocks import (
     line,
     section,
 )
-from rverror.views.budget_report import allocation_json, budget_json
-from rverror.views.compensation_report import compensation_json
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.dynamics_report import modes_json, speeds_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped, escaped_lines
-from rverror.views.kinds import described
-from rverror.views.life_report import compared_json, trend_json
-from rverror.views.lot_report import lot_json
+from rverror.views.kinds import content, described, has_sheet, sheet, with_options
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
-from rverror.views.sheets import has_sheet, sheet
 from rverror.views.variables import NUMBER, columns
 
 
@@ -100,12 +85,8 @@ def _reported(result: Any, options: Mapping[str, Any]) -> Sheet:
     if not has_sheet(result):
         known = {kind.__name__ for of in (to_text, sheet) for kind in of.registry} - {"object"}
         raise InputError(f"a {type(result).__name__} has no text; these have: {', '.join(sorted(known))}")
-    takes = list(inspect.signature(sheet.dispatch(type(result))).parameters)[1:]
-    for name in options:
-        if name not in takes:
-            listed = f"it takes {', '.join(takes)}" if takes else "it takes none"
-            raise InputError(f"{type(result).__name__}: no option {name!r}; {listed}")
-    return sheet(result, **options)
+    made: Sheet = with_options(sheet, result, options)
+    return made
 
 
 def _origin(files: Sequence[InputFile]) -> Sheet:
@@ -146,25 +127,10 @@ def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> told["result"], told["variables"]["value"]["values"], told["variables"]["value"]["units"]
     ('Effect', [60.0], ['arcsec'])
     """
-    table = described(result, **options)
-    variables = {
-        name: {
-            "dimensions": list(variable.dims),
-            "units": variable.units_shown(),
-            "values": _plain(variable.shown(display=True).tolist()),
-        }
-        for name, variable in table.variables.items()
-    }
-    return enveloped(table.kind, {**_plain(dict(table.about)), "variables": variables}, files)
+    return enveloped(type(result).__name__, content(result, **options), files)
 
 
-def _plain(value: Any) -> Any:
-    """Value of which JSON holds every part; what is not determined is None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+to_json.register(Diagnosis, diagnosis_json)
 
 
 def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
@@ -266,18 +232,3 @@ def _before_sections(blocks: Sequence[Block]) -> Sheet:
 
 def _sections(blocks: Sequence[Block]) -> Sheet:
     return tuple(itertools.dropwhile(lambda block: not isinstance(block, Heading | Notes), blocks))
-
-
-for _kind, _json in (
-    (Diagnosis, diagnosis_json),
-    (Budget, budget_json),
-    (ErrorBudget, budget_json),
-    (Allocation, allocation_json),
-    (Lot, lot_json),
-    (Compensation, compensation_json),
-    (Trend, trend_json),
-    (RunsCompared, compared_json),
-    (Modes, modes_json),
-    (SpeedResponse, speeds_json),
-):
-    to_json.register(_kind, _json)

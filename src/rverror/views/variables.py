@@ -42,6 +42,10 @@ TIME = Unit("s", "s")
 TEMPERATURE = Unit("kelvin", "kelvin")
 SPEED = Unit("rad/s", "rpm", math.pi / 30)
 PER_ARCSEC = Unit("1/arcsec", "1/arcsec")
+HERTZ = Unit("Hz", "Hz")
+HOURS = Unit("h", "h")
+VOLUME = Unit("mm**3", "mm**3")
+WATT = Unit("N*mm/s", "W", 1e3)
 
 #: Dimensions that are too long to stand side by side as columns.
 LONG = frozenset({"theta", "sample", "virtual_unit"})
@@ -51,6 +55,9 @@ def unit_of(dimension: str) -> Unit:
     """Unit of an error of that dimension, a key of `units.CORE_UNITS`."""
     shown = units.DISPLAY_UNITS[dimension]
     return Unit(units.CORE_UNITS[dimension], shown, units.unit_factor(shown, dimension))
+
+
+PRESSURE = unit_of("pressure")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ Options that are not described here mean what `drawing.draw` says of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,29 +17,24 @@ from rverror.tolerances.allocation import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
+    OUTPUT_ANGLE,
+    Axes,
+    Figure,
     axes_for,
+    axes_of_rows,
     for_drawing,
-    legend_below,
-    line_style,
+    labelled,
     new_figure,
     over_angle,
     plain,
     signal_label,
     stated,
-    titled,
 )
 from rverror.views.plots.waveforms import unit_name
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_DARK, _LIGHT, _LIMIT = BLUE, ORANGE, BLACK  # hatches tell areas apart in grey
+_DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell areas apart in grey
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
@@ -75,8 +70,7 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
     entries = closed.contributions
     moving = [e for e, entry in enumerate(entries) if entry.effect == "wave"]
     order = sorted(moving, key=lambda e: -entries[e].share)[:_SHOWN][::-1]
-    ax = axes_for(ax, height=max(3.2, 1.3 + 0.3 * len(order)))
-    at = np.arange(len(order))
+    ax, at = axes_of_rows(ax, [plain(entries[e].label) for e in order])
     shares = [100 * entries[e].share for e in order]
     ax.barh(at + 0.2, shares, height=0.38, color=_DARK, label="share of the variance")
     if indices is not None:
@@ -84,12 +78,14 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
         label = "total Sobol index of the peak-to-peak, 95 % interval of the estimate"
         bars: dict[str, Any] = {"xerr": (total - low, high - total), "error_kw": {"linewidth": 0.8, "capsize": 2}}
         ax.barh(at - 0.2, total, label=label, **bars, **_HATCHED)
-    ax.set_yticks(at, [plain(entries[e].label) for e in order], fontsize=8)
     hidden = len(moving) - len(order)
-    titled(ax, "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""), *_unit(found))
-    ax.set(xlabel="contribution, %")
-    legend_below(ax, columns=2)
-    return ax
+    return labelled(
+        ax,
+        "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""),
+        *_unit(found),
+        x="contribution, %",
+        columns=2,
+    )
 
 
 def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None, ax: Axes | None = None) -> Axes:
@@ -98,21 +94,23 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None,
     drawn = found if isinstance(found, VirtualUnits) else found.units
     sizes = drawn.peak_to_peak / ARCSEC
     ax.hist(sizes, bins=80, color=_DARK, alpha=0.35, density=True)
-    for level, style in _LEVELS:
+    for level, dashes in _LEVELS:
         value = drawn.quantile(level).value / ARCSEC
-        ax.axvline(value, color=_DARK, ls=style, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
+        ax.axvline(value, color=_DARK, ls=dashes, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
         share, at = drawn.yield_at(limit), units.named_core("limit", limit, "angle") / ARCSEC
         ends = f"95 % interval of the estimate\n{100 * share.low:.4g} to {100 * share.high:.4g} %"
         label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass,\n{ends}"
         ax.axvline(at, color=_LIMIT, lw=1.8, label=label)
-    ax.set(
-        xlabel="peak-to-peak transmission error, arcsec",
-        ylabel="share of the units per arcsec",
+    return labelled(
+        ax,
+        f"{drawn.count} virtual units",
+        *_unit(found),
+        "closed form",
+        x="peak-to-peak transmission error, arcsec",
+        y="share of the units per arcsec",
+        columns=4,
     )
-    titled(ax, f"{drawn.count} virtual units", *_unit(found), "closed form")
-    legend_below(ax, columns=4)
-    return ax
 
 
 def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
@@ -135,16 +133,13 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
     of_wave = " of the wave" if taken else ""
     said = f" less {offset / ARCSEC:.3g} arcsec either way, the same at all angles" if taken else ""
     ax = axes_for(ax)
-    ax.fill_between(angle, below, above, color=GREY, alpha=0.5, lw=0, label=f"one standard deviation{of_wave}")
+    ax.fill_between(angle, below, above, color=style.GREY, alpha=0.5, lw=0, label=f"one standard deviation{of_wave}")
     for edge, label in zip(edges, (f"worst case{said}", None), strict=True):
         ax.plot(angle, edge, color=_LIGHT, ls="--", lw=1.1, label=label)
     ax.plot(angle, mean, color=_DARK, lw=1.2, label="expected")
     title = ["Expected error and what tolerances make of it", *_unit(found)]
-    over_angle(ax, ylabel=signal_label("angle"), title=title)
-    if closed.theta is None:
-        ax.set_xlabel("sample, number")
-    legend_below(ax)
-    return ax
+    x = "sample, number" if closed.theta is None else OUTPUT_ANGLE
+    return over_angle(ax, *title, y=signal_label("angle"), x=x)
 
 
 def _within(found: Allocation) -> str:
@@ -172,12 +167,16 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         told_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
         told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {_ends(one.interval)}"
         label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
-        ax.plot(used[used >= told_from], share[used >= told_from], label=label, **line_style(number))
+        ax.plot(used[used >= told_from], share[used >= told_from], label=label, **style.line_style(number))
     ax.axvline(100, color=_LIMIT, lw=0.8)
-    ax.set(xlabel="used of the limit (without one: of the P99), %", ylabel="units that use no more, %")
-    titled(ax, f"{loaded.limits[0].units} units at the load, contacts that open included", *_unit(found))
-    legend_below(ax, columns=1)
-    return ax
+    return labelled(
+        ax,
+        f"{loaded.limits[0].units} units at the load, contacts that open included",
+        *_unit(found),
+        x="used of the limit (without one: of the P99), %",
+        y="units that use no more, %",
+        columns=1,
+    )
 
 
 def _ends(interval: tuple[float, float]) -> str:
@@ -197,9 +196,9 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ratio = np.divide(found.widths, found.widths_before)
     order = np.argsort(ratio, kind="stable")[::-1]
     ratio = ratio[order]
-    at, held = np.arange(order.size), np.array(found.fixed, dtype=np.bool_)[order]
-    ax = axes_for(ax, height=1.3 + 0.3 * max(order.size, 4))
-    ax.hlines(at, 1.0, ratio, color=GREY, lw=1.5)
+    held = np.array(found.fixed, dtype=np.bool_)[order]
+    ax, at = axes_of_rows(ax, [plain(found.labels[e]) for e in order])
+    ax.hlines(at, 1.0, ratio, color=style.GREY, lw=1.5)
     for mask, mark, face, label in ((~held, "o", _DARK, "free"), (held, "s", "white", "fixed")):
         if mask.any():
             ax.plot(ratio[mask], at[mask], mark, color=_DARK, mfc=face, ms=6, label=label)
@@ -210,27 +209,18 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     marks = [m for m in (0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if abs(np.log(m)) <= reach]
     ax.set_xticks(marks, [f"{m:g}" for m in marks])
     ax.minorticks_off()
-    ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Widths of least cost for {_within(found)}")
-    ax.set(xlabel="tolerance found over tolerance as given (a number)")
-    if held.any():
-        legend_below(ax)
-    return ax
+    what, x = f"Widths of least cost for {_within(found)}", "tolerance found over tolerance as given (a number)"
+    return labelled(ax, what, x=x, legend="below" if held.any() else "")
 
 
 def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
     """Cost of each tolerance as given and as found."""
     before, after = np.array(found.costs_before), np.array(found.costs)
     order = np.argsort(after, kind="stable")
-    at = np.arange(order.size)
-    ax = axes_for(ax, height=1.3 + 0.32 * max(order.size, 4))
+    ax, at = axes_of_rows(ax, [plain(found.labels[e]) for e in order])
     ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
     ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
-    ax.set_yticks(at, [plain(found.labels[e]) for e in order], fontsize=8)
-    titled(ax, f"Cost of each tolerance for {_within(found)}")
-    ax.set(xlabel=_COST)
-    legend_below(ax)
-    return ax
+    return labelled(ax, f"Cost of each tolerance for {_within(found)}", x=_COST)
 
 
 def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | None = None) -> Axes:
@@ -276,7 +266,4 @@ def cost_against_limit(
             ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
     if chosen is None and np.isnan(least).all():
         ax.set_yticks([])
-    titled(ax, "Least cost of the tolerances against the limit")
-    ax.set(xlabel="limit, arcsec", ylabel=_COST)
-    legend_below(ax, columns=2)
-    return ax
+    return labelled(ax, "Least cost of the tolerances against the limit", x="limit, arcsec", y=_COST, columns=2)

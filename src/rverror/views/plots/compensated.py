@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.text import file_name
 from rverror.compensation.outcome import Compensation
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    DASHED,
-    ORANGE,
     ORDER,
+    Axes,
+    Figure,
     axes_for,
-    check_axes,
     for_drawing,
     in_shown_unit,
-    legend_below,
+    labelled,
     new_figure,
     over_angle,
     plain,
     shown_unit,
     signal_label,
-    titled,
 )
 from rverror.views.plots.waveforms import unit_name
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_BEFORE, _AFTER = ORANGE, BLUE
+_BEFORE, _AFTER = style.ORANGE, style.BLUE
 
 
 def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = None) -> Axes:
@@ -50,9 +41,8 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
         raise InputError("nothing survives on data left out, so there is no order to draw")
     if most < 1:
         raise InputError(f"most = {most}: must be 1 or more")
-    check_axes(ax)
-    drawn = sorted(made.orders[:most], key=lambda one: one.order)
     ax = axes_for(ax)
+    drawn = sorted(made.orders[:most], key=lambda one: one.order)
     place = np.arange(len(drawn))
     before, left = (
         in_shown_unit(np.array([getattr(one, of) for one in drawn]), "angle") for of in ("amplitude", "left")
@@ -61,14 +51,11 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
     for at, high, low in zip(place, before, left, strict=True):
         if np.isfinite(low):
-            ax.plot([at, at], [low, high], color=BLACK, lw=0.5, zorder=0)
+            ax.plot([at, at], [low, high], color=style.BLACK, lw=0.5, zorder=0)
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     ax.set_yscale("log")
     of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}")
-    titled(ax, "orders compensated", *_unit(made), of)
-    legend_below(ax)
-    return ax
+    return labelled(ax, "orders compensated", *_unit(made), of, x=ORDER, y=f"amplitude, {shown_unit('angle')}")
 
 
 def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes | None = None) -> Axes:
@@ -86,22 +73,19 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
         run = next((n for n, trace in enumerate(made.traces) if trace.unseen), 0)
     if not 0 <= run < len(made.traces):
         raise InputError(f"run = {run}: must be 0 to {len(made.traces) - 1}")
-    check_axes(ax)
-    trace = made.traces[run]
     ax = axes_for(ax)
+    trace = made.traces[run]
     rank = np.argsort(trace.theta, kind="stable")
     angle, *rows = for_drawing(np.degrees(trace.theta[rank]), trace.before[rank], trace.after[rank])
     what = "seen by no fit" if trace.unseen else "stretches left out"
     for drawn, values, word, colour, dashes in (
         (rows[0], trace.before, "measured", _BEFORE, "solid"),
-        (rows[1], trace.after, f"compensated, {what}", _AFTER, DASHED if trace.unseen else "solid"),
+        (rows[1], trace.after, f"compensated, {what}", _AFTER, style.DASHED if trace.unseen else "solid"),
     ):
         rms = float(in_shown_unit(np.sqrt(np.mean(values**2)), "angle"))
         label = f"{word}: {brief(rms, 3)} {shown_unit('angle')} rms"
         ax.plot(angle, in_shown_unit(drawn, "angle"), color=colour, lw=0.8, ls=dashes, label=label)
-    over_angle(ax, ylabel=signal_label("angle"), title=[*_unit(made), plain(file_name(trace.name) or "run")])
-    legend_below(ax)
-    return ax
+    return over_angle(ax, *_unit(made), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
 
 
 def _unit(made: Compensation) -> list[str]:

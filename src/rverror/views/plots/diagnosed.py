@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
@@ -19,17 +19,16 @@ from rverror.base.text import describe, file_name
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import residual_spectrum
 from rverror.views.diagnosis_report import error_behind
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DASHES,
-    GREY,
-    ORANGE,
     ORDER,
+    Axes,
+    Figure,
     axes_for,
+    axes_of_rows,
     for_drawing,
     in_shown_unit,
+    labelled,
     legend_below,
     new_figure,
     over_angle,
@@ -38,18 +37,13 @@ from rverror.views.plots.figure import (
     signal_label,
     stated,
     tallest,
-    titled,
 )
 from rverror.views.plots.passports import table_figure
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
 from rverror.views.plots.waveforms import unit_name
 from rverror.views.set_aside import LABELS, marks
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_BEFORE, _AFTER = ORANGE, BLUE
+_BEFORE, _AFTER = style.ORANGE, style.BLUE
 _BAND = 0.75  # of its colour, that the model's band has under what was measured
 _HIGHEST = 260.0
 _NEIGHBOURS = 25  # lines whose median stands for what noise leaves
@@ -69,15 +63,13 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes 
     ax = axes_for(ax)
     rows = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
     angle, measured, before, after = for_drawing(np.degrees(trace.theta), *rows)
-    over: dict[str, Any] = {"color": BLACK, "lw": 0.7, "zorder": 2.5}
+    over: dict[str, Any] = {"color": style.BLACK, "lw": 0.7, "zorder": 2.5}
     ax.plot(angle, measured, label="measured, mean of revolutions", **over)
-    ax.plot(angle, before, color=_BEFORE, lw=1.2, ls=DASHED, label="declared model")
+    ax.plot(angle, before, color=_BEFORE, lw=1.2, ls=style.DASHED, label="declared model")
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=2.4, alpha=_BAND, label="with what was added")
     _mark(ax, trace)
-    over_angle(ax, ylabel=signal_label(quantity), title=[unit, *_trace_title(trace)])
-    legend_below(ax)
-    return ax
+    return over_angle(ax, unit, *_trace_title(trace), y=signal_label(quantity))
 
 
 def _mark(ax: Axes, trace: Trace) -> None:
@@ -89,7 +81,7 @@ def _mark(ax: Axes, trace: Trace) -> None:
             "ms": size,
             "mew": width,
             "ls": "none",
-            "color": BLACK,
+            "color": style.BLACK,
             "clip_on": False,
         }
         on_axis = np.zeros(one.angles.size)
@@ -109,40 +101,39 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     trace = _trace(diagnosis, run)
     ax = axes_for(ax)
     unit = shown_unit(diagnosis.quantity)
-    looks = (("before", _BEFORE, DASHED, 1.2), ("after", _AFTER, "solid", 0.9))
+    looks = (("before", _BEFORE, style.DASHED, 1.2), ("after", _AFTER, "solid", 0.9))
     for (word, colour, dashes, width), rest in zip(looks, trace.residual, strict=True):
         values = in_shown_unit(rest - rest.mean(), diagnosis.quantity)
         label = f"{word}, rms {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit}"
         ax.plot(*for_drawing(np.degrees(trace.theta), values), color=colour, ls=dashes, lw=width, label=label)
-    ax.axhline(0, color=BLACK, lw=0.4)
+    ax.axhline(0, color=style.BLACK, lw=0.4)
     _mark(ax, trace)
     what = "residual, left-out stretches" if trace.left_out else "residual"
     title = [what, unit_name(diagnosis.declared), *_trace_title(trace)]
-    over_angle(ax, ylabel=f"measured less model, {unit}", title=title)
-    legend_below(ax)
-    return ax
+    return over_angle(ax, *title, y=f"measured less model, {unit}")
 
 
 def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     """Rms of the residual of each run before and after; of stretches left out of the fit, where there are any."""
-    ax = axes_for(ax, height=1.5 + 0.4 * max(len(diagnosis.traces), 2))
     unit = shown_unit(diagnosis.quantity)
     pairs = np.array([[np.std(values) for values in trace.residual] for trace in diagnosis.traces]).reshape(-1, 2)
     before, after = in_shown_unit(pairs, diagnosis.quantity).T
-    at = np.arange(len(pairs))
-    ax.hlines(at, after, before, color=GREY, lw=2.0)
-    ax.plot(before, at, "s", color=_BEFORE, mec=BLACK, ms=8, label="before")
-    ax.plot(after, at, "o", color=_AFTER, mec=BLACK, ms=6, label="after")
+    ax, at = axes_of_rows(ax, [", ".join(_trace_title(trace)) for trace in diagnosis.traces], upwards=False)
+    ax.hlines(at, after, before, color=style.GREY, lw=2.0)
+    ax.plot(before, at, "s", color=_BEFORE, mec=style.BLACK, ms=8, label="before")
+    ax.plot(after, at, "o", color=_AFTER, mec=style.BLACK, ms=6, label="after")
     noise = float(in_shown_unit(np.array([diagnosis.noise_rms]), diagnosis.quantity)[0])
     label = f"noise of a single reading, {brief(noise, 3)} {unit}"
-    ax.axvline(noise, color=BLACK, ls=DASHES[2], lw=1.0, label=label)
-    ax.set_yticks(at, [", ".join(_trace_title(trace)) for trace in diagnosis.traces], fontsize="small")
+    ax.axvline(noise, color=style.BLACK, ls=style.DASHES[2], lw=1.0, label=label)
     held = all(trace.left_out for trace in diagnosis.traces) and bool(diagnosis.traces)
-    titled(ax, "residual of each run", "left-out stretches" if held else "", unit_name(diagnosis.declared))
-    ax.set(xlabel=f"rms of the residual, {unit}", ylim=(len(pairs) - 0.5, -0.5))
-    ax.set_xlim(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0)
-    legend_below(ax)
-    return ax
+    return labelled(
+        ax,
+        "residual of each run",
+        "left-out stretches" if held else "",
+        unit_name(diagnosis.declared),
+        x=f"rms of the residual, {unit}",
+        xlim=(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0),
+    )
 
 
 def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) -> Axes:
@@ -169,7 +160,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
         raise InputError(f"round = {round}: this diagnosis has rounds 1 to {len(rounds)}")
     ranking, addition = rounds[round - 1]
     shown = ranking[:_RANKED]
-    ax = axes_for(ax, height=1.4 + 0.24 * max(len(shown), 4))
+    ax, _ = axes_of_rows(ax, [plain(describe(one.key, one.indices)) for one in shown], upwards=False)
     # fits at the load choose, not these scores of linear waveforms
     alike = [(addition.effect.key, addition.effect.indices), *addition.indistinguishable] if addition else []
     behind = [ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown]
@@ -178,7 +169,6 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
         bar = None if error is None else [error]
         face = _AFTER if (candidate.key, candidate.indices) in alike else "white"
         ax.errorbar([difference], [at], xerr=bar, fmt="o", color=_AFTER, mfc=face, ms=5, capsize=2.5, lw=1.0)
-    ax.set_yticks(range(len(shown)), [plain(describe(c.key, c.indices)) for c in shown], fontsize="small")
     gain = f"the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "none was scored"
     if addition:
         added = plain(describe(addition.effect.key, addition.effect.indices))
@@ -186,7 +176,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     else:
         title = f"candidates of the last round: {gain}; nothing more added"
     xlabel = "score behind the best, chi-square of left-out stretches (a number)"
-    ax.set(xlabel=xlabel, title=title, ylim=(max(len(shown), 1) - 0.5, -0.5))
+    ax.set(xlabel=xlabel, title=title)
     ax.title.set_fontsize("medium")
     if not ranking:
         ax.set_xlim(0, 1)
@@ -228,7 +218,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.vlines(*_stems(order[shown], bottom, after[shown]), color=_AFTER, lw=0.9, label="residual after")
     floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
     shown_floor = for_drawing(order[shown], np.maximum(floor, bottom)[shown])
-    ax.plot(*shown_floor, color=BLACK, lw=1.0, ls=DASHED, label="noise floor")
+    ax.plot(*shown_floor, color=style.BLACK, lw=1.0, ls=style.DASHED, label="noise floor")
     within = resolution(order)
     apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)
     size = np.where(shown, before, 0.0)
@@ -240,9 +230,8 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ax.margins(x=0.01)
     top = max(float(size.max(initial=0.0)), float(after[shown].max(initial=0.0)), 10 * bottom)
     name = partial(frame_name, diagnosis.declared.mechanism, within=within)
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit(diagnosis.quantity)}")
-    titled(ax, "residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace))
-    legend_below(ax)
+    title = ["residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace)]
+    labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit(diagnosis.quantity)}")
     name_peaks(ax, order[chosen], before[chosen], name, bottom=bottom, top=top)
     return ax
 

@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
@@ -46,7 +46,7 @@ from rverror.views.plots.diagnosed import (
     runs,
     waveform,
 )
-from rverror.views.plots.figure import new_figure, svg_element, to_bytes
+from rverror.views.plots.figure import Axes, new_figure, svg_element, to_bytes
 from rverror.views.plots.friction_losses import losses
 from rverror.views.plots.life_courses import compared_orders, trend_courses
 from rverror.views.plots.lots import drive_lot_orders, lot_orders, lot_predicted, lot_processes, lot_shares
@@ -73,9 +73,6 @@ from rverror.views.plots.waveforms import (
     state_waveform,
 )
 from rverror.views.plots.wear_curves import over_hours, worn_lobe
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "PICTURES",

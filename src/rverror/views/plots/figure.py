@@ -21,28 +21,12 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes as Axes  # that plots need not import it again
+    from matplotlib.figure import Figure as Figure
     from matplotlib.legend import Legend
-    from matplotlib.transforms import Bbox, Transform
-
-# Okabe and Ito's colours, which stay apart in print and for colour-blind eyes.
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-GREY = "#A0A0A0"
-
-#: Dash patterns, in points: what tells lines apart where a page is printed in grey.
-DASHES = (
-    "solid",
-    (0, (5.0, 2.0)),
-    (0, (1.2, 1.5)),
-    (0, (7.0, 2.0, 1.2, 2.0)),
-    (0, (3.0, 1.2, 3.0, 3.5)),
-    (0, (7.0, 1.5, 1.2, 1.5, 1.2, 1.5)),
-)
-DASHED = DASHES[1]
-_LINE_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
-_HATCHES = ("", "///", "...", "\\\\\\", "xx", "--")
+    from matplotlib.transforms import Transform
+else:
+    Axes = Figure = Any
 
 #: Below so many arcsec or N*m there is nothing to be seen.
 NOTHING = 1e-6
@@ -54,43 +38,17 @@ ORDER = "order, per output turn"
 COLUMNS = 1200
 _PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
-_INSIDE = 0.96  # of the room of axes in a layout, less what it leaves free
-_WIDEST_BESIDE = 0.4  # of the room of axes, that a legend may take from their width
-_HIGHEST_BELOW = 0.5  # or from their height
-_WIDE = 0.6  # of the room of axes, from which on a legend stands in its middle, not in that of the axes
+_FREE = 1.0  # inches of the width of a cell, that are left free beside texts over and under axes
+_WIDEST_BESIDE = 0.42  # of the room of axes, that a legend may take from their width
+_HIGHEST_BELOW = 0.42  # or from their height
 _INSCRIBED = 2**-0.5  # of the diameter of a circle, the side of a square in it
+_DECADES = 3.0  # of the colours of a map, down from the largest
+_EDGE = 0.3  # inches from the edge of a cell to the texts over and under axes: a label that sticks out stays free
+_OVER_TICKS = 9.0  # points from axes to the title: half of a tick's number sticks out at their corner
 _PAD = 4.2  # letters from axes to the legend under them: ticks and label
 _FEWEST_LETTERS = 12  # of a line of a legend
 
 Projection = Literal["rectilinear", "polar"]
-
-
-def line_style(number: int) -> dict[str, Any]:
-    """Colour and dashes of the n-th line: neighbours differ in both, and 36 lines in one of them.
-
-    Parameters
-    ----------
-    number : int
-        From 0.
-
-    Returns
-    -------
-    dict
-        Options of matplotlib's ``plot``.
-
-    Examples
-    --------
-    >>> line_style(0)
-    {'color': '#0072B2', 'linestyle': 'solid'}
-    """
-    count = len(_LINE_COLOURS)
-    return {"color": _LINE_COLOURS[number % count], "linestyle": DASHES[(number + number // count) % count]}
-
-
-def fill_style(number: int) -> dict[str, Any]:
-    """Colour and hatch of the n-th area."""
-    at = number % len(_LINE_COLOURS)
-    return {"facecolor": _LINE_COLOURS[at], "hatch": _HATCHES[at]}
 
 
 def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tuple[Figure, list[Axes]]:
@@ -164,6 +122,16 @@ def axes_for(
     return ax
 
 
+def axes_of_rows(ax: Axes | None, names: Sequence[str], *, upwards: bool = True) -> tuple[Axes, Array]:
+    """Axes with a name for each of their rows, as high as these need, and the place of each row."""
+    places = np.arange(len(names), dtype=np.float64)
+    ax = axes_for(ax, height=1.5 + 0.3 * max(len(names), 4))
+    ax.set_yticks(places, names, fontsize="small")
+    ends = (-0.6, max(len(names), 1) - 0.4)
+    ax.set_ylim(ends if upwards else ends[::-1])
+    return ax, places
+
+
 def check_axes(ax: Axes | None, *, projection: Projection = "rectilinear") -> None:
     """Refuse axes of the wrong sort, before anything is computed for them.
 
@@ -209,11 +177,10 @@ def signal_label(quantity: str) -> str:
     return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
 
 
-def over_angle(ax: Axes, *, ylabel: str, title: list[str]) -> None:
-    """Label axes over the output angle, from end to end of what is drawn."""
-    ax.set(xlabel=OUTPUT_ANGLE, ylabel=ylabel)
-    titled(ax, *title)
+def over_angle(ax: Axes, *title: str, y: str, x: str = OUTPUT_ANGLE, **look: Any) -> Axes:
+    """Axes over the output angle, from end to end of what is drawn, `labelled`."""
     ax.margins(x=0)
+    return labelled(ax, *title, x=x, y=y, **look)
 
 
 def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
@@ -235,7 +202,7 @@ def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
 
 @missing_letters()
 def titled(ax: Axes, *parts: str) -> None:
-    """Title made of parts, with commas between them, in as many lines as the axes' room asks for."""
+    """Title made of parts, with commas between them, from the left edge in as many lines as the axes' room asks for."""
     room, _ = _room(ax)
     lines: list[str] = []
     for part in filter(None, parts):
@@ -249,12 +216,29 @@ def titled(ax: Axes, *parts: str) -> None:
         while ax.set_title(lines[at]).get_window_extent().width > room and letters > _FEWEST_LETTERS:
             letters -= max(1, letters // 12)
             lines[at] = textwrap.fill(text, letters)
-    title = ax.set_title(",\n".join(lines))
-    own = ax.transAxes + ax.titleOffsetTrans  # type: ignore[attr-defined]  # as matplotlib places it
-    wide = title.get_window_extent().width > _WIDE * room
-    title.set_transform(_across_figure(ax, own) if wide else own)
-    title.set_x(_middle(ax) if wide else 0.5)
-    _make_room(ax)
+    title = ax.set_title(",\n".join(lines), ha="left", pad=_OVER_TICKS)
+    left, across = _left(ax, ax.transAxes + ax.titleOffsetTrans)  # type: ignore[attr-defined]  # as matplotlib does
+    title.set(x=left, transform=across)
+
+
+def labelled(
+    ax: Axes,
+    *title: str,
+    x: str,
+    y: str = "",
+    legend: Literal["below", "beside", ""] = "below",
+    columns: int = 3,
+    legend_title: str | None = None,
+    **limits: Any,
+) -> Axes:
+    """Axes with their labels, limits, title and legend."""
+    ax.set(xlabel=x, ylabel=y, **limits)
+    titled(ax, *title)
+    if legend == "beside":
+        legend_beside(ax, title=legend_title)
+    elif legend:
+        legend_below(ax, columns=columns)
+    return ax
 
 
 def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -335,76 +319,39 @@ def tallest(place: Array, size: Array) -> tuple[Array, Array]:
 
 
 def _room(ax: Axes) -> tuple[float, float]:
-    """Width and height, in dots, of what belongs to axes: their cell, or themselves where nothing lays figures out."""
-    part = ax.get_figure()
+    """Width and height, in dots, for texts in the cell of axes; a figure without a layout gets one."""
+    figure, part, spec = ax.get_figure(root=True), ax.get_figure(), ax.get_subplotspec()
+    assert figure is not None
     assert part is not None
-    spec = ax.get_subplotspec()
-    if spec is None or not _laid_out(ax):
-        box = _place(ax)
-        return box.width * part.bbox.width, box.height * part.bbox.height
+    if figure.get_layout_engine() is None:
+        figure.set_layout_engine("constrained")
+    if spec is None:
+        return ax.bbox.width, ax.bbox.height
     grid = spec.get_gridspec()
     wide, high = part.bbox.width * len(spec.colspan) / grid.ncols, part.bbox.height * len(spec.rowspan) / grid.nrows
-    return _INSIDE * wide, high
+    return wide - _FREE * figure.dpi, high
 
 
-def _middle(ax: Axes) -> float:
-    """Middle of the cell of axes, or of themselves where nothing lays figures out, in parts of the figure's width."""
-    spec = ax.get_subplotspec()
-    if spec is None or not _laid_out(ax):
-        return float(_place(ax).x0 + _place(ax).width / 2)
-    return float(spec.colspan.start + spec.colspan.stop) / 2 / spec.get_gridspec().ncols
-
-
-def _across_figure(ax: Axes, up: Transform) -> Transform:
-    """Across in parts of the figure, up as given."""
+def _left(ax: Axes, up: Transform) -> tuple[float, Transform]:
+    """Left edge of the cell of axes, and a transform across in parts of the figure, up as given."""
     from matplotlib.transforms import blended_transform_factory
 
-    part = cast("Figure", ax.get_figure())
-    return blended_transform_factory(getattr(part, "transSubfigure", part.transFigure), up)
-
-
-def _laid_out(ax: Axes) -> bool:
-    figure = ax.get_figure(root=True)
-    return figure is not None and figure.get_layout_engine() is not None
-
-
-def _place(ax: Axes) -> Bbox:
-    """Where axes stood before room was made in them, in parts of the figure."""
-    spec, part = ax.get_subplotspec(), ax.get_figure()
-    return ax.get_position() if spec is None else spec.get_position(cast("Figure", part))
-
-
-def _make_room(ax: Axes, legend: Legend | None = None, *, beside: bool = False) -> None:
-    """Take the room of a title of several lines and of a legend from their axes, where no layout does it."""
-    part, spec = ax.get_figure(), ax.get_subplotspec()
-    if part is None or _laid_out(ax):
-        return
-    box, wide, low = _place(ax), 0.0, 0.0
-    title = ax.title.get_window_extent().height
-    lines = 1 + ax.get_title().count("\n")
-    high = title * (lines - 1) / lines
-    if legend is not None and beside:
-        wide = legend.get_window_extent().width
-    elif legend is not None:
-        under = box.y0 * part.bbox.height if spec is None or spec.is_last_row() else 0.0
-        label = _PAD * legend.prop.get_size_in_points() * part.dpi / 72
-        low = legend.get_window_extent().height + max(label - under, 0.0)
-    across, up = part.bbox.width, part.bbox.height
-    ax.set_position((box.x0, box.y0 + low / up, box.width - wide / across, box.height - (low + high) / up))
-    ax.set_in_layout(True)  # who asks for a layout later gets it
+    part, spec = cast("Figure", ax.get_figure()), ax.get_subplotspec()
+    if spec is None:
+        return 0.0, up
+    across = blended_transform_factory(getattr(part, "transSubfigure", part.transFigure), up)
+    return spec.colspan.start / spec.get_gridspec().ncols + _EDGE * part.figure.dpi / part.bbox.width, across
 
 
 @missing_letters()
 def legend_below(ax: Axes, *, columns: int = 3, **options: Any) -> None:
     """Legend under the axes and their label, where it hides no line."""
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": _PAD}
+    left, across = _left(ax, ax.transAxes)
+    place = {"loc": "upper left", "bbox_to_anchor": (left, 0.0), "bbox_transform": across, "borderaxespad": _PAD}
     look = {"frameon": False, "fontsize": "small", "handlelength": 3}
     wide, high = _room(ax)
-    legend, _ = _legend(ax, columns, wide, _HIGHEST_BELOW * high, **place, **look, **options)
-    if legend and legend.get_window_extent().width > _WIDE * wide:
-        legend.set_bbox_to_anchor((_middle(ax), 0.0), transform=_across_figure(ax, ax.transAxes))
-    _make_room(ax, legend)
+    _legend(ax, columns, wide, _HIGHEST_BELOW * high, **place, **look, **options)
 
 
 @missing_letters()
@@ -416,9 +363,7 @@ def legend_beside(ax: Axes, *, title: str | None = None, away: float = 0.0) -> N
     look = {"frameon": False, "fontsize": "x-small", "title_fontsize": "x-small", "handlelength": 4, "title": title}
     wide, high = _room(ax)
     legend, whole = _legend(ax, 1, wide, high, loc="upper left", bbox_to_anchor=(1.01 + away, 1), **look)
-    if legend is None or (whole and legend.get_window_extent().width <= _WIDEST_BESIDE * wide):
-        _make_room(ax, legend, beside=True)
-    else:
+    if legend and not (whole and legend.get_window_extent().width <= _WIDEST_BESIDE * wide):
         legend_below(ax, title=title)
 
 
@@ -430,6 +375,23 @@ def legend_in_ring(ax: Axes, *, inner: float) -> None:
     legend, whole = _legend(ax, 1, side, side, loc="center", **look)
     if not whole or (legend and legend.get_window_extent().width > side):
         legend_below(ax)
+
+
+def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:
+    """Sizes in colours over three decades, with their bar: edges across and up, and sizes, of one or more meshes."""
+    if not meshes:
+        return
+    from matplotlib.colors import LogNorm
+
+    largest = span_of(max(float(size.max()) for *_, size in meshes))
+    least = largest / 10**_DECADES
+    scale = LogNorm(least, largest)
+    for across, up, size in meshes:
+        # of even lightness, large is dark: the same order in grey and for colour-blind eyes
+        drawn = ax.pcolormesh(
+            across, up, np.maximum(size, least), norm=scale, cmap="YlGnBu", rasterized=size.shape[0] > 1
+        )
+    ax.figure.colorbar(drawn, ax=ax, label=label, extend="min")
 
 
 def size_in_dots(ax: Axes) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +10,8 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.units import to_display
 from rverror.statics.friction import Efficiency
-from rverror.views.plots.figure import axes_for, fill_style, legend_beside
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, labelled
 
 _ROOM = 1.35  # times the highest bar, with the efficiency written above it
 
@@ -45,7 +42,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     top = np.zeros(len(listed))
     for number, part in enumerate(found.losses):
         height = np.array([100 * one.by_part[part] for one in listed])
-        ax.bar(place, height, 0.8, top, label=part.replace("_", " "), ec="black", lw=0.4, **fill_style(number))
+        ax.bar(place, height, 0.8, top, label=part.replace("_", " "), ec="black", lw=0.4, **style.fill_style(number))
         top += height
     for x, high, one in zip(place, top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
@@ -56,11 +53,14 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     ax.set_xlim(-1.0, place[-1] + 1.0)
     common = [word for word, alike in zip(cases[0], same, strict=True) if alike]
     told = "torque on the output, N*m" if same[0] else "what drives, under a torque on the output, N*m"
-    ax.set(xlabel=told, ylabel="lost of the work put in, %")
-    ax.set_title(", ".join(["losses to friction, above them the efficiency", *common]))
-    ax.set_ylim(0, _ROOM * max(float(top.max()), 1.0))
-    legend_beside(ax)
-    return ax
+    return labelled(
+        ax,
+        ", ".join(["losses to friction, above them the efficiency", *common]),
+        x=told,
+        y="lost of the work put in, %",
+        ylim=(0, _ROOM * max(float(top.max()), 1.0)),
+        legend="beside",
+    )
 
 
 def _case(one: Efficiency) -> tuple[str, str]:

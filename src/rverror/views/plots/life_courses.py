@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.base.text import describe
 from rverror.life.result import RunsCompared, Trend
-from rverror.views.plots.figure import (
-    BLUE,
-    GREY,
-    ORANGE,
-    ORDER,
-    axes_for,
-    in_shown_unit,
-    legend_beside,
-    line_style,
-    plain,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import ORDER, Axes, axes_for, in_shown_unit, legend_beside, plain
 
 _MOST = 12  # orders
 _MARKS = "x+sd^v"  # of conditions
@@ -42,16 +28,18 @@ def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
             row,
             _MARKS[number % len(_MARKS)],
             ms=5,
-            color=line_style(number + 1)["color"],
+            color=style.line_style(number + 1)["color"],
             label=f"peak-to-peak, {condition}",
         )
     for number in range(found.lost_motion.shape[1]):
         first = found.explained[0, number]
         measured, made = (in_shown_unit(x[:, number] - first, "angle") for x in (found.lost_motion, found.explained))
-        ax.plot(found.at, measured, "o", color=ORANGE, ms=5, mfc="white", label="lost motion" if not number else None)
-        ax.plot(found.at, made, color=BLUE, label="lost motion by the named causes" if not number else None)
+        ax.plot(
+            found.at, measured, "o", color=style.ORANGE, ms=5, mfc="white", label="lost motion" if not number else None
+        )
+        ax.plot(found.at, made, color=style.BLUE, label="lost motion by the named causes" if not number else None)
     for one in found.changed:
-        ax.axvline(one.since, color=GREY, lw=0.8, ls=":")
+        ax.axvline(one.since, color=style.GREY, lw=0.8, ls=":")
     named = ", ".join(dict.fromkeys(plain(describe(one.key, one.indices)) for one in found.changed))
     ax.set(
         xlabel="time, h" if found.unit == "hour" else "number of cycles",
@@ -73,8 +61,8 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     rows = list({one.order: one for one in reversed(found.orders)}.values())[::-1][:_MOST]
     at = np.arange(len(rows))
     for shift, color, label, sizes in (
-        (-0.2, ORANGE, "before", [one.before for one in rows]),
-        (0.2, BLUE, "after", [one.after for one in rows]),
+        (-0.2, style.ORANGE, "before", [one.before for one in rows]),
+        (0.2, style.BLUE, "after", [one.after for one in rows]),
     ):
         ax.bar(at + shift, in_shown_unit(np.array(sizes), "angle"), 0.4, color=color, label=label)
     ax.set_xticks(at, [str(one.order) for one in rows])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.base.errors import InputError
@@ -12,25 +9,11 @@ from rverror.base.numbers import count_of
 from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy
-from rverror.views.lot_words import process_name
-from rverror.views.plots.figure import (
-    BLUE,
-    GREY,
-    ORANGE,
-    ORDER,
-    axes_for,
-    check_axes,
-    in_shown_unit,
-    legend_below,
-    plain,
-    shown_unit,
-    titled,
-)
+from rverror.views.lot_report import process_name
+from rverror.views.plots import style
+from rverror.views.plots.figure import ORDER, Axes, axes_for, axes_of_rows, in_shown_unit, labelled, plain, shown_unit
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-_MEASURED, _MADE = ORANGE, BLUE
+_MEASURED, _MADE = style.ORANGE, style.BLUE
 
 
 def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
@@ -41,26 +24,22 @@ def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
     found : Lot
     """
     rows = _shown(found)
-    ax = axes_for(ax, height=_height(rows))
-    for above, face, label in ((True, BLUE, "made, 95 % interval"), (False, "white", "not told from none")):
+    units = list(dict.fromkeys(DISPLAY_UNITS[one.dimension] for one in rows))
+    # lengths and angles share an axis: in um and arcsec they are of one size
+    told = [f", {DISPLAY_UNITS[one.dimension]}" if len(units) > 1 else "" for one in rows]
+    ax, _ = axes_of_rows(ax, [plain(process_name(one)) + unit for one, unit in zip(rows, told, strict=True)])
+    for above, face, label in ((True, style.BLUE, "made, 95 % interval"), (False, "white", "not told from none")):
         chosen = [at for at, one in enumerate(rows) if one.above_zero == above]
         value, low, high = np.array([_sizes(rows[at]) for at in chosen]).reshape(-1, 3).T
         if chosen:
-            ax.hlines(chosen, low, high, color=BLUE, lw=1.3, zorder=1)
-            ax.plot(value, chosen, "o", color=BLUE, mfc=face, ms=6, label=label)
+            ax.hlines(chosen, low, high, color=style.BLUE, lw=1.3, zorder=1)
+            ax.plot(value, chosen, "o", color=style.BLUE, mfc=face, ms=6, label=label)
     allowed = [(at, _allowed(one)) for at, one in enumerate(rows)]
     drawn = np.array([(size, at) for at, size in allowed if size is not None]).reshape(-1, 2).T
     if drawn.size:
         ax.plot(*drawn, "|", color=_MEASURED, ms=14, mew=2.5, label="allowed by the tolerance, Cp = 1")
-    units = list(dict.fromkeys(DISPLAY_UNITS[one.dimension] for one in found.processes if one.deviation is not None))
-    names = [plain(process_name(one)) for one in rows]
-    if len(units) > 1:  # lengths and angles share an axis: in um and arcsec they are of one size
-        names = [f"{name}, {DISPLAY_UNITS[one.dimension]}" for name, one in zip(names, rows, strict=True)]
-    ax.set_yticks(range(len(rows)), names, fontsize=8)
-    ax.set(xlabel=f"standard deviation, {' or '.join(units)}", xlim=(0, None), ylim=(-0.6, len(rows) - 0.4))
-    titled(ax, "What each process makes", *_of(found))
-    legend_below(ax)
-    return ax
+    x = f"standard deviation, {' or '.join(units)}"
+    return labelled(ax, "What each process makes", *_of(found), x=x, xlim=(0, None))
 
 
 def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
@@ -71,18 +50,15 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
     found : Lot
     """
     rows = _shown(found)
-    ax = axes_for(ax, height=_height(rows))
-    at = np.arange(len(rows))
+    ax, at = axes_of_rows(ax, [plain(process_name(one)) for one in rows])
     shares = np.array([100 * one.share for one in rows])
     told = np.array([one.above_zero for one in rows])
-    ax.barh(at[told], shares[told], height=0.6, color=BLUE, label="told from none")
+    ax.barh(at[told], shares[told], height=0.6, color=style.BLUE, label="told from none")
     if not told.all():
-        ax.barh(at[~told], shares[~told], height=0.6, color="white", ec=GREY, hatch="///", label="not told from none")
-    ax.set_yticks(at, [plain(process_name(one)) for one in rows], fontsize=8)
-    ax.set(xlabel="share of the variance of the output error, %")
-    titled(ax, "What each process contributes", *_of(found))
-    legend_below(ax)
-    return ax
+        ax.barh(
+            at[~told], shares[~told], height=0.6, color="white", ec=style.GREY, hatch="///", label="not told from none"
+        )
+    return labelled(ax, "What each process contributes", *_of(found), x="share of the variance of the output error, %")
 
 
 def lot_orders(found: Lot, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -98,8 +74,8 @@ def lot_orders(found: Lot, *, run: int = 0, ax: Axes | None = None) -> Axes:
         raise InputError("the lot holds no orders to draw")
     if not 0 <= run < len(found.conditions):
         raise InputError(f"run = {run}: must be 0 to {len(found.conditions) - 1}")
-    check_axes(ax)
     ax = axes_for(ax)
+
     place = np.arange(found.orders.size)
     for rows, width, colour, label in (
         (found.amplitudes, 0.8, _MEASURED, "measured"),
@@ -108,10 +84,14 @@ def lot_orders(found: Lot, *, run: int = 0, ax: Axes | None = None) -> Axes:
         ax.bar(place, in_shown_unit(rows[run], "angle"), width=width, color=colour, label=label)
     labels = [f"{order:g}" for order in found.orders]
     ax.set_xticks(place, labels, rotation=90 if len(labels) > 20 else 0, fontsize=8)
-    ax.set(xlabel=ORDER, ylabel=f"rms over the units, {shown_unit('angle')}")
-    titled(ax, "Spread of the units", *_of(found), found.conditions[run])
-    legend_below(ax)
-    return ax
+    return labelled(
+        ax,
+        "Spread of the units",
+        *_of(found),
+        found.conditions[run],
+        x=ORDER,
+        y=f"rms over the units, {shown_unit('angle')}",
+    )
 
 
 def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
@@ -129,17 +109,25 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     place, sizes = np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle")
     ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
     mean, low, high = in_shown_unit(ends, "angle").T
-    ax.vlines(place[0] + 0.2, low, high, color=BLUE, lw=1.3)
-    ax.plot(place[0] + 0.2, mean, "_", color=BLUE, ms=9, label="mean wave, 95 % interval")
-    for some, mark, colour, label in ((~odd, "o", GREY, "a unit"), (odd, "D", ORANGE, "a unit that is off the others")):
+    ax.vlines(place[0] + 0.2, low, high, color=style.BLUE, lw=1.3)
+    ax.plot(place[0] + 0.2, mean, "_", color=style.BLUE, ms=9, label="mean wave, 95 % interval")
+    for some, mark, colour, label in (
+        (~odd, "o", style.GREY, "a unit"),
+        (odd, "D", style.ORANGE, "a unit that is off the others"),
+    ):
         ax.plot(place[some], sizes[some], mark, color=colour, ms=3.5, label=label)
     ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)
     ax.set_yscale("symlog", linthresh=max(float(np.median(sizes)), 1e-12))
     top = 2.0 * max(float(sizes.max()), float(high.max()))
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {shown_unit('angle')}", ylim=(0.0, top))
-    titled(ax, "Units by order", found.model, count_of(len(found.serials), "unit"))
-    legend_below(ax)
-    return ax
+    return labelled(
+        ax,
+        "Units by order",
+        found.model,
+        count_of(len(found.serials), "unit"),
+        x=ORDER,
+        y=f"amplitude, {shown_unit('angle')}",
+        ylim=(0.0, top),
+    )
 
 
 def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
@@ -152,8 +140,7 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
     if not found.predicted:
         raise InputError("the lot foretells nothing, so there is nothing to draw")
     rows = found.predicted[::-1]
-    ax = axes_for(ax, height=_height(rows))
-    at = np.arange(len(rows))
+    ax, at = axes_of_rows(ax, [plain(one.condition) for one in rows])
     ends = [(one.quantile.value, one.quantile.low, one.quantile.high) for one in rows]
     value, low, high = in_shown_unit(np.array(ends), "angle").T
     mean, *seen = in_shown_unit(np.array([(one.mean, *one.seen) for one in rows]), "angle").T
@@ -165,11 +152,14 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
         (seen[0], at - 0.12, "^", _MEASURED, "white", "measured, mean"),
     ):
         ax.plot(x, y, mark, color=colour, mfc=face, ms=6, label=label)
-    ax.set_yticks(at, [plain(one.condition) for one in rows], fontsize=8)
-    ax.set(xlabel="peak-to-peak transmission error, arcsec", xlim=(0, None), ylim=(-0.6, len(rows) - 0.4))
-    titled(ax, "Units to come", *_of(found))
-    legend_below(ax, columns=2)
-    return ax
+    return labelled(
+        ax,
+        "Units to come",
+        *_of(found),
+        x="peak-to-peak transmission error, arcsec",
+        xlim=(0, None),
+        columns=2,
+    )
 
 
 def _shown(found: Lot) -> list[MadeBy]:
@@ -178,10 +168,6 @@ def _shown(found: Lot) -> list[MadeBy]:
     if not rows:
         raise InputError("no process shows in the lot, so there is none to draw")
     return rows
-
-
-def _height(rows: Sequence[object]) -> float:
-    return max(2.6, 1.5 + 0.3 * len(rows))
 
 
 def _of(found: Lot) -> list[str]:

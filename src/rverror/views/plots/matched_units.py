@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.matching.result import Matched
-from rverror.views.plots.figure import GREY, axes_for, legend_beside, line_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, labelled
 
 
 def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
@@ -24,8 +20,8 @@ def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
     for number, way in enumerate(found.ways):
         known = np.sort(way.errors[np.isfinite(way.errors)])
         share = np.arange(1, known.size + 1) / way.errors.size
-        ax.step(100 * known, 100 * share, where="post", label=way.name, **line_style(number))
-    ax.axvline(100, color=GREY, lw=1, ls=":")
-    ax.set(xlabel="error at the load over the limit, %", ylabel="units, %", ylim=(0, 102), title=found.model)
-    legend_beside(ax)
-    return ax
+        ax.step(100 * known, 100 * share, where="post", label=way.name, **style.line_style(number))
+    ax.axvline(100, color=style.GREY, lw=1, ls=":")
+    return labelled(
+        ax, found.model, x="error at the load over the limit, %", y="units, %", ylim=(0, 102), legend="beside"
+    )

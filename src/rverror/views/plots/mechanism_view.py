@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,24 +21,10 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import equilibrium
-from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    DASHES,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILLION,
-    axes_for,
-    legend_beside,
-    plain,
-)
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, legend_beside, plain
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-_DISCS = (BLUE, ORANGE, GREEN, PURPLE)
+_DISCS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
 _PER_LOBE = 64  # points of an outline, evenly along it
 _KEY = 10.0  # mm of the drawing: arrow that states a scale
 _LIGHT_TORQUE = 1e5  # N*mm, for a reducer without a rated torque
@@ -278,13 +264,13 @@ def mechanism(
         scale = given or _round_scale(longest, 0.32 * unit.pin_circle_radius)
         for key in contacts:
             _arrows(ax, where.contact[key], forces[key], scale, key=key, discs=discs)
-        keys.append((f"{group}: {_newton(_KEY / scale)}" if longest else f"{group}: none", BLACK))
+        keys.append((f"{group}: {_newton(_KEY / scale)}" if longest else f"{group}: none", style.BLACK))
     longest = max(float(np.linalg.norm(vector, axis=-1).max(initial=0.0)) for vector in errors.values())
     if longest:
         scale = error_scale or _round_scale(longest, 0.25 * unit.pin_circle_radius)
         for key, vector in errors.items():
             _arrows(ax, where.contact[key], vector, scale, key=key, discs=discs, error=True)
-        keys.append((f"errors, driving less driven surface: {1e3 * _KEY / scale:.3g} um", VERMILLION))
+        keys.append((f"errors, driving less driven surface: {1e3 * _KEY / scale:.3g} um", style.VERMILLION))
     _finish(ax, unit, keys, unseen)
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
@@ -313,12 +299,12 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
         label = "pins" if i == 0 else None
         ax.add_patch(Circle((x, y), unit.pin_radius, fc="0.85", ec="0.3", lw=0.7, gid=f"pin {i}", label=label))
     for k in discs:
-        style: dict[str, Any] = {"color": _DISCS[k % len(_DISCS)], "ls": DASHES[k % len(DASHES)]}
-        ax.plot(*where.outline[k], lw=1.2, gid=f"disc {k}", label=f"disc {k}, its centre and cams", **style)
-        ax.plot(*where.disc[k], "+", color=style["color"], ms=8, mew=1.4)
+        look: dict[str, Any] = {"color": _DISCS[k % len(_DISCS)], "ls": style.DASHES[k % len(style.DASHES)]}
+        ax.plot(*where.outline[k], lw=1.2, gid=f"disc {k}", label=f"disc {k}, its centre and cams", **look)
+        ax.plot(*where.disc[k], "+", color=look["color"], ms=8, mew=1.4)
         for x, y in where.contact["cam"][k]:
-            ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=style["color"], ls=style["ls"], lw=1.0))
-    mean: dict[str, Any] = {"color": "0.45", "lw": 0.9, "ls": DASHES[3]}
+            ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=look["color"], ls=look["ls"], lw=1.0))
+    mean: dict[str, Any] = {"color": "0.45", "lw": 0.9, "ls": style.DASHES[3]}
     for label, radius, centres, angles in (
         ("sun and planets, pitch circles", unit.sun_pitch_radius, where.sun[None], where.turned["sun"]),
         (None, unit.planet_pitch_radius, where.cranks, where.turned["planet"]),
@@ -330,9 +316,11 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
             ax.plot(*mark.T, color="0.45", lw=2.2)
     bores = where.contact["carrier"]
     ring = np.concatenate([bores, bores[:1]])
-    ax.plot(*ring.T, color=GREY, lw=4.0, alpha=0.6, solid_capstyle="round", label="carrier, crank 0 filled", zorder=1)
-    ax.plot(*where.cranks[:1].T, "o", color=BLACK, ms=6)
-    ax.plot(*where.cranks[1:].T, "o", color=BLACK, mfc="white", ms=6)
+    ax.plot(
+        *ring.T, color=style.GREY, lw=4.0, alpha=0.6, solid_capstyle="round", label="carrier, crank 0 filled", zorder=1
+    )
+    ax.plot(*where.cranks[:1].T, "o", color=style.BLACK, ms=6)
+    ax.plot(*where.cranks[1:].T, "o", color=style.BLACK, mfc="white", ms=6)
 
 
 _ROUND = np.linspace(0, 2 * np.pi, 181)
@@ -353,10 +341,12 @@ def _arrows(ax: Axes, at: Array, vector: Array, scale: float, *, key: str, discs
         x, y = points.reshape(-1, 2).T
         u, v = arrows.reshape(-1, 2).T * scale
         seen = np.hypot(u, v) > _LEAST * longest * scale
-        colour = BLACK if k is None else _DISCS[k % len(_DISCS)]
+        colour = style.BLACK if k is None else _DISCS[k % len(_DISCS)]
         what = "error" if error else "force"
         name = f"{key} {what}" + ("" if k is None else f", disc {k}")
-        _quiver(ax, x[seen], y[seen], u[seen], v[seen], colour=VERMILLION if error else colour, hollow=error, gid=name)
+        _quiver(
+            ax, x[seen], y[seen], u[seen], v[seen], colour=style.VERMILLION if error else colour, hollow=error, gid=name
+        )
 
 
 _FULL = {"width": 0.017, "headwidth": 3.6, "headlength": 5.0, "headaxislength": 4.5, "linewidth": 0.2, "zorder": 5}
@@ -377,7 +367,7 @@ def _finish(ax: Axes, unit: Reducer, keys: list[tuple[str, str]], unseen: list[s
     low = -reach - 0.6 * step
     for number, (text, colour) in enumerate(keys):
         y = low - (number + 0.5) * step
-        _quiver(ax, [-reach], [y], [_KEY], [0.0], colour=colour, hollow=colour == VERMILLION, gid="scale")
+        _quiver(ax, [-reach], [y], [_KEY], [0.0], colour=colour, hollow=colour == style.VERMILLION, gid="scale")
         ax.text(-reach + _KEY + 0.4 * step, y, text, va="center", fontsize="small")
     bottom = low - len(keys) * step
     if unseen:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +14,9 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
-from rverror.views.plots.figure import GREY, axes_for, check_axes, legend_beside, plain
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, legend_beside, plain
 from rverror.views.plots.mechanism_view import Places, draw_parts, places
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SHOWN = 0.12  # of the pin circle's radius: the farthest that anything is drawn from where it stands
 _NOTHING = 1e-9  # of the most that any part turns: a shaft that turns by less stands still
@@ -51,7 +48,7 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     The motion is magnified, to first order: what turns much grows a little.  Angles of input and load, which have no
     place in the plane, are told beside those of sun and carrier.
     """
-    check_axes(ax)
+    ax = axes_for(ax, width=9.0, height=7.2)
     count = modes.frequency.size
     own = np.flatnonzero((modes.frequency > 0) & ~modes.of_sun_support)
     chosen = 1 + int(own[0] if own.size else 0) if mode is None else mode
@@ -64,11 +61,9 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     rest = places(motion)
     shape = {part: rows[:, chosen - 1] for part, rows in modes.shape.items()}
     scale = _SHOWN * unit.pin_circle_radius / _farthest(unit, rest, shape)
-
-    ax = axes_for(ax, width=9.0, height=7.2)
     for number, line in enumerate((*rest.outline, np.concatenate([rest.cranks, rest.cranks[:1]]).T)):
         label = "at rest" if number == 0 else None
-        ax.plot(*line, color=GREY, lw=0.6, zorder=0.5, label=label, gid="at rest")
+        ax.plot(*line, color=style.GREY, lw=0.6, zorder=0.5, label=label, gid="at rest")
     round_ = np.linspace(0, 2 * np.pi, 181)
     for centres, radius, angles in (
         (rest.sun[None], unit.sun_pitch_radius, rest.turned["sun"]),
@@ -77,7 +72,7 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
         for centre, angle in zip(centres, angles, strict=True):
             mark = np.array([[0.55], [1.0]]) * np.array([math.cos(angle), math.sin(angle)])
             for drawn in (np.array([np.cos(round_), np.sin(round_)]), mark.T):
-                ax.plot(*(centre[:, None] + radius * drawn), color=GREY, lw=0.6, zorder=0.5, gid="at rest")
+                ax.plot(*(centre[:, None] + radius * drawn), color=style.GREY, lw=0.6, zorder=0.5, gid="at rest")
     draw_parts(ax, unit, rest.moved(shape, scale), range(unit.discs))
     reach = unit.pin_circle_radius + 2.5 * unit.pin_radius
     lines = _told(modes, chosen - 1, shape, scale)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,24 +25,21 @@ from rverror.statics.loaded_state import equilibrium
 from rverror.views.by_order import residual_spectrum
 from rverror.views.plots.figure import (
     ORDER,
+    Axes,
     axes_for,
     check_axes,
+    heat_map,
     in_shown_unit,
+    labelled,
     plain,
     shown_unit,
-    span_of,
     stated,
-    titled,
 )
 from rverror.views.plots.spectra import lines_of, mechanism_of, run_lines
 from rverror.views.plots.waveforms import signals_of, unit_name, unit_of
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart
-_DECADES = 3.0  # of the colours, down from the largest
 _SHARES = (0.05, 0.1, 0.25, 0.5, 1.0)  # of the rated torque
 _BY: Mapping[str, str] = MappingProxyType({"torque": "output torque, N*m", "temperature": "temperature, degC"})
 
@@ -203,30 +200,20 @@ def _map(
     if not rows:
         raise InputError("an order map needs one run or more")
     ax = axes_for(ax, height=1.6 + 0.35 * max(len(rows), 4))
-    from matplotlib.colors import LogNorm
-
     ordered = sorted(rows, key=lambda row: row.at)
-    largest = span_of(max(float(row.size[row.order <= highest].max(initial=0.0)) for row in rows))
-    least = largest / 10**_DECADES
-    scale = LogNorm(least, largest)
-    drawn, columns = None, 1
+    meshes, columns = [], 1
     for place, row in enumerate(ordered):
         kept = row.order <= highest
-        order, size = row.order[kept], np.maximum(row.size[kept], least)
+        order, size = row.order[kept], row.size[kept]
         if not order.size:
             continue
         columns = -(-order.size // _COLUMNS)
         starts = np.arange(0, order.size, columns)
         step = float(order[1] - order[0]) if order.size > 1 else 1.0
         edges = np.append(order[starts], order[-1] + step) - step / 2
-        heights = np.maximum.reduceat(size, starts)
-        # of even lightness, large is dark: the same order in grey and for colour-blind eyes
-        drawn = ax.pcolormesh(edges, [place - 0.46, place + 0.46], heights[None], norm=scale, cmap="YlGnBu")
+        meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
     ax.set_yticks(range(len(ordered)), [row.label for row in ordered], fontsize="small")
     last = min(highest, max(float(row.order[-1]) for row in ordered))
-    titled(ax, *title)
-    ax.set(xlabel=ORDER, ylabel=ylabel, xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
-    if drawn is not None:
-        largest_of = f", largest of {columns} lines" if columns > 1 else ""
-        ax.figure.colorbar(drawn, ax=ax, label=f"amplitude, {unit}{largest_of}", extend="min")
+    labelled(ax, *title, x=ORDER, y=ylabel, legend="", xlim=(0, last), ylim=(-0.5, len(ordered) - 0.5))
+    heat_map(ax, meshes, label=f"amplitude, {unit}" + (f", largest of {columns} lines" if columns > 1 else ""))
     return ax

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,21 +11,8 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
 from rverror.base.units import to_display
 from rverror.runs.order_table import OrderCase, OrderTable
-from rverror.views.plots.figure import (
-    BLACK,
-    DASHED,
-    ORDER,
-    axes_for,
-    check_axes,
-    in_shown_unit,
-    legend_beside,
-    line_style,
-    shown_unit,
-    titled,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import ORDER, Axes, axes_for, in_shown_unit, legend_beside, shown_unit, titled
 
 _MARKS = "osD^vPX<>*"  # one an order: no more lines are told apart
 _WIDTHS = (0.8, 2.8)  # points
@@ -78,7 +64,7 @@ def table_amplitudes(
             largest[order] = max(size, largest.get(order, 0.0))
     if not largest:
         raise InputError("the table holds no order; give one that does")
-    check_axes(ax)
+    ax = axes_for(ax, height=4.2)
     drawn = sorted(sorted(largest, key=lambda order: -largest[order])[:most])
     varied = [name for name in _BY if name != by and len(values[name]) > 1]
     groups: dict[tuple[float, ...], list[OrderCase]] = {}
@@ -89,7 +75,6 @@ def table_amplitudes(
         groups.setdefault(rest, []).append(case)
     widths = dict(zip(sorted(groups), np.linspace(*_WIDTHS, len(groups)).tolist(), strict=True))
     senses = [sense for sense in (1.0, -1.0) if any(case.condition.direction == sense for case in cases)]
-    ax = axes_for(ax, height=4.2)
     title = ["order table"]
     if by == "order":
         _over_order(ax, groups, widths, senses)
@@ -143,7 +128,7 @@ def _over_condition(
     senses: Sequence[float],
 ) -> None:
     for number, order in enumerate(orders):
-        colour, mark = line_style(number)["color"], _MARKS[number]
+        colour, mark = style.line_style(number)["color"], _MARKS[number]
         # the legend tells orders by full marks without a line, and the senses by lines without a mark
         ax.plot([], [], color=colour, marker=mark, ls="none", ms=5, label=f"order {order:.6g}")
         for rest, cases in groups.items():
@@ -164,12 +149,12 @@ def _over_condition(
                     marker=mark,
                     ms=4,
                     lw=widths[rest],
-                    ls="solid" if sense > 0 else DASHED,
+                    ls="solid" if sense > 0 else style.DASHED,
                     mfc=colour if sense > 0 else "white",
                 )
     if len(senses) > 1:
         for sense in senses:
-            ax.plot([], [], color=BLACK, ls="solid" if sense > 0 else DASHED, label=way(sense))
+            ax.plot([], [], color=style.BLACK, ls="solid" if sense > 0 else style.DASHED, label=way(sense))
 
 
 def _over_order(
@@ -184,7 +169,7 @@ def _over_order(
             for case in cases:
                 if case.condition.direction != sense:
                     continue
-                colour = line_style(0 if sense > 0 else 1)["color"]
+                colour = style.line_style(0 if sense > 0 else 1)["color"]
                 ax.plot(
                     case.orders,
                     in_shown_unit(np.abs(case.waves), "angle"),

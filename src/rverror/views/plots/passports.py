@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,23 +14,18 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import SAME_ORDER, OrderPassport, passport
 from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLUE,
-    DASHED,
-    GREY,
     NOTHING,
-    ORANGE,
+    Axes,
+    Figure,
     axes_for,
     in_shown_unit,
+    labelled,
     legend_beside,
-    line_style,
     new_figure,
 )
 from rverror.views.plots.resonances import resonance_plot
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MARKS = ("o", "s", "^", "D", "v", "P")  # as many orders as colours; marks tell them apart in grey
 _CURVE = 121  # points of a law
@@ -41,7 +36,13 @@ _SHARES = {
     "empirical": "law only",
     "left": "nothing",
 }
-_FACES = ((BLUE, ""), (ORANGE, "//"), (GREY, ".."), ("white", "xx"), ("white", ""))  # hatched, for grey print
+_FACES = (
+    (style.BLUE, ""),
+    (style.ORANGE, "//"),
+    (style.GREY, ".."),
+    ("white", "xx"),
+    ("white", ""),
+)  # hatched, for grey print
 
 
 def passport_plot(
@@ -73,14 +74,14 @@ def passport_plot(
         raise InputError("no case holds a torque; a passport is drawn over the torque")
     ax = axes_for(ax, height=4.2)
     for number, one in enumerate(passports[: len(_MARKS)]):
-        colour = line_style(number)["color"]
+        colour = style.line_style(number)["color"]
         for law in one.laws:
             forward = law.direction > 0
             if law.slope is not None:
                 torque = np.linspace(0.0, float(law.torque.max()), _CURVE)
                 size = np.abs(law.constant.value + law.slope.value * torque)
                 shown = in_shown_unit(torque, "torque"), in_shown_unit(size, "angle")
-                ax.plot(*shown, color=colour, ls="solid" if forward else DASHED, lw=1.2)
+                ax.plot(*shown, color=colour, ls="solid" if forward else style.DASHED, lw=1.2)
             look: dict[str, Any] = {
                 "marker": _MARKS[number],
                 "mfc": colour if forward else "white",
@@ -134,13 +135,13 @@ def order_shares(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
         at, [f"{brief(one.order, 6)}\n{one.amplitude / ARCSEC:.3g}" for one in diagnosis.shares], size="x-small"
     )
     ax.axhline(0, color="black", lw=0.8)
-    ax.set(
-        xlabel="order, per output turn, and its amplitude, arcsec",
-        ylabel="share of the power, %",
-        title="what accounts for each order",
+    return labelled(
+        ax,
+        "what accounts for each order",
+        x="order, per output turn, and its amplitude, arcsec",
+        y="share of the power, %",
+        legend="beside",
     )
-    legend_beside(ax)
-    return ax
 
 
 def table_figure(diagnosis: Diagnosis) -> Figure:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -13,10 +12,7 @@ from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
-from rverror.views.plots.figure import missing_letters, plain, size_in_dots
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots.figure import Axes, missing_letters, plain, size_in_dots
 
 #: Peaks that are named at the most.
 MOST = 6

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.base.numbers import brief
 from rverror.base.text import describe
 from rverror.statics.hertz import ContactPressure
-from rverror.views.plots.figure import axes_for, in_shown_unit, legend_below, line_style, over_angle, shown_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, over_angle, shown_unit
 
 _MARKS = ("o", "s", "^", "D")  # one for each kind of contact
 
@@ -30,16 +26,15 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
     order = np.argsort(found.theta, kind="stable")
     angle = np.degrees(found.theta[order])
     for number, peak in enumerate(found.peaks()):
-        style = line_style(number)
+        look = style.line_style(number)
         pressure = in_shown_unit(found.pressure[peak.contact], "pressure")[..., order]
         hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
-        ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **style)
-        ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=style["color"])
+        ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **look)
+        ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=look["color"])
         at = float(in_shown_unit(np.array([peak.pressure]), "pressure")[0])
         where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
-        mark = {"marker": _MARKS[number], "color": style["color"], "mec": "black", "ls": "none", "ms": 7}
+        mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
-    over_angle(ax, ylabel=f"largest pressure, {shown_unit('pressure')}", title=["contact pressure"])
-    ax.set_ylim(bottom=0)
-    legend_below(ax, columns=2)
-    return ax
+    return over_angle(
+        ax, "contact pressure", y=f"largest pressure, {shown_unit('pressure')}", ylim=(0, None), columns=2
+    )

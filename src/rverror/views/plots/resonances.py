@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, with_unit
 from rverror.diagnosis.result import Diagnosis
-from rverror.views.plots.figure import GREY, axes_for, in_shown_unit, legend_beside, line_style, titled
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled
 from rverror.views.plots.waveforms import unit_name
 from rverror.views.resonance_report import law_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _MARKS = ("o", "s", "^", "D", "v", "P")  # tell orders apart in grey
 _FRAMED = 3.0  # times the lowest and highest frequency found, that are shown
@@ -48,12 +44,12 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     number = 0
     for one in found:
         low, high = np.nan_to_num([one.low, one.high], nan=one.frequency)
-        ax.axvspan(low, high, color=GREY, alpha=0.25, lw=0)
-        ax.axvline(one.frequency, color=GREY, lw=1.2)
+        ax.axvspan(low, high, color=style.GREY, alpha=0.25, lw=0)
+        ax.axvline(one.frequency, color=style.GREY, lw=1.2)
         for order in one.orders:
             series = max((s for s in one.series if s.order == order), key=lambda s: (s.torque or 0.0, s.direction))
             frequency, size = law_of(series)
-            look = line_style(number)
+            look = style.line_style(number)
             ax.plot(frequency, in_shown_unit(size, "angle"), lw=1.2, **look)
             load = "" if series.torque is None else f", {with_unit(series.torque, 'torque')}"
             ax.plot(
@@ -68,8 +64,14 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
             number += 1
     ends = [end for one in found for series in one.series for end in (series.frequency[0], series.frequency[-1])]
     low, high = (end(one.frequency for one in found) for end in (min, max))
-    ax.set_xlim(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends)))
-    ax.set(xlabel="frequency of the order, Hz", ylabel="amplitude, arcsec", yscale="log")
-    titled(ax, "orders over the speed", unit_name(diagnosis.declared))
-    legend_beside(ax, title="lines: laws of one mode;\ngrey: its frequency and interval")
-    return ax
+    return labelled(
+        ax,
+        "orders over the speed",
+        unit_name(diagnosis.declared),
+        x="frequency of the order, Hz",
+        y="amplitude, arcsec",
+        xlim=(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends))),
+        yscale="log",
+        legend="beside",
+        legend_title="lines: laws of one mode;\ngrey: its frequency and interval",
+    )

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,21 +25,18 @@ from rverror.model.results import Equilibrium
 from rverror.runs.measurement import Run
 from rverror.runs.spectrum import noise_spectrum, revolutions
 from rverror.views.by_order import residual_spectrum
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    DASHED,
-    ORANGE,
     ORDER,
+    Axes,
     axes_for,
     for_drawing,
     in_shown_unit,
-    legend_below,
+    labelled,
     shown_unit,
     span_of,
     stated,
     tallest,
-    titled,
 )
 from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
 from rverror.views.plots.waveforms import (
@@ -52,14 +49,11 @@ from rverror.views.plots.waveforms import (
     unit_name,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
-_ROWS = ((BLUE, "solid", 1.6), (ORANGE, DASHED, 0.8))
+_ROWS = ((style.BLUE, "solid", 1.6), (style.ORANGE, style.DASHED, 0.8))
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -288,11 +282,8 @@ def _draw(
         ax.vlines(order, bottom, size, color=colour, lw=width, label=label)
         if found.floor is not None:
             at, name_of = found.order <= last, f"{label}: {found.floor_name}"
-            ax.plot(*for_drawing(found.order[at], found.floor[at]), color=BLACK, ls=dashes, lw=1.0, label=name_of)
-    ax.set_xlim(0, last)
-    ax.set(xlabel=ORDER, ylabel=f"amplitude, {unit}")
-    titled(ax, *title)
-    legend_below(ax)
+            ax.plot(*for_drawing(found.order[at], found.floor[at]), color=style.BLACK, ls=dashes, lw=1.0, label=name_of)
+    labelled(ax, *title, x=ORDER, y=f"amplitude, {unit}", xlim=(0, last))
     size = np.where(lines.order <= last, lines.size, 0.0)
     chosen = strongest(size, floor=out, apart=LOBE if resolution(lines.order) else 1)
     name_peaks(ax, lines.order[chosen], size[chosen], name, bottom=bottom, top=top)

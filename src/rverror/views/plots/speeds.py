@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,31 +13,25 @@ from rverror.base.errors import InputError
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    GREY,
     ORDER,
+    Axes,
     axes_for,
-    check_axes,
+    heat_map,
     in_shown_unit,
+    labelled,
     legend_beside,
-    line_style,
     plain,
     shown_unit,
-    span_of,
     stated,
-    titled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
 _APART = 0.045  # of what an axis shows, between texts
 _LINE = 10.0  # points, of small text
 _NAMES_OF_MODES = 0.15  # of the diagram's width, right of it
-_DECADES = 3.0  # of the colours, down from the largest
 
 
 def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -49,19 +43,21 @@ def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None 
     most : int
         So many orders are drawn, those that are largest at some speed; the title says of how many.
     """
-    check_axes(ax)
-    leading = _leading(response, most)
     ax = axes_for(ax, height=4.2)
+    leading = _leading(response, most)
     speed = in_shown_unit(response.speed, "angular_speed")
     size = in_shown_unit(np.abs(response.waves), "angle")
     for number, at in enumerate(leading):
-        ax.plot(speed, size[:, at], label=_named(response.order[at]), **line_style(number))
+        ax.plot(speed, size[:, at], label=_named(response.order[at]), **style.line_style(number))
     _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
-    ax.set(xlabel=_SPEED, ylabel=f"amplitude, {shown_unit('angle')}")
-    titled(ax, *_title("error by order", response, leading))
-    ax.set_ylim(bottom=0)
-    legend_beside(ax)
-    return ax
+    return labelled(
+        ax,
+        *_title("error by order", response, leading),
+        x=_SPEED,
+        y=f"amplitude, {shown_unit('angle')}",
+        ylim=(0, None),
+        legend="beside",
+    )
 
 
 def _mark_critical(
@@ -72,7 +68,7 @@ def _mark_critical(
     if peaks:
         places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
         heights = [height(one) for one in peaks]
-        ax.plot(places, heights, "o", color=BLACK, markerfacecolor="none", label="critical")
+        ax.plot(places, heights, "o", color=style.BLACK, markerfacecolor="none", label="critical")
 
 
 def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -90,23 +86,22 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
     their frequencies, and of each numbered crossing mode, order and input speed; of more than a dozen those of the
     orders with the largest error.  A ring is a critical speed.
     """
-    check_axes(ax)
-    leading = _leading(response, most)
     ax = axes_for(ax, height=4.8)
+    leading = _leading(response, most)
     fastest = float(response.speed.max())
     last = float(in_shown_unit(np.array(fastest), "angular_speed"))
     hertz = fastest / (2 * np.pi * response.ratio)
     for number, at in enumerate(leading):
         order = float(response.order[at])
-        ax.plot([0, last], [0, order * hertz], label=_framed(response, order), **line_style(number))
+        ax.plot([0, last], [0, order * hertz], label=_framed(response, order), **style.line_style(number))
     top = 1.15 * float(response.order[leading].max()) * hertz
     natural = response.frequency[response.frequency > 0]
     if natural.size:  # how far away the first one is, is what a diagram without crossings says
         top = max(top, 1.1 * float(natural.min()))
     low = response.frequency <= top
     for of_sun, label, colour, width in (
-        (False, "natural frequency", BLACK, 0.8),
-        (True, "of the sun's support", GREY, 1.6),
+        (False, "natural frequency", style.BLACK, 0.8),
+        (True, "of the sun's support", style.GREY, 1.6),
     ):
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
@@ -114,9 +109,9 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
     _name_modes(ax, response.frequency[low], top)
     _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
     told = _number_crossings(ax, response, leading, last, top)
-    ax.set(xlabel=_SPEED, ylabel="frequency, Hz")
-    titled(ax, *_title("Campbell diagram", response, leading))
-    ax.set(xlim=(0, max(last, 1e-9)), ylim=(0, max(top, 1e-9)))
+    limits: dict[str, Any] = {"xlim": (0, max(last, 1e-9)), "ylim": (0, max(top, 1e-9))}
+    title = _title("Campbell diagram", response, leading)
+    labelled(ax, *title, x=_SPEED, y="frequency, Hz", legend="", **limits)
     legend_beside(ax, away=_NAMES_OF_MODES)
     ax.text(1.02 + _NAMES_OF_MODES, 0.0, told, transform=ax.transAxes, va="bottom", fontsize="x-small", gid="crossings")
     return ax
@@ -160,7 +155,7 @@ def _number_crossings(ax: Axes, response: SpeedResponse, leading: npt.NDArray[np
     lines = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in shown]
     lines += ["", "crossings: mode, order, rpm"] if found else []
     for number, (speed, frequency, mode, order, _) in enumerate(found, start=1):
-        ax.plot([speed], [frequency], "s", color=BLACK, ms=3, gid="crossing")
+        ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
         near = [
             y for x, y, *_ in found[: number - 1] if speed - x < _APART * last and abs(frequency - y) < _APART * top
         ]
@@ -190,33 +185,21 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
         The colour bar takes its place from it.
     """
     ax = axes_for(ax, height=4.2)
-    from matplotlib.colors import LogNorm
-
     count = response.theta.size
     every = np.arange(1, count // 2 + 1) / response.period
     shown = every <= highest
     waves = 2 * np.fft.rfft(response.transmission_error)[:, 1:][:, shown] / count
-    size = in_shown_unit(np.abs(waves), "angle")
-    largest = span_of(float(size.max(initial=0.0)))
-    step = 1 / response.period
-    orders = np.append(every[shown], every[shown][-1] + step) - step / 2
-    speeds = _edges(in_shown_unit(response.speed, "angular_speed"))
-    # of even lightness, large is dark: the same order in grey and for colour-blind eyes
-    least = largest / 10**_DECADES
-    scale = LogNorm(least, largest)
-    drawn = ax.pcolormesh(speeds, orders, np.maximum(size, least).T, norm=scale, cmap="YlGnBu", rasterized=True)
-    ax.set(xlabel=_SPEED, ylabel=ORDER)
-    titled(ax, *_title("orders over speed", response))
-    ax.figure.colorbar(drawn, ax=ax, label=f"amplitude, {shown_unit('angle')}", extend="min")
-    return ax
+    orders = np.append(every[shown], every[shown][-1] + 1 / response.period) - 0.5 / response.period
+    mesh = _edges(in_shown_unit(response.speed, "angular_speed")), orders, in_shown_unit(np.abs(waves).T, "angle")
+    heat_map(ax, [mesh], label=f"amplitude, {shown_unit('angle')}")
+    return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
 
 
 def _edges(speeds: Array) -> Array:
     """Where the column of each speed begins and ends: halfway to its neighbours."""
-    if speeds.size == 1:
-        return np.array([speeds[0] - 0.5, speeds[0] + 0.5])
     middle = (speeds[1:] + speeds[:-1]) / 2
-    return np.concatenate([[2 * speeds[0] - middle[0]], middle, [2 * speeds[-1] - middle[-1]]])
+    ends = (2 * speeds[[0, -1]] - middle[[0, -1]]) if middle.size else speeds[0] + np.array([-0.5, 0.5])
+    return np.concatenate([ends[:1], middle, ends[1:]])
 
 
 def _leading(response: SpeedResponse, most: int) -> npt.NDArray[np.intp]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +11,8 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.statics.friction import Hysteresis
 from rverror.statics.rigidity import TorsionCurve, on_its_branch
-from rverror.views.plots.figure import BLACK, BLUE, DASHED, GREY, VERMILLION, axes_for, in_shown_unit, legend_below
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, legend_below
 
 _PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
 _ABOUT = 4.0  # times that torque, to which the inset of a loop reaches
@@ -42,18 +40,21 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
     lost = _lost_motion(torque, mean, rated)
     ax = axes_for(ax, height=3.8)
     shown = in_shown_unit(torque, "torque")
-    for sign, colour, mark, word in ((-1, VERMILLION, "s", "clockwise"), (1, BLUE, "o", "counter-clockwise")):
+    for sign, colour, mark, word in (
+        (-1, style.VERMILLION, "s", "clockwise"),
+        (1, style.BLUE, "o", "counter-clockwise"),
+    ):
         at = np.sign(torque) == sign
         if not at.any():
             continue
         if angle.shape[1] > 1:
             ax.fill_between(shown[at], angle[at].min(axis=1), angle[at].max(axis=1), color=colour, alpha=0.25, lw=0)
-        dashes = "solid" if sign > 0 else DASHED
+        dashes = "solid" if sign > 0 else style.DASHED
         ax.plot(shown[at], mean[at], color=colour, ls=dashes, marker=mark, ms=4, lw=1.2, label=f"torque {word}")
     if (torque == 0).any():
-        ax.plot([0.0], [0.0], "o", color=BLACK, mfc="white", ms=5, label="no torque: middle of the play")
-    ax.axhline(0, color=BLACK, lw=0.4)
-    ax.axvline(0, color=BLACK, lw=0.4)
+        ax.plot([0.0], [0.0], "o", color=style.BLACK, mfc="white", ms=5, label="no torque: middle of the play")
+    ax.axhline(0, color=style.BLACK, lw=0.4)
+    ax.axvline(0, color=style.BLACK, lw=0.4)
     _finish(ax, "torsion", lost, f"mean and range over {angle.shape[1]} angles" if angle.shape[1] > 1 else "")
     return ax
 
@@ -98,11 +99,11 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
 
 
 def _branches(ax: Axes, torque: Array, *, rising: Array, falling: Array) -> None:
-    ax.fill_between(torque, rising, falling, color=GREY, alpha=0.3, lw=0)
-    ax.plot(torque, rising, color=BLUE, marker="o", ms=3, lw=1.2, label="torque rises")
-    ax.plot(torque, falling, color=VERMILLION, ls=DASHED, marker="s", ms=3, lw=1.2, label="torque falls")
-    ax.axhline(0, color=BLACK, lw=0.4)
-    ax.axvline(0, color=BLACK, lw=0.4)
+    ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
+    ax.plot(torque, rising, color=style.BLUE, marker="o", ms=3, lw=1.2, label="torque rises")
+    ax.plot(torque, falling, color=style.VERMILLION, ls=style.DASHED, marker="s", ms=3, lw=1.2, label="torque falls")
+    ax.axhline(0, color=style.BLACK, lw=0.4)
+    ax.axvline(0, color=style.BLACK, lw=0.4)
 
 
 def _finish(ax: Axes, what: str, lost: tuple[float, float, float] | None, held: str) -> None:
@@ -118,7 +119,7 @@ def _mark(ax: Axes, lost: tuple[float, float, float]) -> None:
     where, low, high = lost
     at_ends = in_shown_unit(np.array([-where, where]), "torque")
     label = f"lost motion at +-{_PERCENT:g} %: {high - low:.3g} arcsec"
-    ax.plot(at_ends, [low, high], "D", color=BLACK, ms=4, label=label)
+    ax.plot(at_ends, [low, high], "D", color=style.BLACK, ms=4, label=label)
 
 
 def _lost_motion(torque: Array, angle: Array, rated: Any) -> tuple[float, float, float] | None:

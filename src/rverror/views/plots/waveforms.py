@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,22 +25,15 @@ from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run, torque_column
+from rverror.views.plots import style
 from rverror.views.plots.figure import (
-    BLACK,
-    BLUE,
-    DASHED,
-    GREY,
     NOTHING,
     OUTPUT_ANGLE,
-    VERMILLION,
+    Axes,
     axes_for,
-    fill_style,
     for_drawing,
     in_shown_unit,
-    legend_below,
-    legend_beside,
     legend_in_ring,
-    line_style,
     over_angle,
     plain,
     shown_unit,
@@ -49,9 +42,6 @@ from rverror.views.plots.figure import (
     stated,
     titled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
@@ -133,14 +123,18 @@ def model_waveform(
     angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
     for i, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
         if i in named:
-            ax.plot(angle, row, lw=0.9, label=name, **line_style(sorted(named).index(i)))
+            ax.plot(angle, row, lw=0.9, label=name, **style.line_style(sorted(named).index(i)))
         else:
-            ax.plot(angle, row, lw=0.4, color=GREY)
-    ax.plot(angle, rows[-1], color=BLACK, lw=1.3, label="total")
+            ax.plot(angle, row, lw=0.4, color=style.GREY)
+    ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
     more = len(shown.names) - len(named)
-    over_angle(ax, ylabel=_error_label(shown, drawn), title=_title(model, torque=torque, direction=direction))
-    legend_beside(ax, title=f"the largest, {more} more unnamed" if more else None)
-    return ax
+    return over_angle(
+        ax,
+        *_title(model, torque=torque, direction=direction),
+        y=_error_label(shown, drawn),
+        legend="beside",
+        legend_title=f"the largest, {more} more unnamed" if more else None,
+    )
 
 
 def stacked(
@@ -167,14 +161,16 @@ def stacked(
     whole = np.concatenate([np.zeros((1, drawn.theta.size)), np.cumsum(drawn.rows, axis=0)])
     angle, *edges = for_drawing(np.degrees(drawn.theta), *whole)
     for i, name in enumerate(drawn.names):
-        area = ax.fill_between(angle, edges[i], edges[i + 1], lw=0.0, edgecolor=_HATCH, label=name, **fill_style(i))
+        area = ax.fill_between(
+            angle, edges[i], edges[i + 1], lw=0.0, edgecolor=_HATCH, label=name, **style.fill_style(i)
+        )
         area.set_alpha(0.55)
-        ax.plot(angle, edges[i + 1], color=BLACK, lw=0.5)
-    ax.axhline(0, color=BLACK, lw=0.5)
-    ax.plot(angle, edges[-1], color=BLACK, lw=1.6, label="total")
-    over_angle(ax, ylabel=_error_label(shown, drawn), title=_title(model, torque=torque, direction=direction))
-    legend_beside(ax)
-    return ax
+        ax.plot(angle, edges[i + 1], color=style.BLACK, lw=0.5)
+    ax.axhline(0, color=style.BLACK, lw=0.5)
+    ax.plot(angle, edges[-1], color=style.BLACK, lw=1.6, label="total")
+    return over_angle(
+        ax, *_title(model, torque=torque, direction=direction), y=_error_label(shown, drawn), legend="beside"
+    )
 
 
 def about_constants(parts: Parts) -> Parts:
@@ -308,13 +304,11 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
     """Transmission error of a run, or its torque, over the nominal output angle, its offset left in."""
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
-    for part, (colour, dashes) in zip(signals, ((BLUE, "solid"), (VERMILLION, DASHED)), strict=False):
+    for part, (colour, dashes) in zip(signals, ((style.BLUE, "solid"), (style.VERMILLION, style.DASHED)), strict=False):
         whole = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
         ax.plot(*for_drawing(*whole), color=colour, ls=dashes, lw=0.9, label=way(part.direction))
-    over_angle(ax, ylabel=signal_label(signals[0].quantity), title=run_title(run, ratio, signals))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
-    legend_below(ax)
-    return ax
+    return over_angle(ax, *run_title(run, ratio, signals), y=signal_label(signals[0].quantity))
 
 
 def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
@@ -331,9 +325,8 @@ def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state."""
     values = in_shown_unit(state.transmission_error, "angle")
     ax = axes_for(ax)
-    ax.plot(*for_drawing(np.degrees(state.theta), values), color=BLUE, lw=1.0, label=_STATE)
-    over_angle(ax, ylabel=signal_label("angle"), title=state_title(state))
-    return ax
+    ax.plot(*for_drawing(np.degrees(state.theta), values), color=style.BLUE, lw=1.0, label=_STATE)
+    return over_angle(ax, *state_title(state), y=signal_label("angle"), legend="")
 
 
 def state_polar(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
@@ -363,12 +356,10 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
     ax = axes_for(ax)
     for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
-        ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **line_style(number))
+        ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **style.line_style(number))
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    over_angle(ax, ylabel=f"influence, arcsec per {shown_unit(dimension)}", title=[plain(found.key)])
-    legend_below(ax, columns=4)
-    return ax
+    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}", columns=4)
 
 
 # --- about a base circle ----------------------------------------------------------------------------------------------
@@ -384,11 +375,11 @@ def _polar(
     reach = span_of(max(float(np.nanmax(np.abs(values - mean))) for _, _, values in lines))
     step = _round_step(reach)
     for number, (name, theta, values) in enumerate(lines):
-        ax.plot(*for_drawing(theta, values - mean), lw=0.9, label=name, **line_style(number))
+        ax.plot(*for_drawing(theta, values - mean), lw=0.9, label=name, **style.line_style(number))
     circle = np.linspace(0, _TURN, 361)
     digits = 3 - math.floor(math.log10(reach))  # no more than the circles show
     label = f"base circle: mean, {round(mean, digits) + 0.0:.6g} {unit}"
-    ax.plot(circle, np.zeros_like(circle), color=BLACK, lw=1.0, ls=(0, (6, 3)), label=label)
+    ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=(0, (6, 3)), label=label)
     outer = step * np.ceil(reach / step - 1e-9)
     ax.set_rlim(-outer, outer)  # type: ignore[attr-defined]
     ax.set_rorigin(-_ORIGIN * outer)  # type: ignore[attr-defined]

@@ -1,0 +1,215 @@
+"""Fields of results, declared once: the values of a column, of an entry in JSON, of a column that people read.
+
+A field is where its value stands and in which unit: ``ANGLE`` is the attribute of the field's own name,
+``("mean.low", ANGLE)`` that of another, ``"condition"`` a text, a function what it makes of a row.  Numbers in a path
+count places, as in ``"seen.0"``.  `OWN` is the unit of each row's own dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rverror.base.numbers import rounded
+from rverror.views.blocks import Ends, Sheet, columns_of
+from rverror.views.variables import Each, Unit, Variable, unit_of
+
+#: Whole numbers, kept as such.
+COUNT = Unit("dimensionless", "dimensionless")
+#: Stands for the unit of a row's own dimension.
+OWN = Unit("own", "own")
+
+Place = str | Callable[[Any], Any]
+Field = Unit | Place | None | tuple[Place, Unit | Each | None]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A field with its name in tables, its key in JSON and its head for people; where that is empty it is not told."""
+
+    name: str = ""
+    field: Field = None
+    key: str = ""
+    head: str = ""
+
+
+def in_table(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `rows`."""
+    return {one.name: one.field for one in columns if one.name}
+
+
+def in_json(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `entry`."""
+    return {one.key: _parts(one.name, one.field) for one in columns if one.key}
+
+
+def for_people(columns: Iterable[Column]) -> dict[str, Field]:
+    """Fields of `listing`."""
+    return {one.head: _parts(one.name, one.field) for one in columns if one.head}
+
+
+def sized(name: str, unit: Unit, place: str, *, keys: Sequence[str] = ("", ""), head: str = "") -> tuple[Column, ...]:
+    """Columns of a value with its interval: in tables its ends apart, else together."""
+    return (
+        Column(name, (f"{place}.value", unit), keys[0], head),
+        *(Column(f"{name}_{end}", (f"{place}.{end}", unit)) for end in ("low", "high")),
+        Column("", (place, unit), keys[1], "95 % interval" if head else ""),
+    )
+
+
+def value_at(row: Any, place: Place) -> Any:
+    """Value of a row at a path of attributes, keys and places, None where a part of it is None.
+
+    Examples
+    --------
+    >>> value_at((3 + 4j, "x"), "0.imag"), value_at((None, "x"), "0.imag")
+    (4.0, None)
+    """
+    if callable(place):
+        return place(row)
+    for part in filter(None, place.split(".")):
+        if isinstance(row, Mapping):
+            row = row.get(part)
+        elif row is not None:
+            row = row[int(part)] if part.isdigit() else getattr(row, part)
+    return row
+
+
+def _parts(name: str, field: Field) -> tuple[Place, Unit | Each | None]:
+    """Where a field's value stands, and its unit."""
+    if isinstance(field, tuple):
+        return field
+    return (name, field) if field is None or isinstance(field, Unit) else (field, None)
+
+
+def _own(dimension: str | Unit) -> Unit:
+    return dimension if isinstance(dimension, Unit) else unit_of(dimension)
+
+
+def rows(
+    dim: str, things: Iterable[Any], prefix: str = "", own: tuple[str, Place] | None = None, /, **fields: Field
+) -> dict[str, Variable]:
+    """Variables along one dimension of things that stand in a row.
+
+    Parameters
+    ----------
+    dim : str
+    things : iterable
+    prefix : str
+        Of the variables' names.
+    own : tuple of str and place, optional
+        Column of the units of `OWN`, and where a row has its dimension or unit.
+    **fields
+        Variables by name; None is not determined.
+    """
+    listed, made = list(things), {}
+    units = Each(own[0], tuple(_own(value_at(row, own[1])) for row in listed)) if own else None
+    for name, field in fields.items():
+        place, unit = _parts(name, field)
+        values: Any = [value_at(row, place) for row in listed]
+        if unit is not None:
+            values = np.array(values, dtype=int if unit is COUNT else np.float64)
+        made[f"{prefix}{name}"] = Variable((dim,), values, units if unit is OWN else unit)
+    return made
+
+
+def arrays(dims: str, thing: Any, prefix: str = "", /, **fields: Field) -> dict[str, Variable]:
+    """Variables of a thing that holds whole arrays; those that are None are left out.
+
+    Parameters
+    ----------
+    dims : str
+        Names of the dimensions with blanks between them; none of a single value.
+    thing
+    prefix : str
+        Of the variables' names.
+    **fields
+        Variables by name; ``("", unit)`` is the thing itself.
+    """
+    made = {}
+    for name, (place, unit) in _each(fields):
+        values = value_at(thing, place)
+        if unit is not None and dims and not isinstance(values, np.ndarray | None):
+            values = np.array(list(values), dtype=np.float64)
+        if values is not None:
+            made[f"{prefix}{name}"] = Variable(tuple(dims.split()), values, unit)
+    return made
+
+
+def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
+    """Where a result comes from: attributes of it, several texts as lines of one, and what else is known."""
+    found = {name: getattr(thing, name) for name in names}
+    return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
+
+
+def bare(variables: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Variables whose columns are named by their places alone."""
+    return {name: replace(variable, bare=True) for name, variable in variables.items()}
+
+
+def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
+    """Fields of one unit, of the row itself or of a part of it."""
+    return {name: (f"{within}{name}", unit) for name in names}
+
+
+def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Place, Any]]]:
+    return ((name, _parts(name, field)) for name, field in fields.items())
+
+
+def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str, Any]:
+    """Entry of JSON: numbers in the unit for people to six digits, an interval as its ends; None is not determined.
+
+    Parameters
+    ----------
+    row
+    dimension : str or Unit
+        That of `OWN`.
+    **fields
+        By key.
+
+    Examples
+    --------
+    >>> from rverror.views.variables import LENGTH
+    >>> entry(3 + 4j, real=None, size=(abs, LENGTH))
+    {'real': 3.0, 'size': 5000.0}
+    """
+    own = _own(dimension) if dimension else None
+    return {key: _plain(value_at(row, place), own if unit is OWN else unit) for key, (place, unit) in _each(fields)}
+
+
+def _plain(value: Any, unit: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(one, unit) for key, one in value.items()}
+    if isinstance(value, tuple | list | np.ndarray):
+        return [_plain(one, unit) for one in value]
+    if value is None or unit is None:
+        return value
+    if hasattr(value, "low"):
+        return [_plain(end, unit) for end in (value.low, value.high)]
+    return rounded(float(value) / unit.size)
+
+
+def listing(things: Iterable[Any], heads: Mapping[str, Field], *, own: Place = "dimension") -> Sheet:
+    """Table for people of things that stand in a row, nothing where there is none.
+
+    Parameters
+    ----------
+    things : iterable
+    heads : mapping
+        Fields by the heads of their columns.
+    own : place
+        Of a row's dimension or unit, for columns in `OWN`.
+    """
+    listed = list(things)
+
+    def told(row: Any, place: Place, unit: Any) -> Any:
+        value = value_at(row, place)
+        if unit is None or value is None:
+            return value
+        size = (_own(value_at(row, own)) if unit is OWN else unit).size
+        return Ends((value.low / size, value.high / size)) if hasattr(value, "low") else float(value) / size
+
+    return columns_of({head: [told(row, *parts) for row in listed] for head, parts in _each(heads)})
