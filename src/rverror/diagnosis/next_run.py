@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 from rverror.base.text import describe
 from rverror.base.units import to_display
-from rverror.diagnosis.pairs import Cause, Pair, closed_form_states, is_delay
-from rverror.diagnosis.pairs import Circumstances as Circumstances
+from rverror.diagnosis.pairs import Cause, Circumstances as Circumstances, Pair, closed_form_states, is_delay
 from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import Source

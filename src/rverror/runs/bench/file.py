@@ -12,8 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.runs.bench import hdf5 as bench_hdf5
-from rverror.runs.bench import tdms as bench_tdms
+from rverror.runs.bench import hdf5 as bench_hdf5, tdms as bench_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
 from rverror.runs.bench.header import read_header
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where

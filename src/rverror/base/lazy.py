@@ -1,0 +1,148 @@
+"""Public names of a package, each loaded with its module when it is first asked for (PEP 562).
+
+A package lists its names once, as imports under ``if TYPE_CHECKING`` in its ``__init__.py``: type checkers and editors
+follow them there, and what is loaded late is read from the same lines.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import pkgutil
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+#: Version in which the names that `moved` still finds come to their end.
+FORMER_UNTIL = "0.2.0"
+
+
+@functools.cache
+def places(package: str) -> Mapping[str, tuple[str, str]]:
+    """Where each public name of a package is defined.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+
+    Returns
+    -------
+    mapping of str to (str, str)
+        By public name: the module, and the name there.  What the package imports from itself is a module of it.
+    """
+    listed = [
+        node
+        for node in ast.parse(pkgutil.get_data(package, "__init__.py") or b"").body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    ]
+    return {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for block in listed
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def modules(package: str) -> list[str]:
+    """Public names of a package that are modules of it.
+
+    Parameters
+    ----------
+    package : str
+        Its full name.
+
+    Returns
+    -------
+    list of str
+    """
+    return [name for name, (module, _) in places(package).items() if module == package]
+
+
+def found(package: str, name: str) -> Any:
+    """Load what a public name of a package stands for.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+    name : str
+        The name, or ``__all__``: the names of all that is no module, sorted.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    AttributeError
+        If the package has no such public name.
+    """
+    if name == "__all__":
+        return sorted(set(places(package)) - set(modules(package)))
+    if name not in places(package):
+        raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
+    module, own = places(package)[name]
+    return import_module(f"{package}.{own}") if module == package else getattr(import_module(module), own)
+
+
+def moved(package: str, name: str, *, renamed: Mapping[str, str]) -> Any:
+    """Load a public name of a package, or a former one: of a name of its modules, or of one that is renamed.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+    name : str
+        As for `found`.
+    renamed : mapping of str to str
+        By former name what stands in its place, from the package on.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    AttributeError
+        If there is no such name, and was none.
+
+    Warns
+    -----
+    DeprecationWarning
+        If the name is a former one.
+    """
+    if name.startswith("_") or name in places(package):
+        return found(package, name)
+    homes = (module for module in modules(package) if name in places(f"{package}.{module}"))
+    now = renamed.get(name) or next((f"{module}.{name}" for module in homes), None)
+    if now is None:
+        return found(package, name)
+    text = f"{package}.{name} is {package}.{now} now; write that: the old name ends with version {FORMER_UNTIL}"
+    warnings.warn(text, DeprecationWarning, stacklevel=2)
+    return functools.reduce(getattr, now.split("."), sys.modules[package])
+
+
+def attach(
+    package: str, find: Callable[[str, str], Any] = found
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Make a package's ``__getattr__`` and ``__dir__``.
+
+    Parameters
+    ----------
+    package : str
+        Its full name, ``__name__``.
+    find : callable, optional
+        Of package and name what the name stands for, as `found` does.
+
+    Returns
+    -------
+    get : callable
+        ``__getattr__``.
+    names : callable
+        ``__dir__``: every public name, those of modules too.
+    """
+    return functools.partial(find, package), lambda: sorted(places(package))
