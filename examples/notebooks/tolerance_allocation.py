@@ -48,8 +48,8 @@ print(f"{'all':46} {sum(item.cost.cost(item.width) for item in tolerances):5.1f}
 #
 # Angles and samples are few here, to be quick: 1024 angles of a turn, 1024 units. The result is checked by 4096
 # units that took no part in finding it, and it is the upper end of their 95 % interval that has to meet the limit. All
-# of this is the closed form: contacts stay closed. `rverror.allocate_at_load` solves every unit at its loads, which
-# takes a minute, and verifies the yield there.
+# of this is the closed form: contacts stay closed. `rverror.allocate_at_load` solves every unit at its
+# loads, which takes a minute, and verifies the yield there.
 
 # %%
 theta = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
@@ -139,6 +139,6 @@ print(f"P99 {p99.value / ARCSEC:.2f} arcsec  95 % [{p99.low / ARCSEC:.2f}, {p99.
 # - Leave out `theta` and `few`, and wait: all angles, more units, a narrower interval to keep below the limit.
 # - `kind="worst"` limits the worst case instead. Its result is proven to be the cheapest.
 # - Fix what you cannot change: `fixed = true` in the file, or `bounds = ["1 um", "8 um"]`.
-# - `rverror.save_widths` writes the widths that were found into a new tolerance file; `rverror allocate` does all of
-#   it from the shell.
+# - `rverror.save_widths` writes the widths that were found into a new tolerance file; `rverror allocate`
+#   does all of it from the shell.
 # - The closed form is too kind at light loads: check the result with `rverror.error_budget(..., torque="20 N*m")`.

@@ -12,7 +12,7 @@ from rverror.base.threads import one_for_a_diagnosis as _one_for_a_diagnosis
 _one_for_a_diagnosis(_os.environ, _sys.orig_argv, _sys.modules)
 
 from rverror.base import lazy as _lazy, viewed as _viewed
-from rverror.model import asked as _asked
+from rverror.model import results as _results
 from rverror.model.compose import transmission_error as _transmission_error
 from rverror.model.effects import Model as _Model
 
@@ -59,11 +59,11 @@ if TYPE_CHECKING:
     from rverror.tolerances.allocation import allocate as allocate
     from rverror.tolerances.full_budget import error_budget as error_budget
     from rverror.tolerances.specification import limit as limit
-    from rverror.tolerances.stacking import tolerance as tolerance
+    from rverror.tolerances.declared import tolerance as tolerance
     from rverror.tolerances.tolerance_file import load_tolerances as load_tolerances
     from rverror.views.plots.drawing import draw as draw
     from rverror.views.report import to_html as to_html, to_json as to_json, to_text as to_text
-    from rverror.views.tables import to_pandas as to_pandas
+    from rverror.views.tables import to_pandas as to_pandas, to_xarray as to_xarray
 else:
     #: Former names that the rooms do not have either, and what stands in their place.
     _RENAMED = {
@@ -77,11 +77,11 @@ else:
     __getattr__, __dir__ = _lazy.attach(__name__, _partial(_lazy.moved, renamed=_RENAMED))
 
 
-_asked.error_of.register(_Model, _transmission_error)
+_results.error_of.register(_Model, _transmission_error)
 
 
-@_asked.equilibrium_of.register
-def _equilibrium_of(model: _Model, theta: _Any, **conditions: _Any) -> _asked.Equilibrium:
+@_results.equilibrium_of.register
+def _equilibrium_of(model: _Model, theta: _Any, **conditions: _Any) -> _results.Equilibrium:
     from rverror.statics.loaded_state import equilibrium
 
     return equilibrium(model, theta, **conditions)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
-    from rverror.model.asked import Equilibrium as Equilibrium, Influence as Influence
+    from rverror.model.results import Equilibrium as Equilibrium, Influence as Influence
     from rverror.model.catalogue import CATALOGUE as CATALOGUE, extended as extended
     from rverror.model.compose import (
         influence as influence,

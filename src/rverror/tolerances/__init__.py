@@ -14,16 +14,12 @@ if TYPE_CHECKING:
         terms as terms,
     )
     from rverror.tolerances.closed_form import Budget as Budget, budget as budget
+    from rverror.tolerances.declared import Tolerance as Tolerance, tolerance as tolerance
     from rverror.tolerances.full_budget import ErrorBudget as ErrorBudget, error_budget as error_budget
     from rverror.tolerances.loaded_allocation import allocate_at_load as allocate_at_load
     from rverror.tolerances.sampling import VirtualUnits as VirtualUnits, virtual_units as virtual_units
     from rverror.tolerances.specification import Limit as Limit, limit as limit
-    from rverror.tolerances.stacking import (
-        Stack as Stack,
-        Tolerance as Tolerance,
-        stack as stack,
-        tolerance as tolerance,
-    )
+    from rverror.tolerances.stacking import Stack as Stack, stack as stack
     from rverror.tolerances.tolerance_file import load_tolerances as load_tolerances, save_widths as save_widths
 
 else:
